@@ -75,7 +75,7 @@ def confirmed(scene: Scene, found: Baseline, size: str) -> dict:
         return {"bounce_verified_mm": None, "methods_agree": None}
     speeds = verdict_on(scene, found.lift, None, ("event", "rkg"), None, Tolerances(5.0, HALVINGS[size])).speeds
     return {
-        "bounce_verified_mm": max(s.bounce_range_mm[1] for s in speeds),
+        "bounce_verified_mm": max(s.ranges["bounce_mm"][1] for s in speeds),
         "methods_agree": all(s.verdict != "not converged" for s in speeds),
     }
 

@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 import camopt
-from camopt.cam.followers.kinds import follower_of
+from camopt.cam.followers import follower_of
 from camopt.cam.geometry import contact
 from camopt.cam.hertz import film_ratio, line_pressure
 from camopt.plots.style import new_figure, styled
@@ -31,8 +31,8 @@ Table 5, one of six that were tried, whose film lies in the published range. So 
 
 def entrainment(nose_mm: float) -> float:
     """Entrainment velocity by the cam's angular speed [m] at a nose of this radius."""
-    law = np.array([[LIFT_MM * MM], [0.0], [(nose_mm - FACE_MM) * MM]])
-    return float(follower_of(Geometry(follower="flat", base_radius_mm=FACE_MM - LIFT_MM)).touch(law).entrainment[0])
+    law, flat = [LIFT_MM, 0.0, nose_mm - FACE_MM], Geometry(follower="flat", base_radius_mm=FACE_MM - LIFT_MM)
+    return float(follower_of(flat).contact(np.array(law)[:, None] * MM, np.zeros(1)).entrainment[0])
 
 
 def stress(nose_mm: float) -> float:

@@ -20,7 +20,8 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from camopt.cam.design_file import read_design
-from camopt.cam.lift import Lift, recentred
+from camopt.cam.lift import Lift
+from camopt.cam.polynomials import recentred
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.engine import prepare as prepare_exact

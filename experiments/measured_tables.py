@@ -93,11 +93,11 @@ def read_table(truth, noise_um: float, step: float, seed: int) -> ReadTable | No
     """A generated table, smoothed; None where it is refused."""
     degrees, lift = generated(truth, noise_um, step, seed)
     try:
-        law = smoothed("generated", degrees, lift, list(range(len(lift))), RAMPS)
+        pieces, report = smoothed("generated", degrees, lift, list(range(len(lift))), RAMPS)
     except InputError:
         return None
-    assert law.pieces is not None, "a noisy table is smoothed"
-    return ReadTable(degrees, lift, law.pieces, law.report)
+    assert pieces is not None, "a noisy table is smoothed"
+    return ReadTable(degrees, lift, pieces, report)
 
 
 def coverage(truth, noises, steps, seeds: int) -> dict:

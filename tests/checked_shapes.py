@@ -8,12 +8,13 @@ adjoint.integrals, adjoint.metrics). What has no shapes to check is left out as 
 from beartype import beartype
 
 MODULES = [
-    "camopt.cam.bernstein",
+    "camopt.cam.polynomials",
     "camopt.cam.bumps",
     "camopt.cam.card",
     "camopt.cam.conversion",
     "camopt.cam.exports",
-    "camopt.cam.followers.touch",
+    "camopt.cam.contact",
+    "camopt.cam.followers",
     "camopt.cam.geometry",
     "camopt.cam.hertz",
     "camopt.cam.lift",

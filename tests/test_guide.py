@@ -1,20 +1,17 @@
 """The pages on extending camopt: their worked examples, written to a file and registered by their one line, run."""
 
 import importlib.util
-import inspect
 import re
 import sys
-import textwrap
 import types
 from dataclasses import replace
+from pathlib import Path
 
 import jax
 import numpy as np
 import pytest
 
 import camopt
-import camopt.cam.families
-import camopt.verifier.methods
 from camopt.cam.families.record import Family
 from camopt.cam.families.registry import FAMILIES
 from camopt.cli import parser as cli
@@ -28,14 +25,12 @@ from camopt.verifier.methods import INDEPENDENT
 from camopt.verifier.verdict import verdict_on
 
 SCENE = load_scene("motori-1")
+HOW_TO = Path(__file__).parents[1] / "docs" / "how-to"
 
 
-def blocks(package) -> list[str]:
-    """The indented examples of a package's page."""
-    page = inspect.getdoc(package)
-    assert page is not None
-    found = re.findall(r"(?:^(?: {4}.*)?\n)+", page + "\n", re.MULTILINE)
-    return [textwrap.dedent(block).strip() + "\n" for block in found if block.strip()]
+def blocks(page: str) -> list[str]:
+    """The file and the line of a page's example."""
+    return re.findall(r"```py\n(.*?)```", (HOW_TO / page).read_text(encoding="utf-8"), re.DOTALL)
 
 
 @pytest.fixture
@@ -58,7 +53,7 @@ def written(tmp_path, monkeypatch):
 class TestAddingAFamily:
     @pytest.fixture
     def family(self, written, monkeypatch):
-        code, line = blocks(camopt.cam.families)
+        code, line = blocks("add-a-family.md")
         made = written(code, "camopt.cam.families.two_parabolas")
         monkeypatch.setitem(FAMILIES, *next(iter(eval(f"{{{line}}}").items())))
         return made
@@ -119,7 +114,7 @@ class TestAddingAMethod:
 
     @pytest.fixture
     def method(self, written, monkeypatch):
-        code, line = blocks(camopt.verifier.methods)
+        code, line = blocks("add-a-method.md")
         made = written(code, "camopt.verifier.methods.semi_implicit_euler")
         monkeypatch.setitem(INDEPENDENT, *next(iter(eval(f"{{{line}}}").items())))
         return made

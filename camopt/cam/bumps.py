@@ -4,7 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from camopt.cam.lift import Lift, recentred
+from camopt.cam.lift import Lift
+from camopt.cam.polynomials import recentred
 from camopt.scene.shapes import Float
 
 DEGREE = 5

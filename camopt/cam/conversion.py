@@ -6,8 +6,9 @@ closed form. Where these angles do not ascend the follower would bridge a hollow
 
 import numpy as np
 
-from camopt.cam.followers.kinds import follower_of
-from camopt.cam.geometry import Contact, contact
+from camopt.cam.contact import Contact
+from camopt.cam.followers import follower_of
+from camopt.cam.geometry import contact
 from camopt.cam.lift import Lift
 from camopt.cam.tables.interpolation import centred, spline_pieces
 from camopt.scene import InputError
@@ -42,9 +43,7 @@ def converted(lift: Lift, measured_by: Geometry, follower: Geometry) -> Lift:
     or the other cannot follow it.
     """
     degrees = np.linspace(-180.0, 180.0, round(360 / STEP_DEG) + 1)
-    felt = contact(lift, measured_by)
-    if felt.contour_fault is not None:
-        raise InputError(f"conversion: {felt.contour_fault}")
+    contact(lift, measured_by).require_contour("conversion")
     theta, height = lift_along(contact(lift, measured_by, degrees * DEG), follower)
     pieces = spline_pieces("conversion", theta, height)
     borders, coefficients = centred(pieces, 0.0)

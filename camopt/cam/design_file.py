@@ -54,11 +54,12 @@ def read_design(path: str | Path, scene: Scene) -> Lift:
 def lift_of_text(text: str, scene: Scene, path: object) -> Lift:
     """The lift law of the text of a `design.json`; `path` begins the sentences. Errors as of `read_design`."""
     data = _json_object(text, path)
+    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
     try:
         pieces = data["pieces"]
         start, end = (np.array(pieces[k], dtype=float) for k in ("start_deg", "end_deg"))
         coefficients = _rows(pieces["coefficients_mm"])
-        duration = float(data["duration_deg"]) if "duration_deg" in data else _scene_duration_deg(scene)
+        duration = float(data.get("duration_deg", scene.design.duration_deg))
         family, parameters = str(data.get("family", "lift")), dict(data.get("parameters") or {})
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         what = f"{error} is missing" if isinstance(error, KeyError) else str(error)
@@ -103,11 +104,6 @@ def _lift(borders_deg: np.ndarray, coefficients_mm: np.ndarray, duration_deg: fl
     borders, powers = borders_deg.copy(), np.arange(coefficients_mm.shape[1])
     borders[[0, -1]] = -180.0, 180.0
     return Lift(borders * DEG, coefficients_mm * MM / DEG**powers, duration_deg * DEG / 2, family, parameters)
-
-
-def _scene_duration_deg(scene: Scene) -> float:
-    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
-    return scene.design.duration_deg
 
 
 def _json_object(text: str, path: object) -> dict:

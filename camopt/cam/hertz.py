@@ -20,7 +20,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.cam.geometry import Contact, contact
+from camopt.cam.contact import Contact
+from camopt.cam.geometry import contact
 from camopt.cam.lift import Lift
 from camopt.scene import InputError
 from camopt.scene.geometry import Geometry

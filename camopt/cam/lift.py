@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from camopt.cam.polynomials import recentred
 from camopt.cam.ramps import Ramp
 from camopt.scene.errors import InputError
 from camopt.scene.shapes import Float
@@ -66,6 +67,13 @@ class Lift:
         """Lift (order 0) or its derivative by angle up to the sixth at angles `theta` [rad], any shape."""
         return self._derivatives[order](np.mod(np.asarray(theta) + np.pi, 2 * np.pi) - np.pi)
 
+    def of_piece(self, piece: np.ndarray, theta: np.ndarray, order: int) -> np.ndarray:
+        """The derivative `order` as the pieces of the numbers `piece` (k) have it at angles `theta` (..., k) [rad]."""
+        value, local = np.zeros(np.shape(theta)), theta - self.borders[piece]
+        for c in self._derivatives[order].c[:, piece]:
+            value = value * local + c
+        return value
+
     def roots(self, order: int, value: float = 0.0) -> Float[np.ndarray, " k"]:
         """Angles [rad] at which the derivative `order` is `value`; where a piece is so throughout, its start."""
         found = self._derivatives[order].solve(value, discontinuity=False, extrapolate=False)
@@ -79,11 +87,8 @@ class Lift:
         values, roots = self._derivatives[order], self.roots(order + 1)
         inside = roots[(roots >= low) & (roots <= high)]
         start, end = self.borders[:-1], self.borders[1:]
-        within = (start < high) & (end > low)
-        local = np.clip([[low], [high]], start[within], end[within]) - start[within]
-        at_ends = np.zeros_like(local)
-        for c in values.c[:, within]:
-            at_ends = at_ends * local + c
+        within = np.flatnonzero((start < high) & (end > low))
+        at_ends = self.of_piece(within, np.clip([[low], [high]], start[within], end[within]), order)
         samples = np.concatenate([values(np.concatenate([inside, [low, high]])), at_ends.ravel()])
         return float(samples.min()), float(samples.max())
 
@@ -166,17 +171,6 @@ class Lift:
         return Lift(borders, total, self.half_duration, self.family, self.parameters)
 
 
-def recentred(lift: Lift, piece: np.ndarray, start: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m q"]:
-    """Coefficients of the pieces of the numbers `piece` (m) about their new starts [rad]."""
-    c = lift.coefficients[piece].copy()
-    step = (start - lift.borders[piece])[:, None]
-    q = c.shape[1]
-    for low in range(q - 1):  # repeated synthetic division
-        for k in range(q - 2, low - 1, -1):
-            c[:, k] += step[:, 0] * c[:, k + 1]
-    return c
-
-
 def steps_at_borders(borders, coefficients) -> Any:
     """Largest steps of lift [m] and velocity [m/rad] where two pieces meet, the turn's end with its begin (2); arrays
     of NumPy or of JAX."""
@@ -185,14 +179,6 @@ def steps_at_borders(borders, coefficients) -> Any:
     lift = xp.sum(coefficients * widths**order, axis=1)
     velocity = xp.sum(coefficients[:, 1:] * order[1:] * widths ** order[:-1], axis=1)
     return xp.stack([abs(end - xp.roll(coefficients[:, k], -1)).max() for k, end in enumerate((lift, velocity))])
-
-
-def join_as_in(cam: Lift, borders, coefficients) -> Any:
-    """Whether pieces (p, q) meet at their borders (p + 1), with their velocity, as well as those of `cam` do.
-
-    The pieces of another cam between the borders of this one do not. Arrays of NumPy or of JAX.
-    """
-    return (steps_at_borders(borders, coefficients) <= permitted_steps(cam)).all()
 
 
 def permitted_steps(cam: Lift) -> np.ndarray:
@@ -217,7 +203,7 @@ def lift_with(cam: Lift, numbers: Mapping[str, Any]) -> Lift:
         lift = replace(cam, **changes)
     except ValueError as error:
         raise InputError(f"lift: {error}") from error
-    if not join_as_in(cam, lift.borders, lift.coefficients):
+    if np.any(steps_at_borders(lift.borders, lift.coefficients) > permitted_steps(cam)):
         raise InputError(
             "lift: the pieces do not join at the borders of the cam: where these move, give the borders of the pieces "
             "too, as motion_parameters of a differentiable cam does"

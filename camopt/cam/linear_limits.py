@@ -34,8 +34,8 @@ from math import asin, cos
 
 import numpy as np
 
-from camopt.cam.bernstein import PiecewiseLevel, flat_level
-from camopt.cam.lift import APART, Lift
+from camopt.cam.lift import Lift
+from camopt.cam.polynomials import PiecewiseLevel, flat_level
 from camopt.scene.design import RADII, Design, Piston
 from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
@@ -77,7 +77,8 @@ class LinearLimit:
         if len(self.level.coefficients) == 1:
             most = float(sums(np.array(low))) if low == high else sums.extremes(0, low, high)[1]
             return most - float(self.level.coefficients[0, 0])
-        return less_level(sums, self.level).extremes(0, low, high)[1] + self.level.error
+        room = Lift(self.level.borders, -self.level.coefficients, lift.half_duration)
+        return sums.shifted(room).extremes(0, low, high)[1] + self.level.error
 
 
 def linear_limits(design: Design, centres: tuple[float, ...] = ()) -> list[LinearLimit]:
@@ -190,18 +191,6 @@ def weighted_sum(lift: Lift, weights: tuple[float, ...]) -> Lift:
         total = total + weight * c
         c = np.pad(c[:, 1:] * np.arange(1, c.shape[1]), ((0, 0), (0, 1)))
     return Lift(lift.borders, total, lift.half_duration)
-
-
-def less_level(lift: Lift, level: PiecewiseLevel) -> Lift:
-    """A lift law less a level over the whole turn."""
-    edges = np.union1d(lift.borders, level.borders)
-    edges = edges[np.append(True, np.diff(edges) > APART)]
-    edges[-1] = lift.borders[-1]
-    start, middle = edges[:-1], 0.5 * (edges[1:] + edges[:-1])
-    own, other = PiecewiseLevel(lift.borders, lift.coefficients).taylor(start, middle), level.taylor(start, middle)
-    total = np.pad(own, ((0, 0), (0, max(0, other.shape[1] - own.shape[1]))))
-    total[:, : other.shape[1]] -= other
-    return Lift(edges, total, lift.half_duration)
 
 
 def piston_drop(piston: Piston, crank: Float[np.ndarray, "*k"], order: int = 0) -> Float[np.ndarray, "*k"]:

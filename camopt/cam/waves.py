@@ -24,8 +24,8 @@ def sign_changes(lift: Lift) -> Float[np.ndarray, " k"]:
     inside = lift.borders[(lift.borders > -half) & (lift.borders < half)]
     bends = lift.roots(4)
     marks = np.unique(np.concatenate([[-half, half], inside, bends[np.abs(bends) < half]]))
-    jerk = np.stack([_at_ends(lift, marks, 3, right) for right in (True, False)], axis=1)
-    ends = np.stack([_at_ends(lift, marks, 2, right) for right in (True, False)], axis=1)
+    piece = np.searchsorted(lift.borders, 0.5 * (marks[1:] + marks[:-1])) - 1
+    ends, jerk = (lift.of_piece(piece, np.stack([marks[:-1], marks[1:]]), order).T for order in (2, 3))
     step = ends[1:, 0] - ends[:-1, 1]
     steep = np.where(np.abs(step) > STEP * np.abs(ends).max(), np.copysign(np.inf, step), 0.0)
     value = np.column_stack([jerk, np.append(steep, 0.0)]).ravel()
@@ -34,17 +34,3 @@ def sign_changes(lift: Lift) -> Float[np.ndarray, " k"]:
     signed = np.flatnonzero(sign)
     changed = np.flatnonzero(np.diff(sign[signed]))
     return 0.5 * (angle[signed[changed]] + angle[signed[changed + 1]])
-
-
-def _at_ends(lift: Lift, marks: np.ndarray, order: int, right: bool) -> np.ndarray:
-    """A derivative at the left or the right end of every interval between marks (k), from inside it (k - 1)."""
-    piece = np.searchsorted(lift.borders, 0.5 * (marks[1:] + marks[:-1])) - 1
-    at = (marks[:-1] if right else marks[1:]) - lift.borders[piece]
-    falling = np.ones(lift.coefficients.shape[1])
-    powers = np.arange(len(falling))
-    for k in range(order):
-        falling = falling * (powers - k)
-    value = np.zeros(len(at))
-    for p in range(order, len(powers)):
-        value += falling[p] * lift.coefficients[piece, p] * at ** (p - order)
-    return value

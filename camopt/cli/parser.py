@@ -5,15 +5,12 @@
 """
 
 import argparse
-import atexit
 import errno
-import gc
 import os
 import sys
 import tomllib
 import traceback
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from importlib import import_module
 from io import TextIOWrapper
 from keyword import iskeyword
@@ -38,12 +35,6 @@ WRITTEN = ("json", "csv", "contour", "dxf", "figure", "valve_lift", "dynamic_lif
 """Options that name a file which a command writes; `--out` names a folder, which each command checks with its scene."""
 READ = ("scene", "cam", "exhaust", "plan")
 """Options and arguments that may name a file, as a parsed command has them."""
-COLLECTED_AFTER = 100_000, 20, 50
-"""Thresholds of the cyclic garbage collection: commands create few reference cycles, and with Python's own thresholds
-(700 new objects, 2000 from 3.13 on) the collector walks again and again through all that numba, SciPy and matplotlib
-keep until the process ends."""
-
-atexit.register(gc.freeze)  # what is left goes with the process: no collection need visit it once more
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -54,9 +45,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     args = parser().parse_args(arguments)
     try:
         check_outputs(args)
-        with collecting_rarely():
-            commands = import_module("camopt.cli.verbs")
-            code = getattr(commands, verb_named(args.command))(args)
+        code = getattr(import_module("camopt.cli.verbs"), verb_named(args.command))(args)
         if sys.stdout is not None:  # where a shell closed it, there is none
             sys.stdout.flush()
         if not args.quiet:
@@ -77,18 +66,6 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def verb_named(command: str) -> str:
     """The function in `camopt.cli.verbs` of a command; one that is a word of Python has an underscore behind it."""
     return f"{command}_" if iskeyword(command) else command.replace("-", "_")
-
-
-@contextmanager
-def collecting_rarely() -> Iterator[None]:
-    """Collects cyclic garbage rarely inside, and as often as before outside; a collector that was off stays off."""
-    before = gc.get_threshold()
-    if before[0]:
-        gc.set_threshold(*COLLECTED_AFTER)
-    try:
-        yield
-    finally:
-        gc.set_threshold(*before)
 
 
 def check_outputs(args: argparse.Namespace) -> None:

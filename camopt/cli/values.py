@@ -33,12 +33,17 @@ def speeds(text: str) -> tuple[float, ...]:
     return tuple(listed)
 
 
+def number(text: str) -> float:
+    """The number that a text says; NaN where it says none."""
+    try:
+        return float(text)
+    except ValueError:
+        return math.nan
+
+
 def positive(text: str) -> float:
     """A number of the size that a scene's numbers may have."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    value = number(text)
     if not (math.isfinite(value) and value > 0):
         raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected a number above 0")
     if not SMALLEST <= value <= LARGEST:
@@ -66,10 +71,7 @@ def probe(text: str) -> float:
 
 def angle(text: str) -> float:
     """An angle [deg] of two turns at most, either way."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = math.nan
+    value = number(text)
     if not -MOST_DEG <= value <= MOST_DEG:
         raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected an angle from -{MOST_DEG} to {MOST_DEG} degrees")
     return value
@@ -77,11 +79,11 @@ def angle(text: str) -> float:
 
 def standing(text: str) -> tuple[str, float]:
     """How a cam stands on the crank: an angle of its centre, or opening=DEG, closing=DEG or tdc-lift=MM."""
-    by, equals, number = text.rpartition("=")
+    by, equals, said = text.rpartition("=")
     if equals and by not in STANDING:
         expected = "expected an angle, or opening=-22, closing=40 or tdc-lift=2.1"
         raise argparse.ArgumentTypeError(f"{excerpt(text)}: {expected}")
-    return (by, positive(number) if by == "tdc-lift" else angle(number)) if equals else ("centre", angle(text))
+    return (by, positive(said) if by == "tdc-lift" else angle(said)) if equals else ("centre", angle(text))
 
 
 def angles(text: str) -> tuple[float, ...]:
@@ -92,11 +94,9 @@ def angles(text: str) -> tuple[float, ...]:
 def named_range(text: str) -> tuple[str, tuple[float, float]]:
     """NAME=LOW:HIGH as the name and its two numbers."""
     name, _, ends = text.rpartition("=")
-    try:
-        low, high = map(float, ends.split(":"))
-    except ValueError:
-        low = high = math.nan
-    if not name or not all(math.isfinite(end) and abs(end) <= LARGEST for end in (low, high)):
+    low, colon, high = ends.partition(":")
+    low, high = number(low), number(high)
+    if not name or not colon or not all(math.isfinite(end) and abs(end) <= LARGEST for end in (low, high)):
         raise argparse.ArgumentTypeError(
             f"{excerpt(text)}: expected NAME=LOW:HIGH with two numbers, such as spring.preload_N=200:320"
         )
@@ -105,16 +105,13 @@ def named_range(text: str) -> tuple[str, tuple[float, float]]:
 
 def change(text: str) -> tuple[str, tuple[bool, float]]:
     """NAME=VALUE or NAME=*FACTOR as the name, whether it is a factor, and the number."""
-    name, _, number = text.rpartition("=")
-    try:
-        value = float(number.strip().removeprefix("*"))
-    except ValueError:
-        value = math.nan
+    name, _, said = text.rpartition("=")
+    value = number(said.strip().removeprefix("*"))
     if not name or not (math.isfinite(value) and abs(value) <= LARGEST):
         raise argparse.ArgumentTypeError(
             f"{excerpt(text)}: expected NAME.KEY=VALUE, or NAME.KEY=*FACTOR such as spring.stiffness_N_per_m=*1.1"
         )
-    return name.strip(), (number.strip().startswith("*"), value)
+    return name.strip(), (said.strip().startswith("*"), value)
 
 
 def picture_file(text: str) -> str:
@@ -138,14 +135,14 @@ def accuracy(text: str) -> str | float:
 def integer(low: int, high: int) -> Callable[[str], int]:
     """The type of an integer in a range, both ends included."""
 
-    def number(text: str) -> int:
+    def whole(text: str) -> int:
         usable = text.isascii() and text.isdigit() and len(text) <= 20  # Python converts no more than some thousand
         if not usable or not low <= int(text) <= high:
             largest = "2^32 - 1" if high == 2**32 - 1 else high
             raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected an integer from {low} to {largest}")
         return int(text)
 
-    return number
+    return whole
 
 
 line_number, count, trains = integer(1, 10_000_000), integer(1, 1000), integer(1, 1_000_000)

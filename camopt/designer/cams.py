@@ -7,7 +7,6 @@ it rests, because they take a sequence of programs.
 """
 
 from dataclasses import dataclass, field, replace
-from itertools import pairwise
 
 import numpy as np
 
@@ -24,7 +23,7 @@ from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import converge_tangents
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError
-from camopt.scene.linearisation import is_linear
+from camopt.scene.rest import is_linear
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train
 from camopt.scene.units import DEG
@@ -35,8 +34,6 @@ BAND_SPEEDS = 5
 """Speeds of the program over the band: an answer must come while the user drags."""
 COARSE_SPEEDS, COARSE_STEP = 2, 1.5 * DEG
 """Speeds and step of the rows while the user drags: of all the speeds those that cost most area."""
-SAME_KNOTS = 1.25
-"""Largest change of the knots' usual distance up to which their number stays while the user drags the duration."""
 CONTRADICTION = "no cam holds these limits together: loosen one"
 """What would have to change takes seconds to find: `camopt.designer.slow_parts.why_none`."""
 RAMPS = ("ramp_height_mm", "ramp_velocity_mm_per_deg", "ramp_foot_deg")
@@ -123,17 +120,11 @@ class CamFinder:
         if program is not None and last_shape == shape and is_linear(train):
             held = program.cam.about.near is not None
             return replace(program, design=design, cam=_cam(design)) if held else program.under(design)
-        if program is not None and coarse and last_shape[1:] == shape[1:] and program.design == design:
-            new = program.with_train(train)
-        else:
-            speeds, window = program_speeds_rpm(scene), None
-            if coarse:
-                speeds, window = speeds[list(self.dearest)], Window(step=COARSE_STEP)
-            cam = free_cam(design, _knot_deg(design, program)) if coarse else _cam(design)
-            new = no_jump_program(train, design, cam, [scene.cam_speed(s) for s in speeds], window=window)
-        if program is not None:
-            begin_like(program, new)
-        return new
+        speeds, window = program_speeds_rpm(scene), None
+        if coarse:
+            speeds, window = speeds[list(self.dearest)], Window(step=COARSE_STEP)
+        cam = free_cam(design, EFFORT.knot_deg) if coarse else _cam(design)
+        return no_jump_program(train, design, cam, [scene.cam_speed(s) for s in speeds], window=window)
 
 
 def _design(scene: Scene) -> Design:
@@ -144,14 +135,6 @@ def _design(scene: Scene) -> Design:
 def _cam(design: Design) -> FreeCam:
     """The free cam of the programs at rest: where radii are held, near the cam of largest area that holds them."""
     return (program_cam if radii_held_near(design) else free_cam)(design, EFFORT.knot_deg)
-
-
-def _knot_deg(design: Design, last: NoJumpProgram | None) -> float:
-    """The distance of the knots of a coarse program, as many of them as the last one had where that is about usual."""
-    if last is None:
-        return EFFORT.knot_deg
-    same = design.duration_deg / (len(last.cam.breaks) - 1)
-    return same if 1 / SAME_KNOTS <= same / EFFORT.knot_deg <= SAME_KNOTS else EFFORT.knot_deg
 
 
 def program_speeds_rpm(scene: Scene) -> np.ndarray:
@@ -178,42 +161,3 @@ def _worth(optimum: NoJumpOptimum) -> dict[str, float]:
         peak = program.kind == PEAK
         worth["contact_force_max_N"] = float(duals[first : first + forces][peak].sum() * most / optimum.area_ratio)
     return worth
-
-
-def begin_like(last: NoJumpProgram, new: NoJumpProgram) -> None:
-    """Lets the solver begin a program where it ended on another one, if that has as many columns and speeds.
-
-    A longer duration or another lash has its rows at other angles, and one more here and there. What is active in one
-    program is active nearby in the other, so that the solver needs tens of pivots in place of hundreds.
-    """
-    if last.rows.matrix.shape[1] == new.rows.matrix.shape[1] and len(last.blocks) == len(new.blocks):
-        level = new.bound(Margins().table(len(new.blocks))) / new.rows.norm
-        like = counterparts(last, new)[last.rows.model.held]
-        new.rows.model.begin_like(last.rows.model, level, new.first_working(), like)
-
-
-def counterparts(last: NoJumpProgram, new: NoJumpProgram) -> np.ndarray:
-    """For every row of a program the row of another one in its place: of the same limit, or of the same contact at the
-    same speed, and as far along. Shape (r), -1 where the other has no such rows."""
-    rows = np.full(len(last.rows.norm), -1)
-    there = runs(new)
-    for name, (first, count) in runs(last).items():
-        if name in there:
-            begin, length = there[name]
-            along = np.arange(count) * ((length - 1) / max(1, count - 1))
-            rows[first : first + count] = begin + np.rint(along).astype(int)
-    return rows
-
-
-def runs(program: NoJumpProgram) -> dict[tuple, tuple[int, int]]:
-    """The first row and the number of rows of every limit, and of every kind of force by speed and contact."""
-    limits, element = program.limits, np.concatenate([block.element for block in program.blocks])
-    forces = np.stack([program.speed, program.kind, element], axis=1)
-    by_name: dict[tuple, tuple[int, int]] = {}
-    for first, names in ((0, limits.group[:, None]), (len(limits.group), forces)):
-        changes = np.flatnonzero(np.any(np.diff(names, axis=0, prepend=-1, append=-1), axis=1))
-        for begin, end in pairwise(changes.tolist()):
-            one = tuple(names[begin].tolist())
-            name = one if first else (limits.names[one[0]],)
-            by_name[name] = first + begin, end - begin  # the rows of a name lie together
-    return by_name

@@ -14,18 +14,15 @@ evaluated on the motion alone: the balance closes only if the method that made t
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.interpolate import PPoly
 
 from camopt.cam.lift import Lift
-from camopt.scene.laws import FRICTION, OIL, PROGRESSIVE, TABLE, Laws
+from camopt.scene.laws import FRICTION, OIL, Laws
 from camopt.scene.response import Response
 from camopt.scene.shapes import Float
 from camopt.scene.train import Train
 
 NODES, WEIGHTS = (np.polynomial.legendre.leggauss(5)[0] + 1) / 2, np.polynomial.legendre.leggauss(5)[1] / 2
 """Gauss-Legendre on [0, 1], exact to degree 9: the square of a quintic's slope has degree 8."""
-BEYOND = 1.0
-"""The outer lines of a table are continued by this compression [m]."""
 
 
 class Elastic:
@@ -36,11 +33,11 @@ class Elastic:
         self.laws = laws = _linear(train) if train.laws is None else train.laws
         kind = laws.kind
         self.oil, self.friction = (np.flatnonzero(kind == k).tolist() for k in (OIL, FRICTION))
-        for e in np.flatnonzero((kind == PROGRESSIVE) | (kind == TABLE)):
-            force = _curve(laws.table[e], train.preload[e] if kind[e] == PROGRESSIVE else None)
+        for e in laws.with_table:
+            force = laws.curve(e, train.preload[e])
             energy = force.antiderivative()
-            energy.c[-1] -= energy(force.roots(extrapolate=False)[0])
-            self.curves[int(e)] = force, energy
+            energy.c[-1] -= energy(force.roots()[0])
+            self.curves[e] = force, energy
 
     def force(self, d: Float[np.ndarray, "k e"]) -> Float[np.ndarray, "k e"]:
         """Elastic forces [N] at compressions [m]; zero for elements with a memory."""
@@ -48,8 +45,8 @@ class Elastic:
         force = t.preload + t.stiffness * d
         for e, (curve, _) in self.curves.items():
             force[:, e] = curve(d[:, e])
-        for e, law, numbers in laws.of_contacts:
-            force[:, e] = law.elastic(np.maximum(0.0, d[:, e] + law.depth(t.preload[e], numbers)), numbers)
+        for e, law in laws.of_contacts:
+            force[:, e] = law.elastic(np.maximum(0.0, d[:, e] + law.depth(t.preload[e])))
         force[:, t.memory] = 0.0
         return force
 
@@ -61,8 +58,8 @@ class Elastic:
         energy = 0.5 * pressed**2 / t.stiffness
         for e, (force, curve) in self.curves.items():
             energy[:, e] = np.where(~t.contact[e] | (force(d[:, e]) > 0.0), curve(d[:, e]), 0.0)
-        for e, law, numbers in laws.of_contacts:
-            energy[:, e] = law.stored(np.maximum(0.0, d[:, e] + law.depth(t.preload[e], numbers)), numbers)
+        for e, law in laws.of_contacts:
+            energy[:, e] = law.stored(np.maximum(0.0, d[:, e] + law.depth(t.preload[e])))
         for j, e in enumerate(t.memory):
             energy[:, e] = 0.5 * self.kept(d[:, e], memory[:, j], e) ** 2 / t.stiffness[e]
         return energy
@@ -215,17 +212,3 @@ def _linear(train: Train) -> Laws:
     zero = np.zeros(len(train.a))
     kind, rows, table = zero.astype(int), np.ones(len(zero), int), np.zeros((len(zero), 1, 2))
     return Laws(kind, train.stiffness, zero + 1.0, zero, table, zero, zero, zero, rows)
-
-
-def _curve(table: np.ndarray, preload: float | None) -> PPoly:
-    """Force by the compression, from rows (q, 2) of itself or, where it begins with a preload, of the stiffness."""
-    c, value = table.T
-    slope = np.diff(value) / np.diff(c)
-    ends = np.array([c[0] - BEYOND, *c, c[-1] + BEYOND])
-    if preload is None:
-        slope = np.array([slope[0], *slope, slope[-1]])
-        return PPoly(np.stack([slope, np.array([value[0] - slope[0] * BEYOND, *value])]), ends)
-    stiffness = PPoly(np.stack([np.array([0.0, *slope, 0.0]), np.array([value[0], *value])]), ends)
-    force = stiffness.antiderivative()
-    force.c[-1] += preload - force(0.0)
-    return force

@@ -5,7 +5,8 @@ the Hertz stress.
 import numpy as np
 
 from camopt.cam.card import LIFTS_MM, CamCard, cam_card
-from camopt.cam.geometry import Contact, contact
+from camopt.cam.contact import Contact
+from camopt.cam.geometry import contact
 from camopt.cam.hertz import HertzStress
 from camopt.plots.style import DESIGN, cam_line
 from camopt.report.motion import RunCams
@@ -60,7 +61,6 @@ def _drawing(c: Contact, name: str) -> dict:
     pixels = points * scale + origin
     i = tightest(c)
     thinned = pixels[:: max(1, len(pixels) // 1000)]
-    x, y = pixels[i]
     radius = c.radius_of_curvature[i] / MM
     kind = "concave" if radius <= 0 else "convex"
     return {
@@ -70,7 +70,7 @@ def _drawing(c: Contact, name: str) -> dict:
         "colour": cam_line(name)["color"],
         "centre": (round(origin[0], 1), round(origin[1], 1)),
         "base": round(c.geometry.base_radius_mm * scale, 1),
-        "spot": (round(float(x), 1), round(float(y), 1)),
+        "spot": tuple(round(float(along), 1) for along in pixels[i]),
         "sentence": f"Tightest spot of {name}: {kind} radius {shown(abs(float(radius)))} mm at "
         f"{shown(float(c.theta[i] / DEG), 3)} deg.",
     }

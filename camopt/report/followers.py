@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.cam.followers.kinds import Arm
+from camopt.cam.followers import Arm
 from camopt.scene.geometry import SWINGING, Geometry
 from camopt.scene.units import MM
 
@@ -47,7 +47,7 @@ def drawn_follower(geometry: Geometry | None) -> dict:
     }
     if geometry.follower not in SWINGING:
         return drawn
-    arm = Arm.of(geometry)
+    arm = Arm(geometry)
     turn = 1 if arm.valve[1] >= 0 else -1
     places = {name: _right_and_down(getattr(arm, name), turn) for name in ("pivot", "centre", "valve")}
     return drawn | {

@@ -12,10 +12,9 @@ from fnmatch import fnmatchcase
 import numpy as np
 
 from camopt.scene.parameters import KEYS, SceneNumber, has_wildcards, matching, with_numbers
-from camopt.scene.schema import Scene
+from camopt.scene.schema import Scene, Tolerance
 from camopt.scene.spelling import did_you_mean
 from camopt.scene.text_file import excerpt
-from camopt.scene.tolerances import Tolerance
 
 REACH = 4.0
 """Standard deviations at which a normal draw is cut off, which one draw in 16 000 meets: no part beyond them is built

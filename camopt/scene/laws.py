@@ -21,11 +21,17 @@ Two laws have a memory, a length z that has a law of motion of its own, and no f
 """
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from camopt.scene.contact_laws import CONTACT_LAWS, ContactLaw, LawNumbers, contact_law
+from camopt.scene.contact_laws import CONTACT_LAWS, Hertz
 
+if TYPE_CHECKING:
+    from scipy.interpolate import PPoly
+
+BEYOND = 1e-3
+"""Width [m] of the pieces of a table's curve beyond its rows, which go on."""
 LINEAR, HERTZ, PROGRESSIVE, TABLE, OIL, FRICTION = range(6)
 KINDS = {
     "linear": LINEAR,
@@ -37,7 +43,7 @@ KINDS = {
 }
 KINDS |= {name: FRICTION + i for i, name in enumerate(CONTACT_LAWS) if name != "hertz"}
 """The number of each law; those of contacts beyond the first follow in the order of their registry."""
-OF_CONTACTS = {KINDS[name]: name for name in CONTACT_LAWS}
+OF_CONTACTS = {KINDS[name]: law for name, (law, _) in CONTACT_LAWS.items()}
 CURVED = *OF_CONTACTS, PROGRESSIVE
 """Laws that are no straight lines."""
 STAND_IN_FORCE = 1000.0
@@ -64,14 +70,33 @@ class Laws:
         return (self.kind == OIL) | (self.kind == FRICTION)
 
     @property
-    def of_contacts(self) -> list[tuple[int, ContactLaw, LawNumbers]]:
-        """The elements with a law of contacts, each with its law and its numbers."""
+    def of_contacts(self) -> list[tuple[int, Hertz]]:
+        """The elements with a law of contacts, each with its law."""
         found = np.flatnonzero(np.isin(self.kind, [*OF_CONTACTS]))
-        return [(e, self.contact_law(e), LawNumbers(self.coefficient[e], self.exponent[e])) for e in found.tolist()]
+        return [(e, self.contact_law(e)) for e in found.tolist()]
 
-    def contact_law(self, e: int) -> ContactLaw:
-        """The law of contacts that element e has."""
-        return contact_law(OF_CONTACTS[int(self.kind[e])])
+    def contact_law(self, e: int) -> Hertz:
+        """The law of contacts of element e, with its numbers."""
+        return OF_CONTACTS[int(self.kind[e])](self.coefficient[e], self.exponent[e])
+
+    @property
+    def with_table(self) -> list[int]:
+        """The elements whose law has a table."""
+        return np.flatnonzero(np.isin(self.kind, (PROGRESSIVE, TABLE))).tolist()
+
+    def curve(self, e: int, preload: float) -> "PPoly":
+        """Elastic force [N] of an element with a table by its compression [m], whose pieces at the ends go on."""
+        from scipy.interpolate import PPoly  # a scene without tables does not wait for SciPy
+
+        c, value = self.table[e].T
+        slope = np.diff(value) / np.diff(c)
+        ends = np.array([c[0] - BEYOND, *c, c[-1] + BEYOND])
+        if self.kind[e] == TABLE:
+            slope = np.array([slope[0], *slope, slope[-1]])
+            return PPoly(np.stack([slope, np.array([value[0] - slope[0] * BEYOND, *value])]), ends)
+        force = PPoly(np.array([[0.0, *slope, 0.0], [value[0], *value]]), ends).antiderivative()
+        force.c[-1] += preload - force(0.0)
+        return force
 
     def force(self, d: np.ndarray, preload: np.ndarray) -> np.ndarray:
         """Elastic force [N] at compressions d (e) [m] with the preloads (e) [N]; zero where a memory has faded."""
@@ -84,14 +109,13 @@ class Laws:
     def along(self, e: int, d: np.ndarray, preload: float) -> tuple[np.ndarray, np.ndarray]:
         """Elastic force (k) [N] of element e and its derivative (k) [N/m] at compressions d (k) [m]."""
         kind, k = self.kind[e], self.coefficient[e]
-        if kind == TABLE:
-            return _on_lines(self.table[e], d)
-        if kind == PROGRESSIVE:
-            return preload + _integral(self.table[e], d), np.interp(d, *self.table[e].T)
+        if kind in (PROGRESSIVE, TABLE):
+            curve = self.curve(e, preload)
+            return curve(d), curve(d, 1)
         if kind in OF_CONTACTS:
-            law, numbers = self.contact_law(e), LawNumbers(k, self.exponent[e])
-            u = np.maximum(0.0, d + law.depth(preload, numbers))
-            return law.elastic(u, numbers), law.slope(u, numbers)
+            law = self.contact_law(e)
+            u = np.maximum(0.0, d + law.depth(preload))
+            return law.elastic(u), law.slope(u)
         if kind in (OIL, FRICTION):
             return np.zeros_like(d), np.zeros_like(d)
         return preload + k * d, np.full_like(d, k)
@@ -99,12 +123,10 @@ class Laws:
     def touch(self, preload: np.ndarray) -> np.ndarray:
         """Compression at which each elastic force falls to zero [m], shape (e)."""
         touch = -preload / self.coefficient
-        for e, law, numbers in self.of_contacts:
-            touch[e] = -law.depth(preload[e], numbers)
-        for e in np.flatnonzero(self.kind == PROGRESSIVE):
-            touch[e] = _compression(self.table[e], -preload[e])
-        for e in np.flatnonzero(self.kind == TABLE):
-            touch[e] = _on_lines(self.table[e][:, ::-1], np.zeros(1))[0][0]
+        for e, law in self.of_contacts:
+            touch[e] = -law.depth(preload[e])
+        for e in self.with_table:
+            touch[e] = self.curve(e, preload[e]).roots()[0]
         return touch
 
     def stand_in(self) -> np.ndarray:
@@ -114,43 +136,8 @@ class Laws:
         compression zero, for oil that of a column that does not leak, for friction that of sticking.
         """
         stiffness = np.array(self.coefficient)
-        for e, law, numbers in self.of_contacts:
-            stiffness[e] = law.slope(law.depth(STAND_IN_FORCE, numbers), numbers)
-        for e in np.flatnonzero(self.kind == PROGRESSIVE):
-            stiffness[e] = np.interp(0.0, *self.table[e].T)
-        for e in np.flatnonzero(self.kind == TABLE):
-            stiffness[e] = _on_lines(self.table[e], np.zeros(1))[1][0]
+        for e, law in self.of_contacts:
+            stiffness[e] = law.slope(law.depth(STAND_IN_FORCE))
+        for e in self.with_table:
+            stiffness[e] = self.curve(e, 0.0)(0.0, 1)
         return stiffness
-
-
-def _on_lines(table: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(values, slopes) at places (k) of the straight lines through a table's rows (q, 2), the outer two of which go
-    on."""
-    place, value = table.T
-    i = np.clip(np.searchsorted(place, at, "right") - 1, 0, len(place) - 2)
-    slope = ((value[1:] - value[:-1]) / (place[1:] - place[:-1]))[i]
-    return value[i] + slope * (at - place[i]), slope
-
-
-def _integral(table: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Integral of a table's stiffness from 0 to d (k) [N]."""
-    return _from_first(table, d) - _from_first(table, np.zeros(1))
-
-
-def _from_first(table: np.ndarray, d: np.ndarray) -> np.ndarray:
-    """Integral of a table's stiffness from its first row to d (k), by trapezia, which is exact for straight lines."""
-    c, k = table.T
-    whole = np.concatenate([[0.0], np.cumsum(np.diff(c) * (k[1:] + k[:-1]) / 2)])
-    i = np.clip(np.searchsorted(c, d, "right") - 1, 0, len(c) - 1)
-    return whole[i] + (d - c[i]) * (k[i] + np.interp(d, c, k)) / 2
-
-
-def _compression(table: np.ndarray, force: float) -> float:
-    """Compression [m] at which the integral from 0 equals `force`; between two rows it is the root of a parabola."""
-    c, k = table.T
-    at_rows = _integral(table, c)
-    i = int(np.searchsorted(at_rows, force, "right")) - 1
-    slope = (k[i + 1] - k[i]) / (c[i + 1] - c[i]) if 0 <= i < len(c) - 1 else 0.0
-    i = max(i, 0)
-    rest = force - at_rows[i]
-    return float(c[i] + 2.0 * rest / (k[i] + np.sqrt(k[i] ** 2 + 2.0 * slope * rest)))

@@ -46,9 +46,7 @@ class Response:
     def _margin(self, e: int) -> np.ndarray:
         """Compression beyond the touch [m], shape (k)."""
         t = self.train
-        xa = self.x[:, t.a[e]] if t.a[e] >= 0 else 0.0
-        xb = self.x[:, t.b[e]] if t.b[e] >= 0 else 0.0
-        return xa - xb + t.cam_driven[e] * self.lift - t.gap[e] - t.touch_compression[e]
+        return self.x @ t.incidence[e] + t.cam_driven[e] * self.lift - t.gap[e] - t.touch_compression[e]
 
 
 Revolve = Callable[[np.ndarray], Response]

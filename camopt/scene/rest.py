@@ -1,4 +1,4 @@
-"""Static equilibrium on the base circle: the minimum of the elements' energy, by Newton's method.
+"""Static equilibrium on the base circle, the minimum of the elements' energy, and the linear train about it.
 
 Every elastic force rises with its compression and contacts only push, so the energy is convex, and under linear laws
 piecewise quadratic: Newton's method ends after a few changes of the closed contacts, whatever their number (Qi and Sun
@@ -11,7 +11,8 @@ from functools import lru_cache
 import numpy as np
 
 from camopt.scene.errors import InputError
-from camopt.scene.train import GROUND, Train
+from camopt.scene.laws import FRICTION
+from camopt.scene.train import Train
 
 FORCE_SLACK = 1e-9
 """Relative slack on forces and separations at rest: a contact exactly at its touch counts either way."""
@@ -34,23 +35,10 @@ GROUNDING = 1e-12
 def static_matrices(train: Train, closed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Stiffness matrix (n, n) [N/m] and load (n) [N] at lift zero when the elements `closed` (e) act; none with a
     memory does at rest."""
-    n = len(train.mass)
-    stiffness, load = np.zeros((n, n)), train.mass_force.copy()
-    for e in np.setdiff1d(np.flatnonzero(closed), train.memory):
-        row = _row(train, int(e))
-        stiffness += train.stiffness[e] * np.outer(row, row)
-        load -= row * (train.preload[e] - train.stiffness[e] * train.gap[e])
-    return stiffness, load
-
-
-def _row(train: Train, e: int) -> np.ndarray:
-    """Derivative of the compression of element e by the positions, shape (n)."""
-    row = np.zeros(len(train.mass))
-    if train.a[e] != GROUND:
-        row[train.a[e]] += 1.0
-    if train.b[e] != GROUND:
-        row[train.b[e]] -= 1.0
-    return row
+    acting = np.setdiff1d(np.flatnonzero(closed), train.memory)
+    rows, k = train.incidence[acting], train.stiffness[acting]
+    load = train.mass_force - rows.T @ (train.preload[acting] - k * train.gap[acting])
+    return rows.T @ (k[:, None] * rows), load
 
 
 def rest_position(train: Train) -> np.ndarray:
@@ -116,45 +104,18 @@ def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:
 
     The lift closes the gap of what the cam drives. Raises InputError as `rest_position` does.
     """
-    forces, waiting = np.empty((len(lift), len(train.a))), np.arange(len(lift))
-    while len(waiting):
-        first = float(lift[waiting[0]])
-        x = rest_position(_raised(train, first))
-        if train.laws is not None:
-            force = train.laws.force(train.compression(x, first), train.preload)
-            forces[waiting[0]] = np.where(train.contact, np.maximum(force, 0.0), force)
-            waiting = waiting[1:]
-            continue
-        further = lift[waiting] - first
-        positions = x + further[:, None] * _rest_slope(train, first, x)
-        force = train.preload + train.stiffness * train.compression(positions, lift[waiting])
-        closed = ~train.contact | (force > 0.0)
-        alike = np.all(closed == closed[0], axis=1)
-        forces[waiting[alike]] = np.where(closed, force, 0.0)[alike]
-        waiting = waiting[~alike]
-    return forces
-
-
-def _raised(train: Train, lift: float) -> Train:
-    """The train whose rest on the base circle is that of the given one with the cam at a lift [m]."""
-    return replace(train, gap=train.gap - train.cam_driven * lift)
-
-
-def _rest_slope(train: Train, lift: float, x: np.ndarray) -> np.ndarray:
-    """How far the masses (n) go at rest per lift [m/m] from their rest x (n) [m] at a lift on, under linear laws.
-
-    It holds until a contact opens or closes.
-    """
-    force = train.preload + train.stiffness * train.compression(x, lift)
-    closed = ~train.contact | (force > 0.0)
-    stiffness, load = static_matrices(_raised(train, lift), closed)
-    return np.linalg.solve(stiffness, static_matrices(_raised(train, lift + 1.0), closed)[1] - load)
+    forces, (heights, where) = [], np.unique(lift, return_inverse=True)  # the base circle is one lift
+    for height in heights:
+        d = train.compression(rest_position(replace(train, gap=train.gap - train.cam_driven * height)), height)
+        force = train.preload + train.stiffness * d if train.laws is None else train.laws.force(d, train.preload)
+        forces.append(np.where(train.contact, np.maximum(force, 0.0), force))
+    return np.array(forces)[where]
 
 
 def _balanced(train: Train, x: np.ndarray) -> tuple[np.ndarray, bool]:
     """(positions (n) [m], whether forces balance there), searched from x (n): Newton's method on the convex energy, its
     step halved while it overshoots. A little stiffness to ground carries it across contacts that are open."""
-    rows = np.stack([_row(train, e) for e in range(len(train.a))])
+    rows = train.incidence
 
     def unbalanced(x):
         d = train.compression(x, 0.0)
@@ -176,3 +137,28 @@ def _balanced(train: Train, x: np.ndarray) -> tuple[np.ndarray, bool]:
             step = step / 2
         x = x + step
     return x, False
+
+
+NO_STIFFNESS = 1.0
+"""Stiffness [N/m] that stands for an element which rubs: next to nothing beside any other of a train."""
+
+
+def is_linear(train: Train) -> bool:
+    """Whether every force of a train is linear and nothing acts on it but the cam."""
+    return train.laws is None and not train.forcing
+
+
+@lru_cache(maxsize=64)
+def linearised_at_rest(train: Train) -> Train:
+    """The train with a linear law in place of every other: itself, where it has none.
+
+    Tables and curved laws count with their tangents at rest, or `Laws.stand_in`; oil does not leak; nothing rubs.
+    """
+    laws = train.laws
+    if laws is None:
+        return replace(train, forcing=()) if train.forcing else train
+    stiffness = np.where(laws.kind == FRICTION, NO_STIFFNESS, train.stiffness)
+    at_rest = train.compression(rest_position(train), 0.0)
+    preload = np.where(laws.has_memory, -stiffness * at_rest, train.preload)
+    losing = laws.dissipation * np.maximum(laws.force(at_rest, train.preload), 0.0)  # of p (1 + dissipation d')
+    return replace(train, laws=None, forcing=(), stiffness=stiffness, preload=preload, damping=train.damping + losing)

@@ -1,6 +1,6 @@
 """The valve train as SI arrays, which are data only: each path has its own equations and its own contact law."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -70,6 +70,14 @@ class Train:
         """The elements (r) with a memory, in the order in which the state holds them."""
         return () if self.laws is None else tuple(int(e) for e in np.flatnonzero(self.laws.has_memory))
 
+    @cached_property
+    def incidence(self) -> np.ndarray:
+        """Derivative of every compression by the positions, shape (e, n)."""
+        rows, every = np.zeros((len(self.a), len(self.mass) + 1)), np.arange(len(self.a))  # the last column: the ground
+        rows[every, self.a] += 1.0
+        rows[every, self.b] -= 1.0
+        return rows[:, :-1]
+
     @property
     def straight(self) -> bool:
         """Whether every law consists of straight lines, which event-exact takes as they are; others go by chords."""
@@ -110,20 +118,9 @@ class Train:
         others = {name: number for name, number in numbers.items() if name not in of_laws}
         return replace(self, **{**others, "laws": laws, "stiffness": laws.stand_in()})
 
-    def require_linear(self, method: str, instead: str) -> None:
-        """Raises InputError, with the remedy `instead`, where a method that is exact for linear laws meets others."""
-        if self.laws is not None:
-            names = ", ".join(n for n, kind in zip(self.element_names, self.laws.kind, strict=True) if kind != LINEAR)
-            raise InputError(
-                f"{method} needs elements whose force is linear in their compression, "
-                f"and these have other laws: {names}; {instead}"
-            )
-
     def require_straight(self, method: str, instead: str) -> None:
         """Raises InputError, with the remedy `instead`, where a method for straight lines meets curved laws."""
-        if not self.straight and self.laws is not None:
-            bent = np.isin(self.laws.kind, CURVED)
-            names = ", ".join(n for n, curved in zip(self.element_names, bent, strict=True) if curved)
+        if names := self._with_law(lambda kind: kind in CURVED):
             raise InputError(
                 f"{method} needs elements whose force follows straight lines, and these have curved laws: {names}; "
                 f"{instead}"
@@ -131,9 +128,13 @@ class Train:
 
     def require_kinds(self, method: str, most: int, where: str) -> None:
         """Raises InputError where a method whose file is `where` meets a law whose number is above `most`."""
-        if self.laws is not None and np.any(self.laws.kind > most):
-            names = ", ".join(n for n, kind in zip(self.element_names, self.laws.kind, strict=True) if kind > most)
+        if names := self._with_law(lambda kind: kind > most):
             raise InputError(f"{method} has not the law of {names}: write it in {where}, or ask another method")
+
+    def _with_law(self, has: Callable[[int], bool]) -> str:
+        """Names of the elements of which that is true of the number of their law."""
+        kinds = () if self.laws is None else self.laws.kind
+        return ", ".join(name for name, kind in zip(self.element_names, kinds, strict=False) if has(kind))
 
     def compression(self, x: np.ndarray, lift: np.ndarray | float) -> np.ndarray:
         """Compression of every element [m], shape (..., e), for positions x (..., n) [m] and lift (...) [m]."""

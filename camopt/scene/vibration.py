@@ -37,12 +37,7 @@ def acting_elements(train: Train, state: State) -> np.ndarray:
 
 def assembled(train: Train, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Damping (n, n) [N s/m] and stiffness matrix (n, n) [N/m] with the elements `acting` (e)."""
-    n = len(train.mass)
-    incidence = np.zeros((len(train.a), n + 1))  # the last column is the ground
-    rows = np.arange(len(train.a))
-    incidence[rows, train.a] += 1.0
-    incidence[rows, train.b] -= 1.0
-    moving = incidence[acting, :n]
+    moving = train.incidence[acting]
     damping = np.diag(train.mass_damping) + moving.T * train.damping[acting] @ moving
     return damping, moving.T * train.stiffness[acting] @ moving
 
@@ -90,7 +85,7 @@ def slowest_leak(train: Train) -> float:
     _, stiffness = assembled(train, acting)
     rates = []
     for e in np.flatnonzero(train.laws.leak > 0.0):
-        row = train.compression(np.eye(len(train.mass)), 0.0)[:, e] + train.gap[e]
+        row = train.incidence[e]
         compliance = row @ np.linalg.lstsq(stiffness, row)[0]
         rates.append(SEATED_SHARE / (train.laws.leak[e] * (1.0 / train.laws.coefficient[e] + compliance)))
     return float(min(rates, default=np.inf))

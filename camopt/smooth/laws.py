@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from camopt.scene.contact_laws import ContactLaw, LawNumbers, contact_law
+from camopt.scene.contact_laws import Hertz
 from camopt.scene.laws import FRICTION, OF_CONTACTS, OIL, PROGRESSIVE, STAND_IN_FORCE, TABLE, Laws
 from camopt.scene.train import LAW_PARAMETERS
 from camopt.smooth.contact import RAMPS, Layer
@@ -42,9 +42,9 @@ class ElasticLaws(eqx.Module):
         derivative, by a preload that grows from nothing, is infinite.
         """
         touch = -preload / stiffness
-        for h, law, numbers in self._of_contacts(stiffness):
+        for h, law in self._of_contacts(stiffness):
             pressed = preload[h] > 0
-            shift = law.depth(jnp.where(pressed, preload[h], 1.0), numbers)
+            shift = law.depth(jnp.where(pressed, preload[h], 1.0))
             touch = touch.at[h].set(jnp.where(pressed, -shift, 0.0))
         for e in self._progressive():
             touch = touch.at[e].set(_compression(self.table[e], -preload[e]))
@@ -55,9 +55,9 @@ class ElasticLaws(eqx.Module):
     def force(self, u: jax.Array, stiffness: jax.Array, preload: jax.Array, layer: Layer | None = None) -> jax.Array:
         """Elastic force [N] of every element at the compression u (e) [m] beyond its touch; zero with a memory."""
         force = stiffness * u
-        for h, law, numbers in self._of_contacts(stiffness):
+        for h, law in self._of_contacts(stiffness):
             pressed = u[h] > 0.0  # apart, a power's second slope, which rates of forces take, is no number
-            force = force.at[h].set(jnp.where(pressed, law.elastic(jnp.where(pressed, u[h], 1.0), numbers), 0.0))
+            force = force.at[h].set(jnp.where(pressed, law.elastic(jnp.where(pressed, u[h], 1.0)), 0.0))
         force = force.at[np.array(self.memory, dtype=int)].set(0.0)
         if not self._progressive() and not self._of(TABLE):
             return force
@@ -72,8 +72,8 @@ class ElasticLaws(eqx.Module):
     def stand_in(self, stiffness: jax.Array) -> jax.Array:
         """Constant stiffness [N/m] that stands for each law; see `camopt.scene.laws.Laws.stand_in`."""
         stands = stiffness
-        for h, law, numbers in self._of_contacts(stiffness):
-            stands = stands.at[h].set(law.slope(law.depth(STAND_IN_FORCE, numbers), numbers))
+        for h, law in self._of_contacts(stiffness):
+            stands = stands.at[h].set(law.slope(law.depth(STAND_IN_FORCE)))
         return stands
 
     @property
@@ -108,12 +108,11 @@ class ElasticLaws(eqx.Module):
             ways += own
         return jnp.stack(ways)
 
-    def _of_contacts(self, stiffness: jax.Array) -> Iterator[tuple[np.ndarray, ContactLaw, LawNumbers]]:
-        """The elements of each law of contacts, the law, and its numbers."""
+    def _of_contacts(self, stiffness: jax.Array) -> Iterator[tuple[np.ndarray, Hertz]]:
+        """The elements of each law of contacts, and the law with their numbers."""
         for kind in sorted(set(self.kind) & set(OF_CONTACTS)):
             h = np.array(self._of(kind))
-            numbers = LawNumbers(stiffness[h], np.array(self.exponent, stiffness.dtype)[h])
-            yield h, contact_law(OF_CONTACTS[kind]), numbers
+            yield h, OF_CONTACTS[kind](stiffness[h], np.array(self.exponent, stiffness.dtype)[h])
 
     def _progressive(self) -> list[int]:
         return self._of(PROGRESSIVE)

@@ -5,8 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from camopt.cam.dxf import write_dxf
-from camopt.cam.exports import table_error, write_contour, write_crank_table, write_rounded_table
+from camopt.cam.exports import table_error, write_contour, write_crank_table, write_dxf, write_rounded_table
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.measure.moving_average import moving_average

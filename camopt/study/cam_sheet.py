@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from camopt.cam.geometry import DURATION_LIFTS_MM, Contact, contact, crossing
+from camopt.cam.contact import Contact
+from camopt.cam.geometry import DURATION_LIFTS_MM, contact, crossing
 from camopt.cam.hertz import HertzStress, contact_width, film_ratio, hertz_stress
 from camopt.cam.lift import Lift
 from camopt.cam.waves import sign_changes
@@ -235,5 +236,4 @@ def static_stress(scene: Scene, lift: Lift) -> HertzStress:
     assert scene.geometry is not None, "the caller asks for it"
     train, element = driven(scene)
     theta = np.arange(-180.0, 180.0, STATIC_STEP_DEG) * DEG
-    lifts, where = np.unique(lift(theta), return_inverse=True)  # the base circle is one lift
-    return hertz_stress(lift, scene.geometry, theta, static_forces(train, lifts)[where, element])
+    return hertz_stress(lift, scene.geometry, theta, static_forces(train, lift(theta))[:, element])

@@ -1,25 +1,9 @@
 """What `--accuracy` means to the verifier, and the public verb `camopt.verify`.
 
-Choosing an accuracy
-====================
-
-- **draft** while you try things: the band in steps of 100 r/min and a verdict within seconds. Event-exact judges
-  every speed, a second method those where a limit is nearest: the worst speed of each limited metric and of the peak
-  force, and both ends; its step is halved once. The verdict says at which speeds. A cam that draft rejects is
-  rejected; one that draft confirms may still break a limit between its speeds.
-- **standard** for what you keep: every method (the optimiser runs three), 20 r/min, halved steps may change 2 um.
-- **fine** before anything is ground: every method, 5 r/min, 1 um. Minutes.
-- A number of micrometres, for `verify`, is `standard` with that tolerance: below 1 it takes long where
-  the cam bounces, because methods that locate no switching converge with the first power of their step there.
-
-The name also sets the optimiser's effort (`camopt.optimizer.accuracy`: knots, speeds, steps, margins). Every
-verification states the requested and the delivered accuracy: each metric has its error, estimated from the last
-halvings. Beyond the jump the motion does not settle and no accuracy helps: there the answer is a range.
-
-Where time matters more, use a smaller model (`camopt reduce`, which tells its error) or fewer speeds rather than a
-looser tolerance: with event-exact an accurate motion costs a fraction of a millisecond. `camopt tradeoff SCENE`
-measures the costs on a scene of your own. How often the stated error bounds the true one (in 534 of 535 cases over 200
-drawn scenes, cams and speeds; 2.6 % of the good answers flagged): `python -m experiments.accuracy_promise`.
+docs/explanation/accuracy.md says which to choose. The name also sets the optimiser's effort
+(`camopt.optimizer.accuracy`: knots, speeds, steps, margins). Every verification states the requested and the delivered
+accuracy: each metric has its error, estimated from the last halvings. Beyond the jump the motion does not settle and no
+accuracy helps: there the answer is a range.
 """
 
 import json

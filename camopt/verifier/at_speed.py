@@ -94,22 +94,21 @@ class SpeedVerdict:
     near: tuple[Figures, ...] = ()  # of the first method's neighbourhood, where no other method was run
 
     @property
-    def bounce_range_mm(self) -> tuple[float, float]:
-        """Smallest and largest bounce over measured revolutions and neighbours."""
-        return self.ranges["bounce_mm"]
+    def first(self) -> Converged:
+        """The answer of the method whose metrics are reported."""
+        return next(iter(self.methods.values()))
 
     def __repr__(self) -> str:
         return f"SpeedVerdict({self.speed_rpm:g} r/min: {self.verdict}, by {', '.join(self.methods)})"
 
     def as_dict(self) -> dict:
         """One record of `speeds` in verification.json: the first method's metrics, then those of every method."""
-        name, first = next(iter(self.methods.items()))
         return {
             "speed_rpm": self.speed_rpm,
             "verdict": self.verdict,
             "decided_after": self.decided_after,
-            "method": name,
-            **metrics_record(first, self.ranges),
+            "method": next(iter(self.methods)),
+            **metrics_record(self.first, self.ranges),
             "methods": {name: method_record(answer) for name, answer in self.methods.items()},
         }
 

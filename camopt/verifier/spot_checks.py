@@ -81,7 +81,7 @@ def with_all_methods(case: Case, alone: SpeedVerdict) -> SpeedVerdict:
     if alone.decided_after != ALONE:
         return alone
     speed_rpm, near = alone.speed_rpm, list(alone.near)
-    ((first, look),) = alone.methods.items()
+    first, look = case.first, alone.first
     early = plainly_broken(case, speed_rpm, look, near)
     if early is not None:
         return early
@@ -103,7 +103,8 @@ def early_rejection(case: Case, alone: Verdicts) -> Verdicts | None:
 
     None where event-exact breaks no limit far beyond its error, or another method does not confirm it.
     """
-    plainly = [s for s in alone if s.decided_after == ALONE and violates_by_margin(case.scene, *_alone(s))]
+    not_checked = [s for s in alone if s.decided_after == ALONE]
+    plainly = [s for s in not_checked if violates_by_margin(case.scene, [s.first.worst], s.first.error)]
     if not plainly:
         return None
     most = max(plainly, key=lambda s: _excess(case, s))
@@ -136,14 +137,8 @@ def spot_checked(case: Case, alone: Verdicts) -> dict[float, SpeedVerdict]:
     return first | judged({s.speed_rpm for s in alone if s.verdict != "confirmed"} - chosen)
 
 
-def _alone(one: SpeedVerdict) -> tuple[list[dict[str, float]], dict[str, float]]:
-    """Metrics and errors of a verdict's only method."""
-    (look,) = one.methods.values()
-    return [look.worst], look.error
-
-
 def _excess(case: Case, one: SpeedVerdict) -> float:
     """The largest share of a limit that a verdict's metrics use; missing metrics are left out."""
-    (metrics,), _ = _alone(one)
-    shares = [limit.share(np.array(metrics[limit.metric])) for limit in motion_limits(case.scene.design).values()]
+    worst = one.first.worst
+    shares = [limit.share(np.array(worst[limit.metric])) for limit in motion_limits(case.scene.design).values()]
     return max(float(share) for share in shares if np.isfinite(share))

@@ -195,11 +195,11 @@ def _judged_band(
     alone with `few`. Without suspects they judge none.
     """
     worst, method = (), case.first
-    band = swept.with_judged(method, {s.speed_rpm: s.methods[method].worst for s in at_speeds})
+    band = swept.with_judged(method, {s.speed_rpm: s.first.worst for s in at_speeds})
     for _ in range(ROUNDS if suspects else 0):
         new = [s for s in suspects if s not in [w.speed_rpm for w in worst]]
         worst += at_every(event_alone if few else judge_speed, case, new)
-        judged = {s.speed_rpm: s.methods[method].worst for s in (*at_speeds, *worst)}
+        judged = {s.speed_rpm: s.first.worst for s in (*at_speeds, *worst)}
         band = swept.with_judged(method, judged)
         suspects = [band.worst(name)[0] for name in case.tolerances.limited]
     return band, tuple(sorted(worst, key=lambda s: s.speed_rpm))

@@ -5,7 +5,7 @@ from collections.abc import Callable
 
 from docs.generators.claims import claims
 from docs.generators.commands import commands
-from docs.generators.python_names import docstring, python_names
+from docs.generators.python_names import python_names
 from docs.generators.questions import questions
 from docs.generators.results import filled_numbers
 from docs.generators.scene_keys import scene_keys
@@ -16,7 +16,6 @@ from docs.generators.terminal import terminal
 KINDS: dict[str, Callable[[str], str]] = {
     "claims": claims,
     "commands": commands,
-    "docstring": docstring,
     "origin": origin,
     "python": python_names,
     "questions": questions,

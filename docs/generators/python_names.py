@@ -2,7 +2,6 @@
 
 import inspect
 import re
-from importlib import import_module
 from textwrap import dedent
 
 import camopt
@@ -26,20 +25,14 @@ def _signature(what) -> str:
     return re.sub(r"<function .*? at 0x[0-9a-f]+>", "<function>", text)
 
 
-def docstring(content: str) -> str:
-    """The page that a package has as its docstring, without its first sentence and titles."""
-    text = inspect.getdoc(import_module(content.strip())) or ""
-    return _markdown(re.sub(r"^.*\n=+\n", "", text.partition("\n\n")[2], flags=re.MULTILINE), "python")
-
-
 def _body(what) -> str:
-    return _markdown(inspect.getdoc(what) or "", "text")
+    return _markdown(inspect.getdoc(what) or "")
 
 
-def _markdown(text: str, language: str) -> str:
+def _markdown(text: str) -> str:
     """A docstring as Markdown: sentences as they stand, its indented blocks as code."""
 
     def fenced(block: re.Match) -> str:
-        return f"\n```{language}\n{dedent(block[1]).strip()}\n```\n"
+        return f"\n```text\n{dedent(block[1]).strip()}\n```\n"
 
     return re.sub(r"\n((?: {4}.*\n|\n+(?= {4}))+)", fenced, f"{text}\n")

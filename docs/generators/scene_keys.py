@@ -11,8 +11,8 @@ from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from camopt.scene.design import Piston
+from camopt.scene.notes import USUAL
 from camopt.scene.schema import Scene
-from camopt.scene.usual import USUAL
 from docs.generators.tables import markdown
 
 MEANINGS = Path(__file__).parents[1] / "scene_keys.toml"

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.spatial import KDTree
 
-from camopt.cam.dxf import BASE_CIRCLE, CONTOUR, write_dxf
+from camopt.cam.exports import BASE_CIRCLE, CONTOUR, write_dxf
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.geometry import contact
 from camopt.cam.lift import angles_deg

@@ -4,9 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import qmc
 
-from camopt.cam.families.largest_area import POPULATION, first_shares
 from camopt.cam.families.multi_pol import TABLE_1, multi_pol
 from camopt.cam.families.new_design import new_design, table_2
 from camopt.cam.families.section_limits import control_points
@@ -216,8 +214,3 @@ def test_control_points_from_an_angle_on_begin_and_end_with_the_curve():
         assert rows[0] @ x == pytest.approx(acceleration)
         assert rows[-1] @ x == pytest.approx(one.end(2) @ x)
         assert len(rows) == (len(one.pieces) - piece) * (20 // len(one.pieces)) * (one.pieces.shape[1] - 2)
-
-
-@pytest.mark.parametrize("dimensions", range(1, 10))
-def test_a_search_begins_with_the_sobol_points(dimensions):
-    assert np.array_equal(first_shares(dimensions), qmc.Sobol(dimensions, scramble=False).random(POPULATION))

@@ -5,7 +5,7 @@ import pytest
 
 from camopt.cam.conversion import converted, lift_along
 from camopt.cam.families.multi_pol import multi_pol
-from camopt.cam.followers.kinds import Arm, follower_of
+from camopt.cam.followers import Arm, follower_of
 from camopt.cam.geometry import contact
 from camopt.cam.hertz import line_pressure
 from camopt.cam.lift import Lift
@@ -148,7 +148,7 @@ class TestMotion:
         cam = np.stack([point[:, 1], -point[:, 0]], axis=1)
         body = np.zeros_like(cam)
         if geometry.follower in ("finger", "rocker"):
-            arm = Arm.of(geometry)
+            arm = Arm(geometry)
             turning = arm.swing(np.stack([CAM(THETA, k) for k in range(3)]))[1]
             away = point - arm.pivot
             body = turning[:, None] * np.stack([-away[:, 1], away[:, 0]], axis=1)
@@ -196,9 +196,9 @@ class TestAnchors:
     def test_entrainment(self, nose, zero):
         law = np.array([[9.4 * MM], [0.0], [(nose - 27.4) * MM]])
         flat = Geometry(follower="flat", base_radius_mm=18.0)
-        touch = follower_of(flat).touch(law)
-        assert touch.radius[0] == pytest.approx(nose * MM)
-        assert (abs(touch.entrainment[0]) < 1e-12) == zero
+        touching = follower_of(flat).contact(law, np.zeros(1))
+        assert touching.radius_of_curvature[0] == pytest.approx(nose * MM)
+        assert (abs(touching.entrainment[0]) < 1e-12) == zero
 
     def test_stress(self):
         stress = [float(line_pressure(1e5, nose * MM, 1.15e11)) for nose in (6.0, 13.7)]

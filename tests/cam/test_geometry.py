@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.multi_pol import multi_pol
-from camopt.cam.followers.touch import signed_radius
-from camopt.cam.geometry import contact, crossing, durations
+from camopt.cam.followers import signed_radius
+from camopt.cam.geometry import contact, crossing
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, load_scene
 from camopt.scene.geometry import Geometry
@@ -129,10 +129,9 @@ class TestValveCam:
         rolls = contact(CAM, Geometry(follower="roller", base_radius_mm=5, roller_radius_mm=40))
         assert "undercuts" in rolls.faults()[0]
 
-    def test_durations(self):
-        found = durations(CAM)
-        for name, height in (("1_mm", 1.0), ("0.050_in", 1.27)):
-            opening, closing = found[name]
+    def test_a_cam_is_as_long_open_on_both_sides_of_its_nose(self):
+        for height in (1.0, 1.27):
+            opening, closing = crossing(CAM, height * MM)
             assert CAM(np.array([opening, closing])) == pytest.approx(height * MM, rel=1e-9)
             assert opening == pytest.approx(-closing, abs=1e-9)
             assert 50 * DEG < closing < 72 * DEG

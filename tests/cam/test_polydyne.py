@@ -7,7 +7,7 @@ import pytest
 
 from camopt.cam.families.exponent import exponent
 from camopt.cam.families.polydyne import equivalent_train, polydyne
-from camopt.cam.osculating import osculating_pieces
+from camopt.cam.polynomials import osculating_pieces
 from camopt.scene import InputError, build_train, load_scene, parse_scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3
 

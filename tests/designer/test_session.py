@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 
 import camopt
 from camopt.designer import slow_parts
-from camopt.designer.cams import CONTRADICTION, EFFORT, Cancelled, counterparts, program_speeds_rpm, runs
+from camopt.designer.cams import CONTRADICTION, EFFORT, Cancelled, program_speeds_rpm
 from camopt.designer.controls import Refused, controls, edited_scene, lash_element, read_values
 from camopt.designer.session import Session
 from camopt.designer.slow_parts import YIELD_SPEEDS, baselines_part, bound_part, trains_of, why_none
@@ -151,36 +151,14 @@ def test_a_sketch_is_near_and_says_that_it_is_coarse():
     assert not again["coarse"]  # only a limit has moved since all rows were there
 
 
-def test_a_sketch_keeps_the_dearest_speeds_and_its_knots():
+def test_a_sketch_keeps_the_dearest_speeds():
     session = Session(SCENE)
     session.answer({})
     finder, lash = session._cams, SCENE.element[lash_element(SCENE)].gap_mm
     prices = finder.kept[False][1].solve(Margins(0.0, 0.0, 0.0), explain=False).margin_prices.sum(axis=0)
     assert finder.dearest == tuple(sorted(np.argsort(prices, kind="stable")[:2]))
     session.answer({"lash_mm": lash + 0.01}, "sketch")
-    first = finder.kept[True][1]
-    session.answer({"duration_deg": SCENE.design.duration_deg + 4.0}, "sketch")
-    longer = finder.kept[True][1]
-    assert len(first.cam.breaks) == len(longer.cam.breaks) and len(first.blocks) == len(longer.blocks) == 2
-    assert longer.rows.model.solver.pivots < 200  # hundreds, were it not for the rows that held the program before
-
-
-def test_a_row_finds_its_counterpart_in_a_program_of_other_angles():
-    session = Session(SCENE)
-    programs = []
-    for lash in (0.1, 0.13):
-        session.answer({"lash_mm": lash}, "sketch")
-        programs.append(session._cams.kept[True][1])
-    known, program = programs
-    like, first = counterparts(known, program), len(known.limits.bound)
-    np.testing.assert_array_equal(like[:first], np.arange(first))
-    there = like[first:] - len(program.limits.bound)
-    angle = [np.concatenate([block.angle for block in one.blocks]) for one in (known, program)]
-    assert np.abs(angle[1][there] - angle[0]).max() < np.radians(10.0)
-    assert (program.kind[there] == known.kind).all() and (program.speed[there] == known.speed).all()
-    element = [np.concatenate([block.element for block in one.blocks]) for one in (known, program)]
-    assert (element[1][there] == element[0]).all()
-    assert sum(count for _, count in runs(program).values()) == len(program.rows.norm)
+    assert len(finder.kept[True][1].blocks) == 2
 
 
 def test_answers_do_not_hang_on_what_was_asked_before():

@@ -9,7 +9,8 @@ import numpy as np
 from camopt.cam.design_file import read_design
 from camopt.cam.families.free import free_cam
 from camopt.cam.families.polydyne import polydyne
-from camopt.cam.lift import Lift, recentred
+from camopt.cam.lift import Lift
+from camopt.cam.polynomials import recentred
 from camopt.exact.adjoint.motion import ByTrain, Slopes, TracedMotion
 from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest

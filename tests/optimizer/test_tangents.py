@@ -10,7 +10,7 @@ from camopt.optimizer.program.periodic import periodic_response, sample_cam
 from camopt.optimizer.program.relocation import converge_tangents, located_angles, settled_revolution
 from camopt.optimizer.program.tangents import tangents_along
 from camopt.scene import build_train, load_scene
-from camopt.scene.linearisation import is_linear, linearised_at_rest
+from camopt.scene.rest import is_linear, linearised_at_rest
 from camopt.scene.units import MM
 
 MARGIN_N = 20.0

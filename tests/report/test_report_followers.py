@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from camopt.cam.followers.kinds import Arm
+from camopt.cam.followers import Arm
 from camopt.report.followers import drawn_follower, room_for
 from camopt.scene import load_scene
 from camopt.scene.geometry import Geometry
@@ -31,7 +31,7 @@ class TestSwinging:
         by = arm["side"] * (np.arcsin(np.sin(shut) + lift / arm["valve_arm_mm"]) - shut)
         x, y = np.subtract(arm["valve"], arm["pivot"])
         assert y * np.cos(by) + x * np.sin(by) - y == pytest.approx(lift, abs=1e-3)
-        swing = Arm.of(geometry).swing(np.array([[lift * MM], [0.0], [0.0]]))[0, 0]
+        swing = Arm(geometry).swing(np.array([[lift * MM], [0.0], [0.0]]))[0, 0]
         assert abs(by) == pytest.approx(abs(swing))
 
     def test_room_holds_every_part(self, geometry):

@@ -4,8 +4,7 @@ import pytest
 
 from camopt.scene import builtin_scenes, load_scene, parse_scene
 from camopt.scene.faults import tables
-from camopt.scene.notes import scene_notes, speed_notes
-from camopt.scene.usual import USUAL
+from camopt.scene.notes import USUAL, scene_notes, speed_notes
 from tests.scene.test_load import EXAMPLE, changed
 
 

@@ -20,7 +20,7 @@ from camopt.scene.rest import state_at_rest
 from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import MM
 from camopt.verifier import from_outside as side
-from camopt.verifier.outside import filed, forces, rest
+from camopt.verifier.outside import filed, forces
 from camopt.verifier.record import VerificationRecord, outside_entries, outside_entry, outside_sentence
 from camopt.verifier.verdict import event_exact
 from tests.verifier.test_independence import imported
@@ -41,11 +41,11 @@ def test_the_judge_imports_nothing_of_camopt_but_itself(path):
 
 def test_a_fresh_process_of_the_judge_loads_nothing_of_camopt_but_its_packages():
     """Everything but the engine itself, so that the test runs where Exudyn is missing."""
-    asked = "import camopt.verifier.outside.rest, sys; print(*[m for m in sys.modules if m.startswith('camopt')])"
+    asked = "import camopt.verifier.outside.forces, sys; print(*[m for m in sys.modules if m.startswith('camopt')])"
     ended = subprocess.run([sys.executable, "-c", asked], capture_output=True, text=True, check=True)
     packages = {"camopt", "camopt.verifier"}
     assert set(ended.stdout.split()) == packages | {
-        f"camopt.verifier.outside{part}" for part in ("", ".filed", ".forces", ".rest")
+        f"camopt.verifier.outside{part}" for part in ("", ".filed", ".forces")
     }
 
 
@@ -71,7 +71,7 @@ def test_laws_touches_and_rest_are_those_of_the_scene(name, tmp_path):
             expected = train.laws.along(i, d, train.preload[i])[0]
         np.testing.assert_allclose(forces.elastic(e, d, np.where), expected, rtol=1e-12, atol=1e-9)
         assert forces.touch(e) == pytest.approx(train.touch_compression[i], rel=1e-9, abs=1e-15)
-    np.testing.assert_allclose(rest.at_rest(own), state_at_rest(train)[: len(train.mass)], rtol=0, atol=1e-12)
+    np.testing.assert_allclose(forces.at_rest(own), state_at_rest(train)[: len(train.mass)], rtol=0, atol=1e-12)
 
 
 def test_the_lift_is_that_of_the_cam(tmp_path):

@@ -16,6 +16,7 @@ import numpy as np
 from camopt.cam.families.sectioned import member, sectioned_family
 from camopt.cam.families.sections import Section, SectionTable, U
 from camopt.cam.lift import Lift
+from camopt.cam.polynomials import falling
 from camopt.scene import Scene
 
 
@@ -40,8 +41,7 @@ def quarter_sine(_: int, u: np.ndarray, order: int) -> np.ndarray:
 def about_the_nose(_: int, u: np.ndarray, order: int) -> np.ndarray:
     """Terms of section 3: 1, (1 - u)^2, (1 - u)^4."""
     powers = np.array([0, 2, 4])
-    factor = (-1.0) ** order * np.prod([powers - i for i in range(order)], axis=0, initial=1.0)
-    return factor * (1.0 - u)[:, None] ** np.maximum(powers - order, 0)
+    return (-1.0) ** order * falling(powers, order) * (1.0 - u)[:, None] ** np.maximum(powers - order, 0)
 
 
 TABLE = SectionTable(

@@ -35,10 +35,6 @@ stretched by shares of a hundredth of that, not of its own size, beside which th
 MARGIN = 1e-7
 """Relative margin to every limit in the polish, so that the linear program of the levels still has a point there."""
 POPULATION, GENERATIONS, POLISH_STEPS, SEED = 32, 8, 60, 0
-DIRECTIONS = np.array([[16, 8, 4, 2, 1], [16, 24, 20, 30, 17], [16, 24, 12, 18, 29], [16, 24, 4, 10, 31],
-                       [16, 8, 4, 22, 31], [16, 8, 12, 6, 25], [16, 24, 20, 26, 11], [16, 8, 20, 10, 17]])  # fmt: skip
-"""Direction numbers (dimension, bit), in parts of `POPULATION`, of the Sobol points that begin a search (Joe and Kuo
-2008). SciPy's own come with all of its statistics, which load longer than a search takes."""
 
 
 @dataclass(frozen=True)
@@ -120,6 +116,8 @@ def best_angles(
     `starts` holds section angles, in shares of half the duration, that join the first population. Raises InputError
     where no member of the family was found that meets the limits.
     """
+    from scipy.stats import qmc  # all statistics come with it, which only a search needs
+
     half, count = design.duration_deg * DEG / 2, len(table.sections)
     if half <= count * SHORTEST:
         raise InputError(f"{table.family}: {count} sections of at least {SHORTEST / DEG:g} deg need a longer duration")
@@ -132,7 +130,7 @@ def best_angles(
         z, stretch = solved(linear, [None] * len(table.levels))
         return STRETCH_PRICE * stretch - float(linear.area @ z) - linear.constant
 
-    first = first_shares(count - 1)
+    first = qmc.Sobol(count - 1, scramble=False).random(POPULATION)
     for i, start in enumerate(starts):
         first[i] = angle_shares(np.array(start) * half, half)
     found = differential_evolution(
@@ -175,17 +173,6 @@ def _polished(flank_program: Callable[[np.ndarray, int], Program], shares: np.nd
         options={"maxiter": POLISH_STEPS, "ftol": 1e-9},
     )
     return np.clip(result.x[:count], 0.0, 1.0) if result.success else shares
-
-
-def first_shares(dimensions: int) -> np.ndarray:
-    """The first `POPULATION` Sobol points (POPULATION, dimensions) in [0, 1), from the origin on."""
-    if dimensions > len(DIRECTIONS):
-        from scipy.stats import qmc
-
-        return qmc.Sobol(dimensions, scramble=False).random(POPULATION)
-    number = np.arange(POPULATION)
-    bits = (number ^ number >> 1)[:, None] >> np.arange(DIRECTIONS.shape[1]) & 1  # of the Gray code
-    return np.bitwise_xor.reduce(bits[:, None] * DIRECTIONS[:dimensions], axis=2) / POPULATION
 
 
 def section_angles(shares: np.ndarray, half: float) -> np.ndarray:

@@ -14,8 +14,7 @@ from camopt.cam.families.record import Event, Family, Parameter, Parameters, Spa
 from camopt.cam.lift import Lift, with_ramps
 from camopt.cam.ramps import Ramp, symmetric_conditions
 from camopt.scene import InputError, Scene, Train, build_train
-from camopt.scene.linearisation import linearised_at_rest
-from camopt.scene.rest import static_matrices
+from camopt.scene.rest import linearised_at_rest, static_matrices
 from camopt.scene.train import GROUND
 from camopt.scene.units import DEG, MM
 

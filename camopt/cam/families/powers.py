@@ -11,7 +11,7 @@ import numpy as np
 
 from camopt.cam.families.record import Event, Parameters, Space
 from camopt.cam.lift import Lift
-from camopt.cam.osculating import MATCHED, osculating_pieces
+from camopt.cam.polynomials import MATCHED, osculating_pieces
 from camopt.cam.ramps import Ramp
 from camopt.scene import InputError
 from camopt.scene.design import ROUNDING

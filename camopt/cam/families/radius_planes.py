@@ -1,7 +1,7 @@
 """The radii of a cam under a roller or pad: planes on the safe side of the limit, near a given cam.
 
 At a lift s and a velocity v the curvature of the centre's path over the cam is affine in the acceleration a, and it
-falls as a grows (`camopt.cam.followers.touch`): it is k where a = g(s, v; k). With the circle's radius r a convex cam
+falls as a grows (`camopt.cam.followers`): it is k where a = g(s, v; k). With the circle's radius r a convex cam
 has the radius rho or more if a >= g(s, v; 1 / (rho + r)), a concave one if a <= g(s, v; -1 / (rho - r)). Neither is
 linear in the lift. Near a given cam a plane on the safe side of g replaces it: the tangent at the given cam, moved by
 what g leaves it within the neighbourhood. The planes come as near to g as the neighbourhood is small, to second order.
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.cam.followers.kinds import follower_of
+from camopt.cam.followers import follower_of
 from camopt.cam.lift import Lift
 from camopt.scene.errors import InputError
 from camopt.scene.geometry import Geometry
@@ -70,7 +70,8 @@ def _acceleration(geometry: Geometry, s: np.ndarray, v: np.ndarray) -> tuple[np.
     zero; arrays like `s` [m] and `v` [m/rad]."""
     follower, circle = follower_of(geometry), (geometry.contact_radius_mm or 0.0) * MM
     laws = [np.stack([s.ravel(), v.ravel(), np.full(s.size, a)]) for a in (0.0, ACCELERATION)]
-    flat, bent = (1 / (follower.touch(law).radius + circle) for law in laws)
+    radii = (follower.contact(law, np.zeros(s.size)).radius_of_curvature for law in laws)
+    flat, bent = (1 / (radius + circle) for radius in radii)
     slope = ACCELERATION / (bent - flat)
     if not np.all(slope < 0):
         raise InputError("[geometry]: the pressure angle reaches 90 deg, beyond which no cam drives: move the pivot")

@@ -6,13 +6,13 @@ one's mirror image.
 """
 
 from functools import cache, lru_cache
-from math import comb, perm
+from math import comb
 
 import numpy as np
 
-from camopt.cam.bernstein import PiecewiseLevel, from_powers
 from camopt.cam.families.sections import Flank
 from camopt.cam.linear_limits import LinearLimit, linear_limits
+from camopt.cam.polynomials import PiecewiseLevel, falling, from_powers
 from camopt.scene.design import ROUNDING, Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 
@@ -40,7 +40,7 @@ def control_points(one: Flank, order: int, parts: int, start: float = 0.0) -> np
     """Rows (c, n) of the control points of the derivative `order` from the angle `start` [rad] to the nose."""
     degree = one.pieces.shape[1] - 1 - order
     widths = np.diff(one.borders)
-    powers = _falling(degree, order)[:, None] * one.relative[:, order:]
+    powers = falling(np.arange(order, order + degree + 1), order)[:, None] * one.relative[:, order:]
     shares = _shares(max(1, parts // len(one.pieces)))
     inside = np.searchsorted(one.borders[:-1], start)  # the first piece that begins at the start or behind it
     matrix = to_bernstein(degree, shares) @ powers[inside:] / widths[inside:, None, None] ** order
@@ -51,12 +51,6 @@ def control_points(one: Flank, order: int, parts: int, start: float = 0.0) -> np
     edges = tuple(first + (1.0 - first) * share for share in shares)
     begun = to_bernstein.__wrapped__(degree, edges) @ powers[inside - 1] / widths[inside - 1] ** order
     return np.concatenate([begun, found])
-
-
-@cache
-def _falling(degree: int, order: int) -> np.ndarray:
-    """Factors (degree + 1) that so many derivatives bring down of the powers from `order` on."""
-    return np.array([perm(k + order, order) for k in range(degree + 1)], dtype=float)
 
 
 @cache
@@ -113,16 +107,16 @@ def drawing_rows(one: Flank, limit: LinearLimit, side: int, parts: int) -> tuple
     widths = np.diff(one.borders)
     powers = np.zeros_like(one.relative)  # of the weighted sum, by the angle relative to each piece's width
     for k, weight in enumerate(weights):
-        factor = np.array([perm(i + k, k) for i in range(degree + 1 - k)], dtype=float)
+        factor = falling(np.arange(k, degree + 1), k)
         powers[:, : degree + 1 - k] += weight * factor[:, None] * one.relative[:, k:] / widths[:, None, None] ** k
     if limit.level.low == limit.level.high:
         at = half - abs(limit.level.low)
         piece = min(int(np.searchsorted(one.borders, at, side="right")) - 1, len(powers) - 1)
         row = ((at - one.borders[piece]) / widths[piece]) ** np.arange(degree + 1) @ powers[piece]
         return row[None] / size, limit.level.coefficients[0] / size
-    shares = np.linspace(0.0, 1.0, max(1, parts // len(powers)) + 1)
-    matrix = to_bernstein(degree, tuple(shares)) @ powers
-    edges = (one.borders[:-1, None] + widths[:, None] * shares - half) * side  # cam angles
+    shares = _shares(max(1, parts // len(powers)))
+    matrix = to_bernstein(degree, shares) @ powers
+    edges = (one.borders[:-1, None] + widths[:, None] * np.array(shares) - half) * side  # cam angles
     begin, end = np.sort([edges[:, :-1].ravel(), edges[:, 1:].ravel()], axis=0)
     bound = np.repeat(_least(limit.level, begin, end), degree + 1)
     return matrix.reshape(-1, matrix.shape[2]) / size, np.minimum(bound / size, NOWHERE)

@@ -160,7 +160,13 @@ def member(
         x = np.array([ramp.height, ramp.velocity, *(si.get(n, 0.0) for n in table.levels)])
         x = closed(table, one, x, design.max_lift_mm * MM, open_levels)
     else:
-        x = _largest(table, one, design, ramp, jerk, si)
+        x, stretch = best_levels(table, one, design, ramp, jerk, si)
+        if stretch > STRETCH_ROUND_OFF:
+            raise InputError(
+                f"{table.family}: no member found within the limits of [design]; the best breaks one by "
+                f"{100 * stretch:.2g} %: loosen the limits on acceleration and jerk, those of the drawing, or the "
+                f"maximum lift"
+            )
     return cam_of(table, one, angles, x, ramp, **parameters)
 
 
@@ -174,20 +180,6 @@ def cam_of(table: SectionTable, one: Flank, angles: np.ndarray, x: np.ndarray, r
     levels = dict(zip(level_names(table), (x[2:] / table.units()).tolist(), strict=True))
     parameters = {"sections_deg": (angles / DEG).tolist(), **levels, **parameters}
     return one.lift(x, ramp, table.family, parameters)
-
-
-def _largest(
-    table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: bool, given: Mapping[str, float]
-) -> np.ndarray:
-    """The x (n) with the largest area; raises InputError where the limits cannot be met."""
-    x, stretch = best_levels(table, one, design, ramp, jerk, given)
-    if stretch > STRETCH_ROUND_OFF:
-        raise InputError(
-            f"{table.family}: no member found within the limits of [design]; the best breaks one by "
-            f"{100 * stretch:.2g} %: loosen the limits on acceleration and jerk, those of the drawing, or the maximum "
-            f"lift"
-        )
-    return x
 
 
 def _checked(table: SectionTable, sections_deg: Sequence[float], half_deg: float) -> np.ndarray:

@@ -10,12 +10,11 @@ runs on arrays of NumPy, and on those of JAX for `camopt.smooth.families`.
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from functools import cache, cached_property
-from math import perm
 
 import numpy as np
 
 from camopt.cam.lift import Lift, mirrored_pieces, with_ramps
-from camopt.cam.osculating import MATCHED, osculating_pieces
+from camopt.cam.polynomials import MATCHED, falling, osculating_pieces
 from camopt.cam.ramps import Ramp
 from camopt.scene.units import DEG, MM
 
@@ -33,8 +32,9 @@ Terms = Callable[[int, np.ndarray, int], np.ndarray]
 
 def powers(count: int, u: np.ndarray, order: int) -> np.ndarray:
     """The derivative `order` of 1, u, u^2, ... at u (k), shape (k, count): the terms of Eq. (4)."""
-    factor = np.array([perm(i, order) for i in range(count)], dtype=float)
-    return factor * np.asarray(u, dtype=float)[:, None] ** np.maximum(np.arange(count) - order, 0)
+    return falling(np.arange(count), order) * np.asarray(u, dtype=float)[:, None] ** np.maximum(
+        np.arange(count) - order, 0
+    )
 
 
 @dataclass(frozen=True)
@@ -112,8 +112,7 @@ class Flank:
         """Row (n) of the derivative `order` at the nose."""
         width = self.borders[-1] - self.borders[-2]
         k = np.arange(self.pieces.shape[1])
-        falling = np.array([float(perm(i, order)) for i in k])
-        return falling * width ** np.maximum(k - order, 0) @ self.pieces[-1]
+        return falling(k, order) * width ** np.maximum(k - order, 0) @ self.pieces[-1]
 
     def area(self) -> np.ndarray:
         """Row (n) of the area of both flanks [m rad]."""

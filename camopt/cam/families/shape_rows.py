@@ -11,10 +11,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from camopt.cam.bernstein import from_powers
 from camopt.cam.families.radius_planes import SIDES, Neighbourhood, planes
 from camopt.cam.families.spline import SplineCam
 from camopt.cam.linear_limits import LinearLimit, linear_limits, radii_held_near
+from camopt.cam.polynomials import from_powers
 from camopt.scene.design import ROUNDING, Design
 from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
@@ -95,7 +95,11 @@ def shape_rows(cam: SplineCam, design: Design, about: LinearisationPoint) -> Lim
 
     Raises InputError where the neighbourhood of that cam has lifts that the follower cannot follow.
     """
-    every = [*_bounds(cam, design), *_sign_pattern(cam, design, about), *_sums(cam, design, about)]
+    every = [*_bounds(cam, design)]
+    if design.waves_max is not None and about.switches:
+        stated = 0.0, MM_PER_DEG3, design.waves_max, 1.0
+        every.append(LimitRows("waves_max", *sign_rows(cam, about.switches), 0.0, stated))
+    every += _sums(cam, design, about)
     every += near_rows(cam, design, about.near) if about.near else ()
     first = {rows.name: rows.stated for rows in reversed(every)}
     names = tuple(dict.fromkeys(rows.name for rows in every))
@@ -139,12 +143,6 @@ def _bounds(cam: SplineCam, design: Design) -> Iterator[LimitRows]:
         for sign in signs:
             bound = level - tight - sign * offset
             yield LimitRows(name, sign * matrix, bound, 0.0 if on_sign else 1.0, (level, unit, value, np.sign(value)))
-
-
-def _sign_pattern(cam: SplineCam, design: Design, about: LinearisationPoint) -> Iterator[LimitRows]:
-    """The limit on the number of the jerk's sign changes: they lie at the switches alone."""
-    if design.waves_max is not None and about.switches:
-        yield LimitRows("waves_max", *sign_rows(cam, about.switches), 0.0, (0.0, MM_PER_DEG3, design.waves_max, 1.0))
 
 
 def cells(cam: SplineCam) -> Float[np.ndarray, " k"]:

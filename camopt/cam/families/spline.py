@@ -14,8 +14,8 @@ from math import factorial
 import numpy as np
 from scipy.interpolate import BSpline, PPoly
 
-from camopt.cam.bernstein import from_powers
 from camopt.cam.lift import Lift, with_ramps
+from camopt.cam.polynomials import from_powers
 from camopt.cam.ramps import Ramp
 from camopt.scene.units import DEG, MM_PER_DEG2
 

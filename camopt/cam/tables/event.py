@@ -10,6 +10,7 @@ import numpy as np
 from scipy.interpolate import PPoly
 
 from camopt.cam.ramps import Ramp
+from camopt.cam.tables.interpolation import check_ends
 from camopt.scene import InputError
 from camopt.scene.units import DEG, MM, MM_PER_DEG
 
@@ -62,7 +63,7 @@ def find_event(where: str, degrees: np.ndarray, lift: np.ndarray) -> Event:
 
     Raises InputError where the table neither closes on itself nor begins and ends on the base circle.
     """
-    _check_ends(where, degrees, lift)
+    check_ends(where, degrees, lift, CLOSING_SHARE * lift.max(), BASE_MM)
     angle = np.mod(degrees - degrees[0], TURN)
     angle[np.abs(degrees - degrees[0] - TURN) < 1e-9] = 0.0
     order = np.argsort(angle, kind="stable")
@@ -107,21 +108,6 @@ def _noise(angle: np.ndarray, lift: np.ndarray, high: np.ndarray) -> float:
     shares = np.stack([np.prod([x[:, j] / (x[:, j] - x[:, i]) for j in range(4) if j != i], axis=0) for i in range(4)])
     off = lift[at] - np.sum(shares.T * lift[at[:, None] + near], axis=1)
     return MEDIAN_TO_DEVIATION * float(np.median(np.abs(off) / np.sqrt(1 + np.sum(shares**2, axis=0))))
-
-
-def _check_ends(where: str, degrees: np.ndarray, lift: np.ndarray) -> None:
-    span, largest_step = degrees[-1] - degrees[0], float(np.diff(degrees).max())
-    if span >= TURN - 1e-9:
-        if abs(lift[-1] - lift[0]) > CLOSING_SHARE * lift.max():
-            raise InputError(
-                f"{where}: the lift is {lift[0]:g} mm at the first row and {lift[-1]:g} mm one turn later: "
-                f"the two must be equal"
-            )
-    elif span < TURN - 1.5 * largest_step and max(abs(lift[0]), abs(lift[-1])) > BASE_MM:
-        raise InputError(
-            f"{where}: the table covers {span:g} cam degrees and must begin and end on the base "
-            f"circle, but its ends are {lift[0]:g} and {lift[-1]:g} mm: give one whole turn"
-        )
 
 
 def _foot(angle: np.ndarray, lift: np.ndarray, last: int, outward: int, largest_drop: float) -> tuple[float, bool]:

@@ -10,13 +10,13 @@ import numpy as np
 from scipy.interpolate import BPoly, BSpline, PPoly, make_interp_spline
 
 from camopt.scene import InputError
-from camopt.scene.units import MM
+from camopt.scene.units import DEG, MM
 
 TURN = 2 * np.pi
 ZERO = 1e-12 * MM
 """Lift that counts as base circle [m]."""
-END_LIFT = 1e-3 * MM
-"""Lift at the ends of a table of one event that counts as base circle [m]."""
+END_MM = 1e-3
+"""Lift [mm] at the ends of a table of one event that counts as base circle, and largest step where a turn closes."""
 ROUNDING = 1e-12
 """Angle [rad] that the roots of a ramp may be off by rounding alone."""
 AT_REST = [(1, 0.0), (2, 0.0)]
@@ -32,21 +32,10 @@ def spline_pieces(where: str, angle: np.ndarray, lift: np.ndarray) -> PPoly:
     circle itself is exactly zero. A full turn without base circle is interpolated periodically.
     Raises InputError for a table that neither closes on itself nor begins and ends on the base circle.
     """
-    largest_step = float(np.diff(angle).max())
-    span = angle[-1] - angle[0]
-    if span >= TURN - 1e-9:
-        if abs(lift[-1] - lift[0]) > END_LIFT:
-            raise InputError(
-                f"{where}: the lift is {lift[0] / MM:g} mm at the first row and {lift[-1] / MM:g} mm one turn later: "
-                f"the two must be equal"
-            )
+    left = check_ends(where, angle / DEG, lift / MM, END_MM, END_MM)
+    if left == 0.0:
         angle, lift = angle[:-1], lift[:-1]
-    elif span < TURN - 1.5 * largest_step:  # one event, the rest of the turn is base circle
-        if max(abs(lift[0]), abs(lift[-1])) > END_LIFT:
-            raise InputError(
-                f"{where}: the table covers {np.degrees(span):g} cam degrees and must begin and end on the base "
-                f"circle, but its ends are {lift[0] / MM:g} and {lift[-1] / MM:g} mm: give one whole turn"
-            )
+    elif left > 1.5 * float(np.diff(angle).max()) / DEG:  # one event, the rest of the turn is base circle
         lift = np.concatenate([[0.0], lift[1:-1], [0.0]])
         angle, lift = np.append(angle, 0.5 * (angle[-1] + angle[0] + TURN)), np.append(lift, 0.0)
     angle, lift = _from_base_circle(angle, lift)
@@ -67,6 +56,28 @@ def spline_pieces(where: str, angle: np.ndarray, lift: np.ndarray) -> PPoly:
     return PPoly(np.hstack([pieces.c, np.zeros((6, 1))]), np.append(pieces.x, end))
 
 
+def check_ends(where: str, degrees: np.ndarray, lift_mm: np.ndarray, closing_mm: float, base_mm: float) -> float:
+    """What the rows leave of a turn [deg], zero where they close it.
+
+    Raises InputError where they close it with a step of more than `closing_mm`, and where they leave more than one and
+    a half of their steps and begin or end above `base_mm`.
+    """
+    left, (first, last) = 360.0 - (degrees[-1] - degrees[0]), lift_mm[[0, -1]]
+    if left <= 1e-7:
+        if abs(last - first) > closing_mm:
+            raise InputError(
+                f"{where}: the lift is {first:g} mm at the first row and {last:g} mm one turn later: the two must be "
+                f"equal"
+            )
+        return 0.0
+    if left > 1.5 * float(np.diff(degrees).max()) and max(abs(first), abs(last)) > base_mm:
+        raise InputError(
+            f"{where}: the table covers {360.0 - left:g} cam degrees and must begin and end on the base circle, but "
+            f"its ends are {first:g} and {last:g} mm: give one whole turn"
+        )
+    return left
+
+
 def own_pieces(
     where: str, angle: np.ndarray, lift: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, lines: list[int]
 ) -> PPoly:
@@ -74,14 +85,10 @@ def own_pieces(
 
     Raises InputError for a turn that does not close, and for columns that contradict each other.
     """
-    if abs(lift[-1] - lift[0]) > END_LIFT:
-        raise InputError(
-            f"{where}: the lift is {lift[0] / MM:g} mm at the first row and {lift[-1] / MM:g} mm one turn later: "
-            f"the two must be equal"
-        )
+    check_ends(where, angle / DEG, lift / MM, END_MM, END_MM)
     step = np.diff(angle)
     unexplained = np.abs(np.diff(lift) - 0.5 * step * (velocity[1:] + velocity[:-1]))
-    wrong = np.flatnonzero(unexplained > DISAGREEMENT * step**2 * np.abs(acceleration).max() + END_LIFT * 1e-3)
+    wrong = np.flatnonzero(unexplained > DISAGREEMENT * step**2 * np.abs(acceleration).max() + END_MM * MM * 1e-3)
     if len(wrong):
         raise InputError(
             f"{where}: line {lines[int(wrong[0]) + 1]}: lift_mm does not follow from velocity_mm_per_deg: where the "

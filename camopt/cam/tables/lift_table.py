@@ -165,16 +165,16 @@ def _followed(where: str, pieces: PPoly, given: dict, scene: Scene) -> PPoly:
 def _measured(where: str, rows: TableRows, ramps: tuple[Ramp, Ramp]) -> tuple[PPoly, dict]:
     """Pieces [rad, m] over one turn of a table from elsewhere, and what was done to it."""
     degrees, height = rows.degrees, rows.height
-    found = smoothed(where, degrees, height, rows.lines, ramps)
-    if found.pieces is None:
-        pieces = spline_pieces(where, degrees * DEG, height * MM)
-        first = pieces.x[0]
-        check_between_rows(
-            where, lambda at: pieces(np.mod(at * DEG - first, 2 * np.pi) + first) / MM, degrees, height, rows.lines
-        )
-        return pieces, found.report
-    powers = np.arange(len(found.pieces.c))[::-1, None]
-    return PPoly(found.pieces.c * MM / DEG**powers, found.pieces.x * DEG), found.report
+    smooth, report = smoothed(where, degrees, height, rows.lines, ramps)
+    if smooth is not None:
+        powers = np.arange(len(smooth.c))[::-1, None]
+        return PPoly(smooth.c * MM / DEG**powers, smooth.x * DEG), report
+    pieces = spline_pieces(where, degrees * DEG, height * MM)
+    first = pieces.x[0]
+    check_between_rows(
+        where, lambda at: pieces(np.mod(at * DEG - first, 2 * np.pi) + first) / MM, degrees, height, rows.lines
+    )
+    return pieces, report
 
 
 def _row_error(rows: TableRows, report: dict) -> dict:

@@ -1,14 +1,14 @@
 """A measured lift table made into a law: outliers rejected, smoothed within its own noise, or refused."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.interpolate import PPoly
 
 from camopt.cam.ramps import Ramp
 from camopt.cam.tables.event import BASE_MM, TURN, Event, completed, find_event
-from camopt.cam.tables.smoothing_spline import Fit, acceleration_error, fitted, fitted_non_negative
+from camopt.cam.tables.smoothing_spline import Fit, fitted, fitted_non_negative
 from camopt.scene import InputError
 
 OUTLIER = 5.0
@@ -40,17 +40,12 @@ KNOTS_DEG = (0.5, 1.0)
 """Finest and coarsest knots; between them, half a row step."""
 
 
-@dataclass(frozen=True)
-class Smoothed:
-    """What became of a table: `pieces` [deg, mm] over one turn, None where it has no noise; `outliers` (rows)."""
+def smoothed(
+    where: str, degrees: np.ndarray, lift: np.ndarray, lines: list[int], ramps: tuple[Ramp, Ramp]
+) -> tuple[PPoly | None, dict]:
+    """The smooth law [deg, mm] over one turn of a table, None where it has no noise, and what became of the table.
 
-    pieces: PPoly | None = field(repr=False)
-    outliers: list[int]
-    report: dict
-
-
-def smoothed(where: str, degrees: np.ndarray, lift: np.ndarray, lines: list[int], ramps: tuple[Ramp, Ramp]) -> Smoothed:
-    """The smooth law of a table: ascending cam `degrees` (at most one turn) and `lift` [mm], both (r).
+    Its cam `degrees` (r) ascend over one turn at most, beside its `lift` (r) [mm].
 
     A flank that ends above the base circle is continued by the scene's opening or closing ramp. Raises InputError for
     too many outliers, negative lift, rows that fix no usable acceleration, or gaps in which the law would be invented.
@@ -74,8 +69,8 @@ def smoothed(where: str, degrees: np.ndarray, lift: np.ndarray, lines: list[int]
     if len(event.added_lift):
         report |= _added(event, lift)
     elif fit.noise < NOISE_FREE_MM and not outliers:
-        return Smoothed(None, outliers, report | {"largest_shift_um": 0.0})
-    error = acceleration_error(fit, angles, height, count, given)
+        return None, report | {"largest_shift_um": 0.0}
+    error = fit.acceleration_error()
     if error.likeliest > ERROR_SHARE * error.largest:
         raise InputError(
             f"{where}: no usable acceleration: with {len(kept.rows)} rows in the event and a noise of "
@@ -94,7 +89,7 @@ def smoothed(where: str, degrees: np.ndarray, lift: np.ndarray, lines: list[int]
         "acceleration_error_percent": round(100 * ERROR_FACTOR * error.rms / error.largest, 2),
         "peak_error_percent": round(100 * PEAK_FACTOR * error.at_peak / error.largest, 2),
     }
-    return Smoothed(pieces, outliers, report)
+    return pieces, report
 
 
 def check_between_rows(where: str, law: Callable, degrees: np.ndarray, lift: np.ndarray, lines: list[int]) -> None:

@@ -10,6 +10,7 @@ Degrees and mm inside.
 """
 
 from dataclasses import dataclass, field
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import BSpline, PPoly
@@ -36,36 +37,7 @@ than rows are singular to rounding."""
 _CARDINAL = BSpline.basis_element(np.arange(DEGREE + 2.0), extrapolate=False)
 
 
-@dataclass(frozen=True)
-class Fit:
-    """A spline through noisy rows: `coefficients` (n) [mm] on n knots, `free` the indices not held at zero."""
-
-    coefficients: np.ndarray = field(repr=False)
-    free: np.ndarray = field(repr=False)
-    order: int  # of the differences that are penalised
-    weight: float  # logarithm of the penalty's weight
-    noise: float  # standard deviation of a row [mm]
-    covariance: np.ndarray = field(repr=False)  # (k, k) of the free coefficients over noise^2
-    residuals: np.ndarray  # (r) row less spline [mm]
-    leverage: np.ndarray  # (r) how far the spline follows a row's own error, 0 to 1
-
-    def studentised(self) -> np.ndarray:
-        """Residuals over their own standard deviation, shape (r)."""
-        return self.residuals / (self.noise * np.sqrt(np.maximum(1.0 - self.leverage, 1e-12)))
-
-    def pieces(self) -> PPoly:
-        """The spline over one turn from 0, angle [deg] and lift [mm], pieces on the base circle joined."""
-        count = len(self.coefficients)
-        knots = np.arange(-DEGREE, count + DEGREE + 1) * (360.0 / count)
-        all_pieces = PPoly.from_spline(BSpline(knots, np.append(self.coefficients, self.coefficients[:DEGREE]), DEGREE))
-        c = all_pieces.c[:, DEGREE : DEGREE + count]
-        zero = ~np.any(c, axis=0)
-        kept = ~(zero & np.append(False, zero[:-1]))
-        return PPoly(c[:, kept], np.append(knots[DEGREE : DEGREE + count][kept], 360.0))
-
-
-@dataclass(frozen=True)
-class AccelerationError:
+class AccelerationError(NamedTuple):
     """Standard errors of an acceleration [mm/deg^2], and its `largest` size.
 
     `likeliest`: root mean square over the event under the penalty that the rows speak for; `rms`: the same under that
@@ -94,35 +66,7 @@ def basis(degrees: np.ndarray, count: int, order: int = 0) -> csr_array:
     return csr_array((values.ravel(), (rows, columns.ravel())), shape=(len(degrees), count))
 
 
-def fitted(
-    degrees: np.ndarray,
-    lift: np.ndarray,
-    count: int,
-    free: np.ndarray,
-    given: int = 0,
-    penalty: tuple[int, float] | None = None,
-) -> Fit:
-    """The spline through rows `degrees`, `lift` [mm] (r), its coefficients `free` (k) in cyclic order, others zero.
-
-    Without a `penalty` (order, logarithm of the weight) the one of largest restricted likelihood is taken. The last
-    `given` rows are not measured.
-    """
-    if len(free) == count:  # cyclic: neighbours on the ring come near each other by going both ways round at once
-        free = np.stack([free, free[::-1]], axis=1).ravel()[:count]
-    equations = _Equations(degrees, lift, count, free, given)
-    if penalty is None:
-        penalty = min((equations.likeliest(order) for order in PENALTY_ORDERS), key=lambda p: equations.cost(*p))
-    factor, c, variance = equations.solved(*penalty)
-    covariance = cho_solve_banded((factor, True), np.eye(len(free)))
-    coefficients = np.zeros(count)
-    coefficients[free] = c
-    rows = equations.rows[: len(lift) - given]
-    residuals = lift[: len(lift) - given] - rows @ c
-    leverage = _quadratic_forms(rows, covariance)
-    return Fit(coefficients, free, *penalty, float(np.sqrt(variance)), covariance, residuals, leverage)
-
-
-class _Equations:
+class Equations:
     """Normal equations of the measured and the given rows, and the restricted likelihood of a penalty."""
 
     def __init__(self, degrees: np.ndarray, lift: np.ndarray, count: int, free: np.ndarray, given: int):
@@ -166,6 +110,79 @@ class _Equations:
         return order, float(np.asarray(found))
 
 
+@dataclass(frozen=True)
+class Fit:
+    """A spline through noisy rows: `coefficients` (n) [mm] on n knots, those that the `equations` do not have zero."""
+
+    equations: Equations = field(repr=False)
+    coefficients: np.ndarray = field(repr=False)
+    penalty: tuple[int, float]  # order of the differences that are penalised, logarithm of the penalty's weight
+    noise: float  # standard deviation of a row [mm]
+    residuals: np.ndarray  # (r) row less spline [mm]
+    leverage: np.ndarray  # (r) how far the spline follows a row's own error, 0 to 1
+
+    def studentised(self) -> np.ndarray:
+        """Residuals over their own standard deviation, shape (r)."""
+        return self.residuals / (self.noise * np.sqrt(np.maximum(1.0 - self.leverage, 1e-12)))
+
+    def pieces(self) -> PPoly:
+        """The spline over one turn from 0, angle [deg] and lift [mm], pieces on the base circle joined."""
+        count = len(self.coefficients)
+        knots = np.arange(-DEGREE, count + DEGREE + 1) * (360.0 / count)
+        all_pieces = PPoly.from_spline(BSpline(knots, np.append(self.coefficients, self.coefficients[:DEGREE]), DEGREE))
+        c = all_pieces.c[:, DEGREE : DEGREE + count]
+        zero = ~np.any(c, axis=0)
+        kept = ~(zero & np.append(False, zero[:-1]))
+        return PPoly(c[:, kept], np.append(knots[DEGREE : DEGREE + count][kept], 360.0))
+
+    def acceleration_error(self) -> AccelerationError:
+        """What the acceleration may be off by, under every order of the penalty that the rows allow."""
+        equations, count = self.equations, len(self.coefficients)
+        first = equations.free.min() if len(equations.free) == count else equations.free[0]
+        at = (first - DEGREE + np.arange(0, len(equations.free) + DEGREE, 0.25)) * (360.0 / count)
+        rows = basis(np.mod(at, 360.0), count, 2)[:, equations.free]
+        acceleration = rows @ self.coefficients[equations.free]
+        peaks = [int(np.argmax(acceleration)), int(np.argmin(acceleration))]
+        found = []
+        for order in PENALTY_ORDERS:
+            penalty = equations.likeliest(order)
+            factor, _, variance = equations.solved(*penalty)
+            error = variance * _quadratic_forms(rows, cho_solve_banded((factor, True), np.eye(len(equations.free))))
+            found.append((equations.cost(*penalty), float(np.sqrt(error.mean())), float(np.sqrt(error[peaks].max()))))
+        best = min(found)
+        allowed = [one for one in found if one[0] - best[0] < RULED_OUT]
+        rms, at_peak = (max(one[i] for one in allowed) for i in (1, 2))
+        return AccelerationError(best[1], rms, at_peak, float(np.abs(acceleration).max()))
+
+
+def fitted(
+    degrees: np.ndarray,
+    lift: np.ndarray,
+    count: int,
+    free: np.ndarray,
+    given: int = 0,
+    penalty: tuple[int, float] | None = None,
+) -> Fit:
+    """The spline through rows `degrees`, `lift` [mm] (r), its coefficients `free` (k) in cyclic order, others zero.
+
+    Without a `penalty` (order, logarithm of the weight) the one of largest restricted likelihood is taken. The last
+    `given` rows are not measured.
+    """
+    if len(free) == count:  # cyclic: neighbours on the ring come near each other by going both ways round at once
+        free = np.stack([free, free[::-1]], axis=1).ravel()[:count]
+    equations = Equations(degrees, lift, count, free, given)
+    if penalty is None:
+        penalty = min((equations.likeliest(order) for order in PENALTY_ORDERS), key=lambda p: equations.cost(*p))
+    factor, c, variance = equations.solved(*penalty)
+    covariance = cho_solve_banded((factor, True), np.eye(len(free)))
+    coefficients = np.zeros(count)
+    coefficients[free] = c
+    rows = equations.rows[: len(lift) - given]
+    residuals = lift[: len(lift) - given] - rows @ c
+    leverage = _quadratic_forms(rows, covariance)
+    return Fit(equations, coefficients, penalty, float(np.sqrt(variance)), residuals, leverage)
+
+
 def fitted_non_negative(degrees: np.ndarray, lift: np.ndarray, count: int, free: np.ndarray, given: int = 0) -> Fit:
     """As `fitted`, its ends drawn in until no coefficient is negative: the feet lie where the lift leaves the noise.
 
@@ -180,29 +197,7 @@ def fitted_non_negative(degrees: np.ndarray, lift: np.ndarray, count: int, free:
         first = int(negative[negative < top].max(initial=-1)) + 1
         last = int(negative[negative > top].min(initial=len(c)))
         free = free[first:last]  # shorter by one coefficient at least
-        fit = fitted(degrees, lift, count, free, given, (fit.order, fit.weight))
-
-
-def acceleration_error(
-    fit: Fit, degrees: np.ndarray, lift: np.ndarray, count: int, given: int = 0
-) -> AccelerationError:
-    """What the acceleration of a fit of those rows may be off by, under every order of the penalty that they allow."""
-    equations = _Equations(degrees, lift, count, fit.free, given)
-    first = fit.free.min() if len(fit.free) == count else fit.free[0]
-    at = (first - DEGREE + np.arange(0, len(fit.free) + DEGREE, 0.25)) * (360.0 / count)
-    rows = basis(np.mod(at, 360.0), count, 2)[:, fit.free]
-    acceleration = rows @ fit.coefficients[fit.free]
-    peaks = [int(np.argmax(acceleration)), int(np.argmin(acceleration))]
-    found = []
-    for order in PENALTY_ORDERS:
-        penalty = equations.likeliest(order)
-        factor, _, variance = equations.solved(*penalty)
-        error = variance * _quadratic_forms(rows, cho_solve_banded((factor, True), np.eye(len(fit.free))))
-        found.append((equations.cost(*penalty), float(np.sqrt(error.mean())), float(np.sqrt(error[peaks].max()))))
-    best = min(found)
-    allowed = [one for one in found if one[0] - best[0] < RULED_OUT]
-    rms, at_peak = (max(one[i] for one in allowed) for i in (1, 2))
-    return AccelerationError(best[1], rms, at_peak, float(np.abs(acceleration).max()))
+        fit = fitted(degrees, lift, count, free, given, fit.penalty)
 
 
 def _penalty(count: int, order: int) -> csr_array:

@@ -18,7 +18,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from camopt.scene.contact_laws import LawNumbers, contact_law
 from camopt.scene.laws import CURVED, LINEAR, OF_CONTACTS, PROGRESSIVE, TABLE
 from camopt.scene.parts import last_slope, lengthened
 from camopt.scene.rest import state_at_rest
@@ -59,9 +58,9 @@ def chords(kind: int, stiffness, preload, exponent: float, rows: np.ndarray, cou
     if kind in OF_CONTACTS:
         beyond = (1.0 + 1.0 / count) ** (2 * np.arange(1, _beyond(count) + 1))
         share = np.concatenate([np.arange(count + 1) / count, beyond])
-        law, numbers = contact_law(OF_CONTACTS[kind]), LawNumbers(stiffness, exponent)
-        touch = law.depth(preload, numbers) if np.real(preload) > 0.0 else 0.0
-        u = law.depth(force * share**2, numbers)
+        law = OF_CONTACTS[kind](stiffness, exponent)
+        touch = law.depth(preload) if np.real(preload) > 0.0 else 0.0
+        u = law.depth(force * share**2)
         return np.stack([u - touch, force * share**2 + 0.0 * u], axis=1)
     d = knots(rows, count)
     beyond = (d[-1] - d[0]) if len(d) > 1 else 1e-3
@@ -135,11 +134,11 @@ def chord_error(train: Train, count: int = CHORDS, force: float = CHORD_FORCE) -
     for e in range(len(error)):
         kind, rows = laws.kind[e], laws.table[e, : laws.rows[e]]
         if kind in OF_CONTACTS:
-            law, numbers = laws.contact_law(e), LawNumbers(laws.coefficient[e], laws.exponent[e])
+            law = laws.contact_law(e)
             p = force * (np.arange(count + 1) / count) ** 2
-            ends = law.depth(p, numbers)
+            ends = law.depth(p)
             u, chord = (np.linspace(q[:-1], q[1:], LOOKS) for q in (ends, p))
-            error[e] = np.abs(law.elastic(u, numbers) - chord).max()
+            error[e] = np.abs(law.elastic(u) - chord).max()
         elif kind == PROGRESSIVE:
             bent = np.abs(np.diff(rows[:, 1])) * np.diff(rows[:, 0]) / 8.0
             error[e] = np.max(bent / chords_per_row(rows, count) ** 2, initial=0.0)

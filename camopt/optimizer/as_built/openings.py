@@ -10,8 +10,8 @@ the least force does: a force that pulls for a moment opens next to nothing.
 import numpy as np
 from scipy.linalg import expm
 
-from camopt.optimizer.program.phases import LIFTED, incidence, phase_contacts
-from camopt.scene.linearisation import linearised_at_rest
+from camopt.optimizer.program.phases import LIFTED, phase_contacts
+from camopt.scene.rest import linearised_at_rest
 from camopt.scene.train import Train
 from camopt.scene.units import DEG
 
@@ -29,7 +29,7 @@ def opening_after_impulse(train: Train, contact: int, step: float, count: int) -
     train = linearised_at_rest(train)
     closed = phase_contacts(train)[LIFTED].copy()
     closed[contact] = False
-    d, n = incidence(train), len(train.mass)
+    d, n = train.incidence, len(train.mass)
     k, c = (closed * q for q in (train.stiffness, train.damping))
     rate = np.zeros((2 * n, 2 * n))
     rate[:n, n:] = np.eye(n)

@@ -21,8 +21,8 @@ from camopt.optimizer.as_built.search import DRAWS_SEED, band_speeds, free_progr
 from camopt.optimizer.as_built.tied_forces import ExactForces
 from camopt.scene.as_built import moved_together, scatter_labels, with_scatter
 from camopt.scene.errors import InputError
-from camopt.scene.linearisation import is_linear
 from camopt.scene.parameters import with_numbers
+from camopt.scene.rest import is_linear
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 

@@ -16,7 +16,7 @@ from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_ju
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import converge_tangents
 from camopt.optimizer.search.region import first_region
-from camopt.scene.linearisation import is_linear
+from camopt.scene.rest import is_linear
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 from camopt.scene.units import MM

@@ -12,8 +12,8 @@ from math import factorial
 import numpy as np
 from scipy.interpolate import PPoly
 
-from camopt.cam.bernstein import PiecewiseLevel
 from camopt.cam.linear_limits import LinearLimit, linear_limits, radii_held_near
+from camopt.cam.polynomials import PiecewiseLevel
 from camopt.cam.ramps import Ramp
 from camopt.scene.design import Design
 

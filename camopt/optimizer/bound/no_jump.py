@@ -26,7 +26,6 @@ from camopt.optimizer.bound.fine_program import DiscretisedControlProblem, equal
 from camopt.optimizer.program.force_rows import PEAK, SEAT, Margins, SpeedRows, speed_rows
 from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.optimizer.program.periodic import exact_steps, sample_cam, velocity_scale
-from camopt.optimizer.program.phases import incidence
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.scene.train import Train
 from camopt.scene.units import DEG, MM
@@ -131,7 +130,7 @@ def _kernel(program: NoJumpProgram, line: FreeCam, block: SpeedRows, signed: np.
 
 def _readings(train: Train, block: SpeedRows, signed: np.ndarray, edges: np.ndarray) -> np.ndarray:
     """The factors, at every edge, of state, lift, velocity and acceleration in the sum of `signed` times the forces."""
-    n2, d, omega = 2 * len(train.mass), incidence(train), velocity_scale(train)
+    n2, d, omega = 2 * len(train.mass), train.incidence, velocity_scale(train)
     readings = np.zeros((len(edges), n2 + 3))
     at = np.searchsorted(edges, block.angle - 1e-9)
     assert np.max(np.abs(edges[at] - block.angle)) < 1e-9, "every force row lies on an edge of the finer sweep"

@@ -11,7 +11,7 @@ from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import converge_tangents
 from camopt.scene.errors import InputError
-from camopt.scene.linearisation import is_linear
+from camopt.scene.rest import is_linear
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 

@@ -86,22 +86,6 @@ class WarmModel:
         succeeds(self._highs.addRows(len(rows), lowest, level[rows], len(entries), starts, columns, entries))
         self.held = np.concatenate([self.held, rows])
 
-    def begin_like(self, other: "WarmModel", level: np.ndarray, working: np.ndarray, like: np.ndarray) -> None:
-        """Hold the rows that are `like` those of another model with as many columns, and begin from its basis.
-
-        `like` (other.held) are the rows here that stand for the ones held there, -1 where none does. The rows `working`
-        are held too: what bounds one program may leave another one that differs unbounded.
-        """
-        self.add(np.union1d(like[like >= 0], working), level)
-        basis = other._highs.getBasis()
-        status = {
-            row: one for row, one in zip(like.tolist(), basis.row_status, strict=True) if one != HighsBasisStatus.kBasic
-        }
-        if len(status) < len(other.basis()) or -1 in status:
-            return  # rows there share one here, or have none: that is no basis any more
-        basis.row_status = [status.get(row, HighsBasisStatus.kBasic) for row in self.held.tolist()]
-        succeeds(self._highs.setBasis(basis))
-
     def keep(self, rows: np.ndarray) -> None:
         """Leave out the slack rows that are not among `rows`; a basis without them stays one."""
         slack = [status == HighsBasisStatus.kBasic for status in self._highs.getBasis().row_status]

@@ -263,13 +263,6 @@ class NoJumpProgram:
             vars(other)["rows"] = self.rows
         return other
 
-    def with_train(self, train: Train) -> "NoJumpProgram":
-        """This program for another train, at the angles of static load transfer."""
-        blocks = _blocks(train, self.design, self.cam, self.speeds, None, self.window)
-        other = replace(self, train=train, blocks=blocks)
-        vars(other)["limits"] = self.limits
-        return other
-
     def relocated(self, angles: Sequence[Angles]) -> "NoJumpProgram":
         """The same program at other switching angles, one per block."""
         return replace(self, blocks=_blocks(self.train, self.design, self.cam, self.speeds, angles, self.window))

@@ -18,9 +18,9 @@ from scipy.special import factorial
 
 from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
-from camopt.optimizer.program.phases import Angles, incidence, phase_contacts
+from camopt.optimizer.program.phases import Angles, phase_contacts
 from camopt.optimizer.program.tangents import Tangents
-from camopt.scene.linearisation import linearised_at_rest
+from camopt.scene.rest import linearised_at_rest
 from camopt.scene.train import Train
 from camopt.scene.units import DEG
 
@@ -135,7 +135,7 @@ class PeriodicResponse:
     def force(self, element: int, at: np.ndarray) -> np.ndarray:
         """Force of an element [N] at ascending edges `at` (indices), as if it were closed: (len(at), 1 + m)."""
         t, n = self.train, len(self.train.mass)
-        row, drive = incidence(t)[element], float(t.cam_driven[element])
+        row, drive = t.incidence[element], float(t.cam_driven[element])
         k, load, c = t.stiffness[element], t.preload[element], t.damping[element]
         if self.tangents is not None:
             line = self.tangents.at(self.samples.edges[at])
@@ -151,7 +151,7 @@ class PeriodicResponse:
         """Separation of a contact [m], which touches at the compression `touch` [m], at ascending edges `at`: as above;
         negative where it is compressed."""
         t, n, reading = self.train, len(self.train.mass), np.zeros(self.begin.shape[1])
-        reading[:n], reading[2 * n] = -incidence(t)[element], -float(t.cam_driven[element])
+        reading[:n], reading[2 * n] = -t.incidence[element], -float(t.cam_driven[element])
         reading[2 * n + LIFT_DERIVATIVES] = t.gap[element] + touch
         return self._read(reading, at)
 
@@ -199,7 +199,7 @@ def periodic_response(train: Train, samples: CamSamples, cam_speed: float, angle
 def velocity_scale(train: Train) -> float:
     """A frequency [rad/s] by which velocities are divided to be as large as positions, so that exponentials keep their
     accuracy."""
-    d = incidence(train)
+    d = train.incidence
     return float(np.sqrt(np.max(np.einsum("e,en,en->n", train.stiffness, d, d) / train.mass)))
 
 
@@ -256,7 +256,7 @@ class ExactSteps:
 def exact_steps(train: Train, edges: np.ndarray, cam_speed: float, angles: Angles) -> ExactSteps:
     """Steps between `edges` [rad] with the phases of `angles`; steps equal to round-off share one exponential."""
     middles, contacts = 0.5 * (edges[1:] + edges[:-1]), phase_contacts(train)
-    scaled = incidence(train), velocity_scale(train)
+    scaled = train.incidence, velocity_scale(train)
     phases, tangents = angles.phase(middles), angles.tangents
     kinds = np.column_stack([phases, _rounded_widths(edges)])
     load = np.zeros((len(middles), 0))

@@ -10,9 +10,8 @@ from camopt.cam.families.free import FreeCam
 from camopt.cam.ramps import Ramp
 from camopt.optimizer.program.tangents import Tangents
 from camopt.scene.errors import NoCamFound
-from camopt.scene.linearisation import linearised_at_rest
-from camopt.scene.rest import rest_position, static_matrices
-from camopt.scene.train import GROUND, Train
+from camopt.scene.rest import linearised_at_rest, rest_position, static_matrices
+from camopt.scene.train import Train
 from camopt.scene.units import MM
 
 SEATED, SHARED, LIFTED = range(3)
@@ -80,12 +79,12 @@ def static_angles(train: Train, cam: FreeCam) -> Angles:
 def _lift_at_touch(train: Train, closed: np.ndarray, element: int) -> float:
     """Lift [m] at which `element` touches without force in static equilibrium with the elements `closed`."""
     stiffness, load = static_matrices(train, closed)
-    driven = incidence(train).T @ (train.stiffness * train.cam_driven * closed)
+    driven = train.incidence.T @ (train.stiffness * train.cam_driven * closed)
     scale = 1.0 / np.sqrt(np.diag(stiffness))
     x = scale[:, None] * np.linalg.solve(
         stiffness * scale * scale[:, None], scale[:, None] * np.column_stack([load, -driven])
     )
-    row = incidence(train)[element]
+    row = train.incidence[element]
     rate = row @ x[:, 1] + train.cam_driven[element]
     touch = train.touch_compression[element]
     return float((touch + train.gap[element] - row @ x[:, 0]) / rate)
@@ -103,14 +102,3 @@ def _before_top(ramp: Ramp, lift: float, side: str, contact: str) -> float:
     keep = np.append(True, np.diff(borders) > 0)  # a ramp without foot
     roots = PPoly(pieces[keep[1:], ::-1].T, borders[keep]).solve(lift, extrapolate=False)
     return -float(roots[np.isfinite(roots)][0])
-
-
-def incidence(train: Train) -> np.ndarray:
-    """Matrix D (e, n) with compression d = D x + cam_driven * lift - gap."""
-    matrix = np.zeros((len(train.a), len(train.mass)))
-    for e in range(len(train.a)):
-        if train.a[e] != GROUND:
-            matrix[e, train.a[e]] += 1.0
-        if train.b[e] != GROUND:
-            matrix[e, train.b[e]] -= 1.0
-    return matrix

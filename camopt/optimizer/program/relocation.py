@@ -11,9 +11,8 @@ from camopt.optimizer.program.phases import Angles
 from camopt.optimizer.program.radii import near, with_radii
 from camopt.optimizer.program.tangents import HELD_N, tangents_along
 from camopt.optimizer.program.waves import with_switches
-from camopt.scene.linearisation import is_linear
 from camopt.scene.response import Response, end_state
-from camopt.scene.rest import state_at_rest
+from camopt.scene.rest import is_linear, state_at_rest
 from camopt.scene.train import Train
 
 REVOLUTIONS = 8

@@ -10,10 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.scene.contact_laws import LawNumbers
 from camopt.scene.laws import CURVED, FRICTION, LINEAR, OF_CONTACTS, OIL
-from camopt.scene.linearisation import is_linear
 from camopt.scene.response import Response
+from camopt.scene.rest import is_linear
 from camopt.scene.train import Train
 
 HELD_N = 20.0
@@ -69,8 +68,8 @@ def _lines(train: Train, response: Response, e: int, d: np.ndarray) -> tuple[np.
         return stiffness, force - stiffness * d
     force, stiffness = laws.along(e, d, train.preload[e])
     if laws.kind[e] in OF_CONTACTS:  # it has no stiffness where it only just touches
-        law, numbers = laws.contact_law(e), LawNumbers(laws.coefficient[e], laws.exponent[e])
-        stiffness = np.maximum(stiffness, law.slope(law.depth(HELD_N, numbers), numbers))
+        law = laws.contact_law(e)
+        stiffness = np.maximum(stiffness, law.slope(law.depth(HELD_N)))
     if (
         laws.dissipation[e] > 0.0
     ):  # what the law damps is a load along this motion; where the program stands, it is exact

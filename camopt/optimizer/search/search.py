@@ -29,7 +29,7 @@ from camopt.optimizer.search.margins import FedBack, first_margins, used_by_kind
 from camopt.optimizer.search.region import RowSource, first_region, stepped
 from camopt.scene.design import Design
 from camopt.scene.errors import NoCamFound
-from camopt.scene.linearisation import is_linear
+from camopt.scene.rest import is_linear
 from camopt.scene.schema import Scene
 from camopt.scene.smoothing import Smoothing
 from camopt.scene.train import Train, build_train

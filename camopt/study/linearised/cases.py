@@ -18,7 +18,7 @@ from camopt.optimizer.program.phases import Angles, phase_contacts
 from camopt.optimizer.program.relocation import NoLoadTransfer, located_angles, settled_revolution
 from camopt.scene.errors import InputError
 from camopt.scene.laws import FRICTION
-from camopt.scene.linearisation import is_linear
+from camopt.scene.rest import is_linear
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
 from camopt.scene.units import RPM

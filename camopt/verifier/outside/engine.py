@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 
 from camopt.verifier.outside.filed import GROUND, FiledCam, FiledElement, FiledTrain
-from camopt.verifier.outside.forces import NEVER_PULLS, elastic, force, lift, on_rows
-from camopt.verifier.outside.rest import at_rest, compression
+from camopt.verifier.outside.forces import NEVER_PULLS, at_rest, compression, elastic, force, lift, on_rows
 
 exu: Any = import_module("exudyn")  # its stubs name types that its functions do not have
 items: Any = import_module("exudyn.itemInterface")
@@ -28,15 +27,8 @@ SHORTEST_STEP = 1e-30
 LENGTH = 1e-3
 """Length [m], and velocity [m/s], below which the permitted error is that of this length."""
 Kind = exu.OutputVariableType
-
-
-@dataclass(frozen=True)
-class FiledState:
-    """Positions [m], velocities [m/s] and memories [m] at -180 deg."""
-
-    x: np.ndarray
-    v: np.ndarray
-    z: np.ndarray
+FiledState = tuple[np.ndarray, np.ndarray, np.ndarray]
+"""Positions [m], velocities [m/s] and memories [m] at -180 deg."""
 
 
 @dataclass(frozen=True)
@@ -51,7 +43,7 @@ class FiledMotion:
     @property
     def end(self) -> FiledState:
         """The state in which it ends."""
-        return FiledState(self.x[-1], self.v[-1], self.z[-1])
+        return self.x[-1], self.v[-1], self.z[-1]
 
 
 def pick(condition, value, other):
@@ -92,15 +84,15 @@ class ExudynModel:
         """The state at rest on the base circle; every memory has faded."""
         x = at_rest(self.train)
         z = np.array([float(compression(e, x)) for e in self.memory])
-        return FiledState(x, np.zeros_like(x), z)
+        return x, np.zeros_like(x), z
 
     def revolve(self, state: FiledState) -> FiledMotion:
         """One revolution from a state at -180 deg."""
         period, data, initial = 2 * np.pi / self.speed, self.mbs.systemData, exu.ConfigurationType.Initial
-        data.SetODE2Coordinates(state.x, initial)
-        data.SetODE2Coordinates_t(state.v, initial)
+        data.SetODE2Coordinates(state[0], initial)
+        data.SetODE2Coordinates_t(state[1], initial)
         if self.memory:
-            data.SetODE1Coordinates(state.z, initial)
+            data.SetODE1Coordinates(state[2], initial)
         settings = exu.SimulationSettings()
         run = settings.timeIntegration
         run.startTime, run.endTime, run.numberOfSteps = 0.0, period, LONGEST_STEPS

@@ -8,8 +8,7 @@ import numpy as np
 
 from camopt.verifier.outside.engine import FiledMotion
 from camopt.verifier.outside.filed import GROUND, MM, FiledCam, FiledElement, FiledTrain
-from camopt.verifier.outside.forces import NEVER_PULLS, force, lift, touch
-from camopt.verifier.outside.rest import compression
+from camopt.verifier.outside.forces import NEVER_PULLS, compression, force, lift, touch
 
 BETWEEN = 4
 """Places at which each step of the solver is looked at."""

@@ -34,18 +34,18 @@ def ratios(cam: Lift, noise_um: float, step: float, seed: int) -> tuple[float, f
     lift = cam(degrees * DEG) / MM + np.random.default_rng(seed).normal(0, 1e-3 * noise_um, len(degrees))
     lift[-1] = lift[0]
     try:
-        law = smoothed("table", degrees, np.round(lift, 4), list(range(1, len(lift) + 1)), RAMPS)
+        pieces, report = smoothed("table", degrees, np.round(lift, 4), list(range(1, len(lift) + 1)), RAMPS)
     except InputError as error:
         assert "no usable acceleration" in str(error) and noise_um >= 10
         return None
-    assert law.pieces is not None
-    true, found = cam(EVENT * DEG, 2) / MM * DEG**2, law.pieces(np.mod(EVENT, 360.0), 2)
+    assert pieces is not None
+    true, found = cam(EVENT * DEG, 2) / MM * DEG**2, pieces(np.mod(EVENT, 360.0), 2)
     largest = np.abs(found).max() / 100
     extremes = max(abs(found.max() - true.max()), abs(found.min() - true.min()))
     rms = np.sqrt(np.mean((found - true) ** 2))
     return (
-        float(rms / (largest * law.report["acceleration_error_percent"])),
-        float(extremes / (largest * law.report["peak_error_percent"])),
+        float(rms / (largest * report["acceleration_error_percent"])),
+        float(extremes / (largest * report["peak_error_percent"])),
     )
 
 
@@ -103,8 +103,8 @@ def test_every_drawn_table_ends_in_a_law_or_a_sentence(first):
     for seed in range(first, first + 20 if first < 60 else 400):
         degrees, lift = drawn_table(seed)
         try:
-            found = smoothed("table", degrees, lift, list(range(1, len(lift) + 1)), RAMPS)
-            outcomes.append(found.report["noise_um"] >= 0)
+            _, report = smoothed("table", degrees, lift, list(range(1, len(lift) + 1)), RAMPS)
+            outcomes.append(report["noise_um"] >= 0)
         except InputError as error:
             assert "\n" not in str(error)
             outcomes.append(False)

@@ -13,7 +13,7 @@ from camopt.optimizer.as_built.search import band_speeds, free_program
 from camopt.optimizer.as_built.smooth_forces import SmoothForces
 from camopt.optimizer.as_built.tied_forces import ExactForces
 from camopt.optimizer.program.periodic import periodic_response, sample_cam
-from camopt.optimizer.program.phases import LIFTED, incidence, phase_contacts, static_angles
+from camopt.optimizer.program.phases import LIFTED, phase_contacts, static_angles
 from camopt.scene import load_scene
 from camopt.scene.errors import NoCamFound
 from camopt.scene.train import build_train
@@ -36,7 +36,7 @@ def test_a_contact_opens_as_its_train_moves_without_the_force_that_it_lacks(cont
     force = lambda angle: -200.0 * np.sin(np.pi * np.clip(angle / (20 * STEP), 0.0, 1.0))  # noqa: E731
     closed = phase_contacts(train)[LIFTED].copy()
     closed[element] = False
-    d, n = incidence(train), len(train.mass)
+    d, n = train.incidence, len(train.mass)
     k, c = train.stiffness * closed, train.damping * closed
 
     def rate(t, y):

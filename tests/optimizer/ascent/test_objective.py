@@ -14,7 +14,7 @@ from camopt.optimizer.ascent.objective import AIM, REPRESENTATIVE
 from camopt.optimizer.ascent.train_variables import TrainVariables
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.scene import InputError, build_train, load_scene
-from camopt.scene.tolerances import Tolerance
+from camopt.scene.schema import Tolerance
 from tests.exact.test_real_trains import SCENE as REAL
 
 MOTORI = load_scene("motori-1")

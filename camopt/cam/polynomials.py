@@ -1,0 +1,101 @@
+"""Polynomials on intervals: Bernstein control points, a level over the cam angle in pieces, and osculating pieces.
+
+A polynomial lies between its smallest and its largest control point (Farin, Curves and Surfaces for CAGD, 2002, ch. 5).
+
+Osculating pieces of degree 11 meet a smooth law's value and five derivatives at each border, and each other with five
+continuous derivatives. A law x^p over pieces of `width` relative to its half duration is met to
+(p * width)^12 / (12! 2^12), below 1e-12 of its amplitude for p * width < 1.
+"""
+
+from dataclasses import dataclass
+from functools import cache
+from math import comb
+from typing import Any
+
+import numpy as np
+
+from camopt.scene.shapes import Float
+
+
+@cache
+def from_powers(degree: int) -> Float[np.ndarray, "{degree}+1 {degree}+1"]:
+    """Matrix from the power coefficients of a polynomial on [0, 1] to its control points."""
+    k = range(degree + 1)
+    return np.array([[comb(i, j) / comb(degree, j) for j in k] for i in k])
+
+
+@dataclass(frozen=True)
+class PiecewiseLevel:
+    """Pieces sum_k c[i, k] (theta - borders[i])^k [SI] between `borders` [rad]; two equal borders are one angle.
+
+    What is meant lies within `error` of the pieces: who holds it takes the lower side, who bounds it the upper.
+    """
+
+    borders: Float[np.ndarray, " edges"]
+    coefficients: Float[np.ndarray, "p q"]
+    error: float = 0.0
+
+    @property
+    def low(self) -> float:
+        """First angle [rad]."""
+        return float(self.borders[0])
+
+    @property
+    def high(self) -> float:
+        """Last angle [rad]."""
+        return float(self.borders[-1])
+
+    @property
+    def size(self) -> float:
+        """Largest value at a border."""
+        return float(np.abs(self.coefficients[:, 0]).max())
+
+    def taylor(self, start: Float[np.ndarray, " k"], within: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k q"]:
+        """Power coefficients about angles `start` (k) [rad] of the pieces that hold at angles `within` (k)."""
+        piece = np.clip(np.searchsorted(self.borders, within, side="right") - 1, 0, len(self.coefficients) - 1)
+        return recentred(self, piece, start)
+
+
+def recentred(of: Any, piece: np.ndarray, start: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m q"]:
+    """Coefficients about new starts [rad] of the pieces of the numbers `piece` (m) of a lift law or a level."""
+    c = of.coefficients[piece].copy()
+    step = start - of.borders[piece]
+    q = c.shape[1]
+    for low in range(q - 1):  # repeated synthetic division
+        for k in range(q - 2, low - 1, -1):
+            c[:, k] += step * c[:, k + 1]
+    return c
+
+
+def flat_level(value: float, low: float, high: float) -> PiecewiseLevel:
+    """The same value at all angles from `low` to `high` [rad]."""
+    return PiecewiseLevel(np.array([low, high]), np.array([[value]]))
+
+
+MATCHED = 6  # value and five derivatives at each end
+_POWERS = np.arange(MATCHED, 2 * MATCHED)
+_FACTORIAL = np.cumprod([1, 1, 2, 3, 4, 5])
+
+
+def falling(powers: np.ndarray, k: int) -> np.ndarray:
+    """Factors that k derivatives bring down of u^p, by the powers p; zero where k > p."""
+    return np.prod([powers - i for i in range(k)], axis=0) if k else np.ones(len(powers))
+
+
+_UPPER = np.array([falling(_POWERS, k) for k in range(MATCHED)], dtype=float)
+
+
+def osculating_pieces(borders: np.ndarray, derivatives: np.ndarray) -> np.ndarray:
+    """Local coefficients (p, 12) on `borders` (p + 1) from `derivatives` (p + 1, 6) by the same variable.
+
+    Both arrays are NumPy's or both JAX's.
+    """
+    xp = derivatives.__array_namespace__()
+    width = xp.diff(borders)[:, None]
+    orders = np.arange(MATCHED)
+    start = derivatives[:-1] * width**orders / _FACTORIAL  # in units of the piece's own width
+    low = np.arange(MATCHED)
+    lower = np.array([falling(low, k) for k in range(MATCHED)], dtype=float)
+    rest = derivatives[1:] * width**orders - start @ lower.T
+    upper = xp.linalg.solve(_UPPER, rest.T).T
+    return xp.concatenate([start, upper], axis=1) / width ** np.arange(2 * MATCHED)
