@@ -6,9 +6,11 @@ whatever the stiffness. The quantity that decides whether an element switches is
 slopes and power series are rows of matrices.
 """
 
+from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from functools import lru_cache
+from threading import Lock
 from typing import Any
 
 import numpy as np
@@ -29,6 +31,9 @@ FIRST_COMBINATIONS = 256
 """Number of combinations for which there is room at first; the system provides it as it is written to."""
 GROWTH = 4
 """Factor by which the room grows when it is used up."""
+KEPT, KEPT_BYTES = 24, 500_000_000
+"""Sets of tables that are kept for later motions, and their memory together [bytes]: three progressive springs in
+chords have thousands of combinations, and each takes a seventh of a megabyte."""
 
 
 def highest_frequency(train: Train) -> float:
@@ -61,6 +66,11 @@ class Propagators:
         except InputError:
             pass  # nothing holds the train at rest
 
+    @property
+    def size(self) -> int:
+        """Memory of the combinations that are written [bytes]."""
+        return int(self.tables.built[0]) * sum(part[0].nbytes for part in self.tables[1:-2])
+
     def grow(self) -> None:
         """Makes room for more combinations."""
         built, *parts, leap, sizes = self.tables
@@ -76,6 +86,11 @@ class Lending:
     def __init__(self, *of: Any) -> None:
         self._of, self._free = of, list[Propagators]()
 
+    @property
+    def size(self) -> int:
+        """Memory of the tables that no thread uses [bytes]."""
+        return sum(one.size for one in self._free)
+
     @contextmanager
     def lent(self) -> Iterator[Propagators]:
         """Tables that no other thread uses meanwhile; those of earlier motions where there are any."""
@@ -89,10 +104,22 @@ class Lending:
             self._free.append(one)
 
 
-@lru_cache(maxsize=24)
+_kept: OrderedDict[tuple, Lending] = OrderedDict()
+_lock = Lock()
+
+
 def propagators(train: Train, step: float, width: int, at_once: int) -> Lending:
-    """The propagators of a train, shared by all speeds and cams that use the same step and lift width."""
-    return Lending(train, step, width, at_once)
+    """The propagators of a train, shared by all speeds and cams that use the same step and lift width.
+
+    Those that were used last are kept, as many as `KEPT` and no more than `KEPT_BYTES`.
+    """
+    key = train, step, width, at_once
+    with _lock:
+        one = _kept[key] = _kept.pop(key, None) or Lending(*key)
+        size = sum(other.size for other in _kept.values())
+        while len(_kept) > 1 and (len(_kept) > KEPT or size > KEPT_BYTES):
+            size -= _kept.popitem(last=False)[1].size
+    return one
 
 
 @lru_cache(maxsize=256)
