@@ -1,5 +1,6 @@
 """The box about a cam within which a program believes its rows: a trust region (Conn, Gould and Toint 2000)."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Protocol
 
@@ -34,12 +35,12 @@ class RowSource(Protocol):
         """The program with its rows about a cam near z (m), and that cam."""
         ...
 
-    def error_at(self, program: NoJumpProgram, z: np.ndarray) -> float:
-        """The error of the forces that the rows foretold for the cam of z (m), as a part of their change."""
+    def errors_at(self, program: NoJumpProgram, z: np.ndarray) -> np.ndarray:
+        """The errors (s) of the forces that the rows foretold for the cam of z (m), as parts of their change."""
         ...
 
     def about(self, program: NoJumpProgram, z: np.ndarray) -> NoJumpProgram:
-        """The program with its rows about the cam of z (m), where `error_at` was asked last."""
+        """The program with its rows about the cam of z (m), where `errors_at` was asked last."""
         ...
 
 
@@ -73,13 +74,21 @@ def first_region(design: Design) -> Region:
 
 
 def stepped(
-    source: RowSource, program: NoJumpProgram, z: np.ndarray, region: Region, margins: np.ndarray
+    source: RowSource,
+    program: NoJumpProgram,
+    z: np.ndarray,
+    region: Region,
+    margins: np.ndarray,
+    of_speeds: Callable[[np.ndarray], float],
 ) -> NoJumpOptimum:
-    """The cam of largest area in the box about that of z (m), narrowed until the rows foretell its forces."""
+    """The cam of largest area in the box about that of z (m), narrowed until the rows foretell its forces.
+
+    `of_speeds` makes one error of those at all speeds (s).
+    """
     while True:
         program = program.within(Box(z, region.width))
         found = program.solve_below(margins)
-        error = source.error_at(program, found.z)
+        error = float(of_speeds(source.errors_at(program, found.z)))
         if not region.refuses(error):
             region.follow(error)
             return found

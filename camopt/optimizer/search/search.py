@@ -125,14 +125,16 @@ def _programs(search: Search, source: RowSource, program: NoJumpProgram, z: np.n
     """Programs from the cam of z (m) on: with the first margins until one promises little more area or its cam does not
     settle, then so many rounds whose margins follow what the judged motion uses of the limits.
 
-    A cam whose valve does not seat is the centre of no program where others held.
+    The errors of the foretold forces rule the box: on the way to the limits that of the speed in the middle, and where
+    margins are fed back the largest one, since there the motion breaks its limits first. A cam whose valve does not
+    seat is the centre of no program where others held.
     """
     row, constant = area_ratio_row(program.design, program.cam)
     region, fed = first_region(program.design), FedBack(first_margins(program.design, len(program.blocks)))
     renewed = _due(is_linear(program.train), rounds)
     settled, left = False, rounds
     while left or not settled:
-        found = stepped(source, program, z, region, fed.margins)
+        found = stepped(source, program, z, region, fed.margins, np.max if settled else np.median)
         stage = "margins fed back" if settled else "path constraints"
         tried = search.evaluate(stage, found.program.cam, found.z, found.area_ratio)
         seats = bool(np.all(np.isfinite(tried.judged.share))) or not search.held
@@ -190,9 +192,9 @@ class ExactRows:
         self.jacobians += 1
         return converge_tangents(no_jump_program(program.train, program.design, program.cam, program.speeds)), z
 
-    def error_at(self, program: NoJumpProgram, z: np.ndarray) -> float:
-        """Zero: the forces are straight in z (m) while contacts switch at the same angles."""
-        return 0.0
+    def errors_at(self, program: NoJumpProgram, z: np.ndarray) -> np.ndarray:
+        """Zero (s): the forces are straight in z (m) while contacts switch at the same angles."""
+        return np.zeros(len(program.blocks))
 
     def about(self, program: NoJumpProgram, z: np.ndarray) -> NoJumpProgram:
         """The program at the angles of the settled motion of the cam of z (m)."""

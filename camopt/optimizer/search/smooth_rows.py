@@ -96,29 +96,28 @@ class SmoothRows:
         program = self.about(program, share * z)
         return with_radii(with_switches(program, HELD_N), HELD_N), share * z
 
-    def error_at(self, program: NoJumpProgram, z: np.ndarray) -> float:
-        """The error of the forces that the rows foretold for the cam of z (m), as a part of their change, at the speed
-        at which it is largest: there the motion breaks its limits first.
+    def errors_at(self, program: NoJumpProgram, z: np.ndarray) -> np.ndarray:
+        """The errors (s) of the forces that the rows foretold for the cam of z (m), as parts of their change.
 
-        It is infinite where the valve is off its seat at the end of a revolution, as an adjuster that pumped up holds
-        it, and was not with the cam about which the rows are.
+        They are infinite where the valve is off its seat at the end of a revolution, as an adjuster that pumped up
+        holds it, and was not with the cam about which the rows are.
         """
         known = self._known
         self._paths = self._settled(z, known.start(z) if known else self._rest) or self._settled(z, self._rest)
         if self._paths is None or known is None:
-            return np.inf
+            return np.full(len(self._speeds), np.inf)
         if bool((_open_ends(self._paths) & ~_open_ends(known.paths)).any()):
-            return np.inf
+            return np.full(len(self._speeds), np.inf)
         event = self._event(program)
         before = known.paths.force[event]
         foretold = before + jnp.asarray(known.slopes.force @ (z - known.at))
         size = _largest(before)
         missed, moved = (_largest(self._paths.force[event] - force) for force in (foretold, before))
         self._missed = float((missed / size).max())
-        return float((missed / (moved + TOLERATED * size)).max())
+        return np.asarray(missed / (moved + TOLERATED * size))
 
     def about(self, program: NoJumpProgram, z: np.ndarray) -> NoJumpProgram:
-        """The program with its rows about the cam of z (m), where `error_at` was asked last; slopes that foretold its
+        """The program with its rows about the cam of z (m), where `errors_at` was asked last; slopes that foretold its
         forces well are kept."""
         if self._paths is None:
             raise NoCamFound("the smoothed motion with tied contacts grows without bound at one of the speeds searched")
