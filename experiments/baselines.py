@@ -25,7 +25,7 @@ from experiments.support.record import RESULTS, run_script, write_result
 EVALUATIONS = {"small": 2 * POPULATION, "full": 48 * POPULATION}
 BOUNCE_MAX_MM = 0.05
 HALVINGS = {"small": 0, "full": 2}
-SMALL = ("polydyne", "trapezoid")
+SMALL = ("trapezoid",)
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
