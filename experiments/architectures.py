@@ -19,7 +19,7 @@ from camopt.scene import InputError, Scene, parse_scene
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.sweeping import called
 
-SCENES = {"small": 1, "full": 10}
+SCENES = {"small": (8,), "full": range(10)}  # number 8 is a bucket train of two masses, the quickest
 SPEEDS = {"small": "nominal", "full": "band"}
 ARCHITECTURES = ("bucket", "finger", "pushrod", "pushrod-elastic")
 DAMPING = 0.02, 0.06
@@ -160,7 +160,7 @@ def _failed_families(folder: Path) -> dict[str, str]:
 
 def main(size: str, folder=RESULTS) -> dict:
     """Draws, runs the job on each, prints and writes `architectures.json`."""
-    cases = ({"number": number, "speeds": SPEEDS[size]} for number in range(SCENES[size]))
+    cases = ({"number": number, "speeds": SPEEDS[size]} for number in SCENES[size])
     rows = called("experiments.architectures:one", cases, size)
     print(*rows, sep="\n")
     ends = {e: sum(r["ends"] == e for r in rows) for e in sorted({r["ends"] for r in rows})}

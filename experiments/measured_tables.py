@@ -64,7 +64,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     figures = {"error": draw_errors(rows, peak), "example": draw_example(truth)} if size == "full" else {}
     if drawn and size == "full":
         figures["motorbike"] = draw_measured(drawn)
-    write_result("measured_tables" if size == "full" else f"measured_tables-{size}", size, content, figures, folder)
+    write_result("measured_tables", size, content, figures, folder)
     return content
 
 

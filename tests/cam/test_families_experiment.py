@@ -1,4 +1,4 @@
-"""The experiment on the cam families at its small size."""
+"""The experiment on the cam families: its stored members, and its orders of continuity."""
 
 import json
 
@@ -13,25 +13,6 @@ from experiments import cam_families
 from experiments.support.cam_families_table import orders_of_continuity
 
 STORED = json.loads((cam_families.RESULTS / "cam_families.json").read_text())["cams"]
-
-
-def test_small_size(tmp_path, capsys):
-    cam_families.main("small", tmp_path)
-    rows = json.loads((tmp_path / "cam_families-small.json").read_text())["cams"]
-    assert {(r["cam"], r["limits"]) for r in rows} == {
-        (cam, limits) for cam in cam_families.SMALL for limits in ("Table 4", "kodama")
-    }
-    for row in rows:
-        assert 0.5 < row["area_ratio"] < 0.65082  # the bang-bang bound without a jerk limit
-        assert row["section_step_velocity_mm_per_deg"] < 1e-12
-        assert row["ramp_step_acceleration_mm_per_deg2"] < 1e-12
-    polydyne, _, trapezoid = rows[:3]
-    assert polydyne["ramp_step_jerk_mm_per_deg3"] == pytest.approx(0.00323, abs=1e-5)
-    assert trapezoid["section_step_jerk_mm_per_deg3"] == pytest.approx(trapezoid["jerk_max_mm_per_deg3"])
-    assert trapezoid["broken"] == []
-    assert [b["speed_rpm"] for b in trapezoid["bounce"]] == [5000.0]
-    assert "`trapezoid`" in capsys.readouterr().out
-    assert (tmp_path / "cam_families-small.png").stat().st_size > 10_000
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The cam and follower of arXiv 0711.1008 against formulas: arcs, restitution, detachment, the bound of its speed."""
+"""The cam and follower of arXiv 0711.1008 against formulas: arcs, restitution, and the limits of the best cam."""
 
 from dataclasses import replace
 
@@ -7,7 +7,6 @@ import pytest
 
 from camopt.exact import prepare
 from camopt.scene import build_train, load_scene
-from camopt.scene.units import RPM
 from experiments import cam_follower
 from experiments.support.cam_follower_parts import (
     TIP,
@@ -22,24 +21,10 @@ from experiments.support.cam_follower_parts import (
 MASS, STIFFNESS, PRELOAD = 1.221, 1430.8, 143.08
 
 
-@pytest.fixture(scope="module")
-def content(tmp_path_factory):
-    return cam_follower.main("small", tmp_path_factory.mktemp("cam_follower"))
-
-
 def test_the_cam_is_the_sources_arcs():
     angle = np.linspace(-np.pi, np.pi, 20_011)
     np.testing.assert_allclose(profile()(angle), arcs(np.pi - np.abs(angle)), atol=1e-14)
     assert profile().max_lift == pytest.approx(0.153933, abs=5e-7)
-
-
-def test_the_rigid_follower_leaves_where_the_formula_says(content):
-    """omega^2 = -k c / (m c'') at the corner, with the tip's arc and its curvature worked out by hand for a circle."""
-    found = content["detachment"]
-    assert found["rigid_rpm"] == pytest.approx(114.99, abs=0.02)
-    assert found["cam_angle_deg"] == pytest.approx(209.82, abs=0.01)
-    for rpm in found["compliant_rpm"].values():
-        assert rpm == pytest.approx(found["rigid_rpm"], abs=0.05)
 
 
 @pytest.mark.parametrize("restitution", [0.5, 0.8, 0.95])
@@ -51,22 +36,6 @@ def test_a_contact_returns_what_its_damping_was_made_for(restitution):
     motion = prepare(train, replace(profile(), coefficients=0 * profile().coefficients), 2 * np.pi)
     state = motion(np.array([0.1, -1.0])).v[:, 0]
     assert state[0] == -1.0 and state[-1] == pytest.approx(restitution, rel=1e-9)
-
-
-def test_the_motions_are_those_published_in_kind(content):
-    by_speed = {row["speed_rpm"]: row for row in content["motions"]}
-    assert by_speed[358]["period_revolutions"] is not None and by_speed[700]["period_revolutions"] is not None
-    chaotic = by_speed[660]
-    assert chaotic["period_revolutions"] is None and chaotic["growth_per_revolution"] > 1.1
-
-
-def test_no_cam_stays_longer_than_its_bound(content):
-    natural = np.sqrt(STIFFNESS / MASS)
-    without_limit = natural * TIP / np.arccos(0.1 / (0.1 + content["lift_m"])) / RPM
-    for row in content["longest_on"]:
-        assert row["lift_m"] == pytest.approx(content["lift_m"], rel=1e-9)
-        assert 0.998 * row["bound_rpm"] < row["detachment_rpm"] <= row["bound_rpm"] < without_limit
-    assert content["longest_on"][0]["detachment_rpm"] > 1.9 * content["detachment"]["rigid_rpm"]
 
 
 def test_the_found_cam_keeps_its_limits_at_every_angle():

@@ -1,4 +1,4 @@
-"""Optimisers at one judge: two of them at small size, all of them among the long tests, and what the figure draws."""
+"""Optimisers at one judge: all of them among the long tests, and what the figure draws."""
 
 import numpy as np
 import pytest
@@ -6,18 +6,6 @@ import pytest
 pytest.importorskip("cma")  # of the extra `peers`
 from experiments import optimisers
 from experiments.support.optimiser_runs import METHODS, run
-
-
-def test_two_at_small_size(tmp_path):
-    content = optimisers.main("small", tmp_path)
-    rows = {row["method"]: row for row in content["runs"]}
-    search, drawn = (rows[method] for method in optimisers.TRIED["small"])
-    assert 0.3 < drawn["area_ratio"] < search["area_ratio"] < 0.6
-    assert drawn["ended"] == "budget spent"
-    assert content["areas"]["CMA-ES"] == {"motori-1": [drawn["area_ratio"]]}
-    assert all(at <= content["budget_s"] for row in rows.values() for at, _ in row["stairs"])
-    assert all(np.all(np.diff([area for _, area in row["stairs"]]) > 0) for row in rows.values())
-    assert (tmp_path / "optimisers-area.png").stat().st_size > 10_000
 
 
 def test_the_methods_of_the_experiment_are_those_that_run():

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from camopt.study.extremes.step_methods import LOCATING, STEP_METHODS
-from experiments import fixed_problems
 from experiments.support.problems import HEIGHT, PROBLEMS, bouncing, position
 
 ANGLE = np.linspace(-np.pi, np.pi, 361)
@@ -43,13 +42,3 @@ def test_the_ball_keeps_its_energy_and_its_law():
     force = np.where(x < 0, -4e4 * x, 0.0) - 10.0
     away = np.abs(x) > 1e-4
     assert np.abs(a - force)[5:-5][away[5:-5]].max() < 1e-2 * np.abs(force).max()
-
-
-def test_the_experiment_reads_the_same_table(tmp_path):
-    """Errors fall with the step, and the finest one is within the table's tolerance."""
-    rows = fixed_problems.main("small", tmp_path)["rows"]
-    assert {r["problem"] for r in rows} == {p.name for p in PROBLEMS[:2]}
-    assert {r["method"] for r in rows} == set(METHODS)
-    for r in rows:
-        assert r["error_um"][-1] < r["tolerance_um"], r["method"]
-        assert r["power_of_step"] is None or 0.3 < r["power_of_step"] < 4.5

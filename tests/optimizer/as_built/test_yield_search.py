@@ -29,8 +29,14 @@ SMALL = replace(ACCURACIES["draft"], shaping_trains=20, unseen_trains=30)
 
 
 @pytest.fixture(scope="module")
-def found():
-    return yield_search(SCENE, 0.9, SMALL)
+def journal(tmp_path_factory):
+    """The folder in which the search keeps what it judged."""
+    return tmp_path_factory.mktemp("search")
+
+
+@pytest.fixture(scope="module")
+def found(journal):
+    return yield_search(SCENE, 0.9, SMALL, log=TrainsLog(journal))
 
 
 def test_every_cam_that_counts_holds_in_enough_trains(found):
@@ -160,17 +166,16 @@ def test_every_train_is_judged_at_the_top_of_the_band():
     assert [drawn.speeds(t)[-1] for t in range(5)] == pytest.approx([top] * 5)
 
 
-def test_a_resumed_search_judges_nothing_twice(tmp_path, monkeypatch):
-    first = yield_search(SCENE, 0.9, SMALL, log=TrainsLog(tmp_path))
-    lines = (tmp_path / HISTORY).read_text()
-    last = sorted((tmp_path / FOLDER).glob("*.npz"))[-1]
+def test_a_resumed_search_judges_nothing_twice(found, journal, monkeypatch):
+    lines = (journal / HISTORY).read_text()
+    last = sorted((journal / FOLDER).glob("*.npz"))[-1]
     last.unlink()
     judged, judge = [], YieldSearch._judge
     monkeypatch.setattr(YieldSearch, "_judge", lambda self, lift: judged.append(lift) or judge(self, lift))
-    again = yield_search(SCENE, 0.9, SMALL, log=TrainsLog(tmp_path))
-    assert len(judged) == 1 and last.stem == f"{first.steps:04d}"
-    assert np.array_equal(again.best.z, first.best.z)
-    assert (tmp_path / HISTORY).read_text() == lines
+    again = yield_search(SCENE, 0.9, SMALL, log=TrainsLog(journal))
+    assert len(judged) == 1 and last.stem == f"{found.steps:04d}"
+    assert np.array_equal(again.best.z, found.best.z)
+    assert (journal / HISTORY).read_text() == lines
 
 
 def test_a_journal_of_another_search_is_refused(found, tmp_path):

@@ -1,0 +1,115 @@
+"""Every experiment has its line, its page and its stored result, and its small size says what it must.
+
+`small_motions`, `small_cams` and `stored_results` have, under the name of an experiment, what its content must say.
+"""
+
+import json
+import re
+import shutil
+from dataclasses import replace
+from importlib import import_module
+from importlib.util import find_spec
+from pathlib import Path
+
+import pytest
+
+import experiments
+from camopt.optimizer.accuracy import ACCURACIES
+from camopt.scene import builtin_scenes
+from tests.experiments import small_cams, small_motions, stored_results
+
+FOLDER = Path(experiments.__file__).parent
+SCRIPTS = sorted(p.stem for p in FOLDER.glob("*.py") if "run_script(main, __doc__)" in p.read_text())
+LINES = dict(re.findall(r"^\| `(\w+)` \| (.+\?) \| \[.+\) \|$", (FOLDER / "README.md").read_text(), re.MULTILINE))
+PAGES = FOLDER.parent / "docs" / "results"
+SMALL = vars(small_motions) | vars(small_cams)
+LONG = {
+    "cost_scaling", "first_gradient", "fronts", "gradient_batch", "gradient_bias", "gradient_quality", "stated_yields",
+}  # fmt: skip
+ELSEWHERE = {"tradeoff"}
+"""Its small size is that of `camopt tradeoff`, which tests/study/test_tradeoff.py runs and has kept."""
+NEEDED = {"contact_laws": "exudyn", "outside_judges": "exudyn", "optimisers": "cma", "live_latency": "playwright"}
+"""Packages of extras without which a small size cannot run."""
+STORED_ALONE = {
+    "job_time": {"older", "ratios"},  # of the full size alone
+    "measured_tables": {"generated.acceleration_estimated_percent"},  # the script states other errors since
+    "optimiser": {"rows.area_ratio_no_jump"},
+    "work_precision": {"times_slower_by_round.CVODE Adams"},  # of the extra `peers`
+}
+"""Fields that a stored result has and a small size has not."""
+DRAWN = {
+    "cam_families", "classical_laws", "drawn_trains", "flat_follower", "fronts", "handbook", "optimisers",
+    "work_precision",
+}  # fmt: skip
+"""Experiments that draw a figure at small size too."""
+RESUMED = {"near_limit": "verdict_of", "never_nothing": "optimised", "starts": "searched"}
+"""What an experiment must not call again where its store has all rows."""
+
+
+def stored(name: str) -> dict:
+    return json.loads((FOLDER / "results" / f"{name}.json").read_text())
+
+
+def test_lines_and_scripts_are_the_same():
+    assert sorted(LINES) == SCRIPTS
+    assert {name for name in SMALL if name in LINES} == set(SCRIPTS) - ELSEWHERE
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_result_is_stored_at_full_size_with_its_provenance(name):
+    content = stored(name)
+    source = content["provenance"]
+    assert source["command"] == f"python -m experiments.{name} full"
+    assert source["versions"] and source["date_utc"]
+    getattr(stored_results, name, dict)(content)
+
+
+@pytest.mark.parametrize("name", SCRIPTS)
+def test_its_page_answers_the_question_with_a_number(name):
+    page = (PAGES / f"{name}.md").read_text(encoding="utf-8")
+    question, answer = re.split(r"\n\n", page, maxsplit=2)[1:]
+    assert " ".join(question.split()) == f"*{LINES[name]}*"
+    assert re.search(r"\d|\{number\}", answer), "an answer has a number"
+    assert f"```{{generated}} origin\n{name}\n```" in page
+
+
+def small_size(name: str):
+    marks = [pytest.mark.long, pytest.mark.timeout(600)] if name in LONG else []
+    if name in NEEDED:
+        marks.append(pytest.mark.skipif(not find_spec(NEEDED[name]), reason=f"{NEEDED[name]} is not installed"))
+    if name == "live_latency":
+        marks.append(pytest.mark.skipif(shutil.which("chromium") is None, reason="no Chromium on this machine"))
+    return pytest.param(name, marks=marks)
+
+
+@pytest.mark.parametrize("name", [small_size(name) for name in SCRIPTS if name not in ELSEWHERE])
+def test_small_size(name, tmp_path, monkeypatch):
+    """It has the fields of the stored result, its figures are drawn, and what it says holds."""
+    if name == "architectures":
+        monkeypatch.setattr("camopt.optimizer.baselines.comparison.SECTIONED", ())
+    if name == "fronts":
+        coarse = replace(ACCURACIES["draft"], knot_deg=8.0, program_speeds=2)
+        monkeypatch.setitem(ACCURACIES, "draft", coarse)
+    if name == "accuracy_curves":
+        refused = "the small size is not for the package"
+        monkeypatch.setattr("experiments.accuracy_curves.write_json", lambda *_: pytest.fail(refused))
+    module = import_module(f"experiments.{name}")
+    content = module.main("small", tmp_path)
+    (path,) = tmp_path.glob(f"{name}*.json")
+    written = json.loads(path.read_text())
+    assert written["provenance"]["command"] == f"python -m experiments.{name} small"
+    tables = {key for key, value in written.items() if isinstance(value, list) and value and isinstance(value[0], dict)}
+    assert fields(stored(name), tables) - fields(written, tables) <= STORED_ALONE.get(name, set())
+    drawn = [figure.stat().st_size for figure in tmp_path.glob(f"{name}*.png")]
+    assert all(size > 10_000 for size in drawn) and (drawn or name not in DRAWN)
+    SMALL[name](content)
+    if name in RESUMED:
+        monkeypatch.setattr(module, RESUMED[name], None)
+        assert module.main("small", tmp_path)["rows"] == content["rows"], "kept rows are not computed again"
+
+
+def fields(content: dict, tables: set[str]) -> set[str]:
+    """Names of its entries, and of what every row of its tables has, but for scenes and speeds; a small size may leave
+    out a whole table."""
+    of_rows = {f"{key}.{name}" for key in tables for name in set.intersection(*map(set, content[key]))}
+    return {name for name in (set(content) | of_rows) - set(builtin_scenes()) if not name[-1].isdigit()}
