@@ -14,9 +14,8 @@ from camopt.measure.settling import Settled
 from camopt.optimizer.baselines.comparison_table import FAILED, verdicts_in
 from camopt.optimizer.baselines.figures import settled_motion, stated_periodic
 from camopt.plots.style import DESIGN, family_of, page_line
-from camopt.report.drawing import drawing
+from camopt.report.drawing import BASE_MM, drawing, drawn_follower, room_for
 from camopt.report.folder import RunFolder
-from camopt.report.followers import BASE_MM, drawn_follower, room_for
 from camopt.report.wording import as_number, shown
 from camopt.scene import InputError, Scene, Train, build_train, load_scene
 from camopt.scene.errors import MotionRefused

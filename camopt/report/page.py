@@ -10,13 +10,13 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from camopt.cam.lift import Lift
 from camopt.plots.style import DESIGN, cam_line
 from camopt.report.advice import advice
-from camopt.report.assumed import MOVED, assumed_rows, of_the_run
+from camopt.report.assumed import MOVED, of_the_run
 from camopt.report.cams import cards, geometry, stress
 from camopt.report.curves import curves
 from camopt.report.edge import edge_sentences
 from camopt.report.first_screen import banner, facts, sketch
 from camopt.report.folder import RunFolder, read_run_folder
-from camopt.report.limits import disagreements, limit_rows, matrix
+from camopt.report.limits import OF_MOTION, disagreements, limit_rows, matrix
 from camopt.report.motion import RunCams, animation, cams_of
 from camopt.report.outcome import (
     broken_limits,
@@ -29,7 +29,18 @@ from camopt.report.outcome import (
     yield_sentences,
 )
 from camopt.report.tables import area_rows, comparison_groups, method_tables, provenance_rows
-from camopt.report.wording import cell, heading, in_words, kind, label_and_unit, share_kind, shown, state, used
+from camopt.report.wording import (
+    after_a_change,
+    cell,
+    heading,
+    in_words,
+    kind,
+    label_and_unit,
+    share_kind,
+    shown,
+    state,
+    used,
+)
 from camopt.scene.design import Design
 from camopt.scene.quantities import QUANTITIES, is_number
 from camopt.storage import write_text
@@ -67,7 +78,7 @@ def _environment() -> Environment:
     environment.filters |= {"shown": shown, "cell": cell, "heading": heading, "kind": kind, "error_um": bounce_error_um}
     environment.filters |= {"label": lambda key: label_and_unit(key)[0], "unit": lambda key: label_and_unit(key)[1]}
     environment.filters |= {"method": lambda name: METHOD_NAMES.get(name, shown(name)), "line": cam_line}
-    environment.filters |= {"state": state, "share_kind": share_kind, "used": used}
+    environment.filters |= {"state": state, "share_kind": share_kind, "used": used, "after_a_change": after_a_change}
     environment.filters |= {"base64": lambda text: base64.b64encode(text.encode()).decode()}
     environment.tests["figure"] = is_number
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
@@ -91,6 +102,7 @@ def render(run: RunFolder, cams: RunCams) -> str:
             outcome=outcome_rows(run),
             worst=(run.verification.get("band") or {}).get("worst") or {},
             quantities=QUANTITIES,
+            limited=OF_MOTION,
             yields=yield_rows(run),
             areas=area_rows(run),
             groups=comparison_groups(run),
@@ -102,7 +114,7 @@ def render(run: RunFolder, cams: RunCams) -> str:
             spoiling=yield_sentences(run),
             matrix=matrix(run, limits),
             scene=cams.scene,
-            ranked=assumed_rows(assumed),
+            ranked=assumed,
             moved=f"{100 * MOVED:.0f} %",
             stress=stress(cams),
             cards=cards(cams),
