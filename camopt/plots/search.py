@@ -10,7 +10,6 @@ from matplotlib.ticker import MaxNLocator
 
 from camopt.plots.speeds import FINEST_MM
 from camopt.plots.style import (
-    BASE,
     DESIGN,
     INK,
     LIMIT,
@@ -19,6 +18,7 @@ from camopt.plots.style import (
     new_figure,
     quoted,
     styled,
+    write,
     zero_and_decades,
 )
 
@@ -109,7 +109,7 @@ def _bound(area: Axes, bound: float) -> None:
         draw_limit(area, bound, f"certified\nbound\n{bound:.4f}", va="bottom")
         return
     words = f"certified bound {bound:.4f}, above this axis ↑"
-    area.annotate(words, (0.99, 0.985), xycoords="axes fraction", ha="right", va="top", color=LIMIT, fontsize=BASE - 1)
+    write(area, words, (0.99, 0.985), (0, 0), over="axes fraction", ha="right", va="top", color=LIMIT)
 
 
 def _stages(area: Axes, lower: Axes, stage: Sequence[str]) -> None:
@@ -120,15 +120,8 @@ def _stages(area: Axes, lower: Axes, stage: Sequence[str]) -> None:
         late = i > len(stage) / 2
         for axes in (area, lower):
             axes.axvline(i + 0.5, color="#999999", linewidth=0.7, zorder=1)
-        area.annotate(
-            stage[i],
-            (i + (0.4 if late else 0.6), 1.0),
-            xycoords=area.get_xaxis_transform(),
-            xytext=(0, 3 + 10 * (row % ROWS)),
-            textcoords="offset points",
-            fontsize=BASE - 1,
-            ha="right" if late else "left",
-        )
+        at, offset = (i + (0.4 if late else 0.6), 1.0), (0, 3 + 10 * (row % ROWS))
+        write(area, stage[i], at, offset, over=area.get_xaxis_transform(), ha="right" if late else "left")
     for axes in (area, lower):
         axes.set_xlim(0.5, len(stage) + 0.5)
 
