@@ -45,7 +45,7 @@ from camopt.smooth.simulate import (
     touch_layer,
 )
 from camopt.smooth.system import build_system
-from camopt.study.timing import fastest
+from camopt.study.measurements import fastest
 from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, problem
 from experiments.support.record import RESULTS, run_script, write_result
 

@@ -26,7 +26,7 @@ from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import lift_samples, touch_layer
 from camopt.smooth.system import build_system
-from camopt.study.timing import fastest
+from camopt.study.measurements import fastest
 from experiments.gradient_batch import on_common_pieces
 from experiments.gradient_bias import compiled
 from experiments.support.gradient_ball import (

@@ -18,7 +18,7 @@ import numpy as np
 import camopt
 from camopt.optimizer.ascent.ascent import calmest
 from camopt.scene import Scene
-from camopt.study.timing import fastest
+from camopt.study.measurements import fastest
 from experiments.cost_scaling import exponent, scenes_by_masses
 from experiments.support.record import RESULTS, run_script, write_result
 

@@ -17,7 +17,7 @@ from camopt.plots.studies import figures
 from camopt.scene import load_scene
 from camopt.scene.units import MM, UM
 from camopt.storage.journal import Records
-from camopt.study.measured_rows import measured
+from camopt.study.measurements import measured
 from camopt.study.tradeoff.tradeoff import LINES, or_failure, rows_of, tables_of, tradeoff
 from experiments.support.record import RESULTS, run_script, write_result
 

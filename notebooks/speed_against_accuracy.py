@@ -76,4 +76,4 @@ verdicts["draft"]
 # contact that is left out as idle.
 
 # %%
-camopt.reduce(scene, cam, speeds_rpm=(5000,), tolerance_mm=0.02, smooth=not SMALL)
+camopt.reduce(scene, cam, speeds_rpm=(5000,), tolerance_mm=0.02)

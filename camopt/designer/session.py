@@ -74,9 +74,9 @@ def _sketched(train: Train, lift: Lift, cam_speed: float, start: np.ndarray | No
 
 def shown_motion(scene: Scene, train: Train, lift: Lift, speed_rpm: float, settled: Settled) -> dict[str, Any]:
     """What the page shows of a motion."""
-    figures, contacts = settled.metrics(lift), np.flatnonzero(train.contact).tolist()
+    figures = settled.metrics(lift)
     metrics = {name: figures.worst(name) for name in QUANTITIES}
-    numbers = {"speed_rpm": speed_rpm, **last_revolution_numbers(settled, STEP_DEG, contacts)}
+    numbers = {"speed_rpm": speed_rpm, **last_revolution_numbers(settled, STEP_DEG)}
     entry = {"name": DESIGN, **cam_entry(DESIGN, lift, scene, STEP_DEG), "motions": [numbers]}
     return {
         "speed_rpm": speed_rpm,

@@ -1,22 +1,13 @@
 """Figures from arrays: every function returns a matplotlib Figure, `save` writes it; nothing here computes a result."""
 
-from camopt.plots.cams import profiles
-from camopt.plots.motion import DrawnMotion, last_revolution, valve_motion
-from camopt.plots.search import History, convergence
-from camopt.plots.speeds import Sweep, bounce_against_speed
-from camopt.plots.studies import modes
-from camopt.plots.style import cam_line, save
-
-__all__ = [
-    "DrawnMotion",
-    "History",
-    "Sweep",
-    "bounce_against_speed",
-    "cam_line",
-    "convergence",
-    "last_revolution",
-    "modes",
-    "profiles",
-    "save",
-    "valve_motion",
-]
+from camopt.plots.cams import profiles as profiles
+from camopt.plots.motion import DrawnMotion as DrawnMotion
+from camopt.plots.motion import last_revolution as last_revolution
+from camopt.plots.motion import valve_motion as valve_motion
+from camopt.plots.search import History as History
+from camopt.plots.search import convergence as convergence
+from camopt.plots.speeds import Sweep as Sweep
+from camopt.plots.speeds import bounce_against_speed as bounce_against_speed
+from camopt.plots.studies import modes as modes
+from camopt.plots.style import cam_line as cam_line
+from camopt.plots.style import save as save

@@ -6,7 +6,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from camopt.plots.style import BASE, SHADE, cam_lines, draw_limit, legend_above, new_figure, quoted, styled
+from camopt.plots.style import BASE, SHADE, cam_lines, draw_limit, legend_above, new_figure, quoted, styled, write
 from camopt.scene.design import Design
 
 Table = Mapping[str, np.ndarray]
@@ -73,25 +73,14 @@ def _limits(rows: Sequence[Axes], design: Design) -> None:
         axes.margins(y=0.14)  # room for the nose's words
     if design.nose_deg is not None:
         rows[2].axvspan(-design.nose_deg, design.nose_deg, ymin=0, ymax=1, color=SHADE, zorder=0)
-        rows[2].annotate(
-            "nose: no positive acceleration",
-            (0, 0.97),
-            xycoords=rows[2].get_xaxis_transform(),
-            ha="center",
-            va="top",
-            fontsize=BASE - 1.5,
-            color="#555555",
-        )
+        how = {"ha": "center", "va": "top", "fontsize": BASE - 1.5, "color": "#555555"}
+        write(rows[2], "nose: no positive acceleration", (0, 0.97), (0, 0), over=rows[2].get_xaxis_transform(), **how)
 
 
 def _shorten(axes: Axes, cams: Sequence[tuple[str, Table]], span: float) -> None:
     """Ends the jerk axis at +-span and says which cams go beyond."""
-    beyond = [(name, float(np.max(np.abs(table["jerk_mm_per_deg3"])))) for name, table in cams]
-    beyond = [(name, largest) for name, largest in beyond if largest > span]
+    largest = [(name, float(np.max(np.abs(table["jerk_mm_per_deg3"])))) for name, table in cams]
+    beyond = ", ".join(f"{name} to ±{jerk:.2g}" for name, jerk in largest if jerk > span)
     if beyond:
         axes.set_ylim(-span, span)
-        axes.set_title(
-            "beyond this axis: " + ", ".join(f"{name} to ±{largest:.2g}" for name, largest in beyond),
-            fontsize=BASE - 1.5,
-            fontweight="normal",
-        )
+        axes.set_title(f"beyond this axis: {beyond}", fontsize=BASE - 1.5, fontweight="normal")

@@ -10,7 +10,6 @@ from matplotlib.ticker import MaxNLocator
 
 from camopt.plots.speeds import FINEST_MM
 from camopt.plots.style import (
-    BASE,
     DESIGN,
     INK,
     LIMIT,
@@ -19,15 +18,14 @@ from camopt.plots.style import (
     new_figure,
     quoted,
     styled,
+    write,
     zero_and_decades,
 )
 
 SHOWN_SHARE = 3.0
 """Shares of a limit beyond which the axis of an ascent ends: by how much a limit is exceeded does not matter there."""
-NAME_WIDTH = 0.0105
-"""Width of a letter of a stage's name as a share of the axes."""
-
-
+ROWS = 6
+"""Rows of names of stages above the axes."""
 HOLDING = "holds at the searched speeds", "a limit broken or not measured"
 KEPT = "largest so far that enough trains hold", "not kept"
 """What filled and hollow steps are, in a search for the limits and in one for a yield."""
@@ -111,42 +109,19 @@ def _bound(area: Axes, bound: float) -> None:
         draw_limit(area, bound, f"certified\nbound\n{bound:.4f}", va="bottom")
         return
     words = f"certified bound {bound:.4f}, above this axis ↑"
-    area.annotate(words, (0.99, 0.985), xycoords="axes fraction", ha="right", va="top", color=LIMIT, fontsize=BASE - 1)
-
-
-def _places(words: Sequence[str], begins: Sequence[int], steps: int) -> list[tuple[int, bool]]:
-    """(row, whether it stands on the left of its beginning) of each stage's name.
-
-    A name stands in the lowest row in which the name before it has ended, and on the left where it would otherwise run
-    out of the figure on the right.
-    """
-    ends: list[float] = []
-    places = []
-    for word, begin in zip(words, begins, strict=True):
-        width = steps * NAME_WIDTH * (len(word) + 1)
-        on_left = begin + width > steps and begin > width
-        start = begin - width if on_left else begin
-        row = next((r for r, end in enumerate(ends) if end <= start), len(ends))
-        ends[row : row + 1] = [start + width]
-        places.append((row, on_left))
-    return places
+    write(area, words, (0.99, 0.985), (0, 0), over="axes fraction", ha="right", va="top", color=LIMIT)
 
 
 def _stages(area: Axes, lower: Axes, stage: Sequence[str]) -> None:
-    """Writes the name of each stage above its run of steps, with a line where it begins."""
+    """Writes the name of each stage above its run of steps, in a row of its own, with a line where it begins; on the
+    left of that line in the later half, so that it ends inside the figure."""
     begins = [i for i in range(len(stage)) if i == 0 or stage[i] != stage[i - 1]]
-    for (row, on_left), i in zip(_places([stage[i] for i in begins], begins, len(stage)), begins, strict=True):
+    for row, i in enumerate(begins):
+        late = i > len(stage) / 2
         for axes in (area, lower):
             axes.axvline(i + 0.5, color="#999999", linewidth=0.7, zorder=1)
-        area.annotate(
-            stage[i],
-            (i + (0.4 if on_left else 0.6), 1.0),
-            xycoords=area.get_xaxis_transform(),
-            xytext=(0, 3 + 10 * row),
-            textcoords="offset points",
-            fontsize=BASE - 1,
-            ha="right" if on_left else "left",
-        )
+        at, offset = (i + (0.4 if late else 0.6), 1.0), (0, 3 + 10 * (row % ROWS))
+        write(area, stage[i], at, offset, over=area.get_xaxis_transform(), ha="right" if late else "left")
     for axes in (area, lower):
         axes.set_xlim(0.5, len(stage) + 0.5)
 

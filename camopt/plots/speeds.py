@@ -16,6 +16,7 @@ from camopt.plots.style import (
     new_figure,
     quoted,
     styled,
+    write,
     zero_and_decades,
 )
 from camopt.scene.design import Design
@@ -65,16 +66,8 @@ def bounce_against_speed(
         draw_limit(axes, limit, quoted("at most", limit, "mm"))
         zero_and_decades(axes, limit, FINEST_MM)
         axes.axvspan(*band_rpm, color=SHADE, zorder=0)
-        axes.plot(
-            list(speeds_rpm),
-            [0] * len(speeds_rpm),
-            "^",
-            color="#444444",
-            markersize=6,
-            clip_on=False,
-            transform=axes.get_xaxis_transform(),
-            zorder=5,
-        )
+        mark = {"color": "#444444", "markersize": 6, "clip_on": False, "zorder": 5}
+        axes.plot(list(speeds_rpm), [0] * len(speeds_rpm), "^", transform=axes.get_xaxis_transform(), **mark)
     rows[0].set_title(f"shaded: band {band_rpm[0]:g} to {band_rpm[1]:g} r/min;  ▲ speeds of the verdict;  "
                       "◆ where a cam first passes the limit;  ○ worst of the band",
                       fontsize=BASE - 1, fontweight="normal")  # fmt: skip
@@ -134,16 +127,7 @@ def _mark_worst(axes: Axes, sweep: Sweep, key: str, colour: str) -> None:
 
 def _number(axes: Axes, words: str, at: tuple[float, float], offset: tuple[float, float], colour: str) -> None:
     """Words beside a mark, readable over the curves."""
-    axes.annotate(
-        words,
-        at,
-        xytext=offset,
-        textcoords="offset points",
-        ha="right" if offset[0] < 0 else "left",
-        color=colour,
-        fontsize=BASE - 1,
-        bbox={"facecolor": "white", "alpha": 0.7, "linewidth": 0, "pad": 0.5},
-    )
+    write(axes, words, at, offset, color=colour, bbox={"facecolor": "white", "alpha": 0.7, "linewidth": 0, "pad": 0.5})
 
 
 def _draw(axes: Axes, sweep: Sweep, key: str, line: Mapping) -> None:
@@ -153,22 +137,9 @@ def _draw(axes: Axes, sweep: Sweep, key: str, line: Mapping) -> None:
     if key != "bounce_mm":
         return
     if sweep.bounce_low_mm is not None and sweep.bounce_high_mm is not None:
-        axes.fill_between(
-            sweep.speed_rpm,
-            sweep.bounce_low_mm,
-            sweep.bounce_high_mm,
-            color=line["color"],
-            alpha=0.2,
-            linewidth=0,
-            label=f"{sweep.cam}: range",
-        )
+        ends, shade = (sweep.bounce_low_mm, sweep.bounce_high_mm), {"alpha": 0.2, "linewidth": 0}
+        axes.fill_between(sweep.speed_rpm, *ends, color=line["color"], label=f"{sweep.cam}: range", **shade)
     lost = np.asarray(sweep.speed_rpm)[np.isnan(values)]
     if len(lost):
-        axes.plot(
-            lost,
-            np.full(len(lost), 0.97),
-            "x",
-            color=line["color"],
-            transform=axes.get_xaxis_transform(),
-            label=f"{sweep.cam}: never seats",
-        )
+        mark = {"color": line["color"], "transform": axes.get_xaxis_transform()}
+        axes.plot(lost, np.full(len(lost), 0.97), "x", label=f"{sweep.cam}: never seats", **mark)

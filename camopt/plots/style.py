@@ -155,18 +155,16 @@ def draw_limit(axes: Axes, value: float | None, text: str, va: str = "center") -
     if value is None:
         return
     axes.axhline(value, color=LIMIT, linestyle=(0, (5, 3)), linewidth=0.9, zorder=2.2)
-    axes.annotate(
-        text,
-        (1.0, value),
-        xycoords=axes.get_yaxis_transform(),
-        xytext=(3, 0),
-        textcoords="offset points",
-        va=va,
-        ha="left",
-        color=LIMIT,
-        fontsize=BASE - 1.5,
-        annotation_clip=False,
-    )
+    how = {"va": va, "color": LIMIT, "fontsize": BASE - 1.5, "annotation_clip": False}
+    write(axes, text, (1.0, value), (3, 0), over=axes.get_yaxis_transform(), **how)
+
+
+def write(
+    axes: Axes, words: str, at: tuple[float, float], offset: tuple[float, float], over: Any = "data", **how
+) -> None:
+    """Writes words beside a point, by an offset [pt] from it; `over` are the coordinates of the point."""
+    how = {"fontsize": BASE - 1, "ha": "right" if offset[0] < 0 else "left"} | how
+    axes.annotate(words, at, xycoords=over, xytext=offset, textcoords="offset points", **how)
 
 
 def quoted(relation: str, value: float | None, unit: str) -> str:

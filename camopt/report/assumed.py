@@ -14,9 +14,7 @@ from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import motion_limits
 from camopt.plots.style import DESIGN
 from camopt.report.motion import RunCams
-from camopt.report.wording import shown
 from camopt.scene.parameters import KEYS, SceneNumber, with_numbers
-from camopt.scene.quantities import QUANTITIES
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 
@@ -80,21 +78,8 @@ def of_the_run(cams: RunCams) -> list[AssumedNumber]:
     return ranked(cams.scene, lift)
 
 
-def assumed_rows(ranking: Sequence[AssumedNumber]) -> list[list[str]]:
-    """Rows of the report: number, value, limit, its used share in per cent, and at the worst within a tenth."""
-    labels = {quantity.limit: quantity.label for quantity in QUANTITIES.values()}
-    return [
-        [row.name, shown(row.value, 4), labels[row.limit], _per_cent(row.share), _per_cent(row.moved_to)]
-        for row in ranking
-    ]
-
-
 def first_to_measure(ranking: Sequence[AssumedNumber]) -> str:
     """The names of the most influential numbers, for a sentence; empty where none is assumed."""
     names = [row.name for row in ranking[:MOST_SHOWN]]
     more = len(ranking) - len(names)
     return ", ".join(names) + (f" and {more} more, ranked in the valve train's section" if more else "")
-
-
-def _per_cent(share: float) -> str:
-    return f"{100 * share:.0f} %" if share < 10 else "no motion that counts" if np.isinf(share) else "over 1000 %"

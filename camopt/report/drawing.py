@@ -1,4 +1,5 @@
-"""Where the masses and elements of a valve train stand in a drawing, laid out from the graph of the scene.
+"""Where the masses and elements of a valve train stand in a drawing, laid out from the graph of the scene, with the
+room that its follower takes about the cam.
 
 Positions point down the page as the valve opens, so in an element between a and b, which a compresses by moving
 towards +x, a stands above b: the seat comes to lie above the valve, the spring's foot below it, as in an engine. All
@@ -6,12 +7,22 @@ lengths are pixels of the drawing; masses move by `SCALE` pixels per millimetre.
 """
 
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components, shortest_path
 
-from camopt.report.followers import FollowerRoom
+from camopt.cam.followers import Arm
+from camopt.scene.geometry import SWINGING, Geometry
 from camopt.scene.train import GROUND, Train
 from camopt.scene.units import MM
+
+BASE_MM = 16.0
+"""Base circle radius that is drawn where the scene has no [geometry]."""
+PIVOT_MM = 4.0
+"""Room about a pivot."""
+SWING_MM = 12.0
+"""Room above what a rising cam lifts."""
 
 SCALE = 4.0
 """Pixels per millimetre, of the motion and of the cam."""
@@ -27,6 +38,60 @@ WORDS = 54.0
 """Room for words beside a mass or a contact."""
 STROKE_MM = 10.0
 """Room below the lowest mass, for its motion."""
+
+
+class FollowerRoom(NamedTuple):
+    """How far cam and follower reach from the cam's axis on the base circle [mm], and where across, from there, the
+    valve's train stands."""
+
+    left: float
+    right: float
+    above: float
+    below: float
+    train: float = 0.0
+
+
+def drawn_follower(geometry: Geometry | None) -> dict:
+    """The page's `follower`, `roller_radius_mm`, `base_radius_mm`, `turn` and `arm`.
+
+    `turn` is -1 where the picture is the mirror image, so that the train stands to the right of the cam; `arm` is None
+    or a swinging body with the valve shut: `pivot`, `centre` and `valve` [mm from the cam's axis, right and down],
+    `radius` [mm], whether it `rolls`, its valve arm's length `valve_arm_mm` and angle `shut_deg`, and the `side` of
+    the pivot on which that arm lies.
+    """
+    drawn = {"follower": "point", "roller_radius_mm": 0.0, "base_radius_mm": BASE_MM, "turn": 1, "arm": None}
+    if geometry is None:
+        return drawn
+    radius = geometry.roller_radius_mm
+    drawn |= {
+        "follower": geometry.follower,
+        "roller_radius_mm": radius or 0.0,
+        "base_radius_mm": geometry.base_radius_mm,
+    }
+    if geometry.follower not in SWINGING:
+        return drawn
+    arm = Arm(geometry)
+    turn = 1 if arm.valve[1] >= 0 else -1
+
+    def right_and_down(point: np.ndarray) -> list[float]:
+        return [round(float(turn * point[1] / MM), 4), round(float(point[0] / MM), 4)]
+
+    parts = {name: right_and_down(getattr(arm, name)) for name in ("pivot", "centre", "valve")}
+    parts |= {"radius": arm.radius / MM, "rolls": radius is not None, "valve_arm_mm": geometry.valve_arm_mm}
+    return drawn | {"turn": turn, "arm": parts | {"shut_deg": geometry.valve_arm_deg, "side": turn * arm.valve_side}}
+
+
+def room_for(drawn: dict, radius_mm: float) -> FollowerRoom:
+    """The room of a follower that `drawn_follower` tells of, about cams of a largest radius."""
+    arm = drawn["arm"]
+    if arm is None:
+        below = drawn["base_radius_mm"] + 2 * drawn["roller_radius_mm"]
+        return FollowerRoom(radius_mm, radius_mm, radius_mm, below)
+    places = np.array([arm["pivot"], arm["centre"], arm["valve"]])
+    reach = np.array([PIVOT_MM, arm["radius"], PIVOT_MM])
+    right, below = np.maximum((places + reach[:, None]).max(axis=0), radius_mm)
+    left, above = np.maximum((reach[:, None] - places).max(axis=0), radius_mm)
+    return FollowerRoom(left, right, above + (SWING_MM if arm["centre"][1] < 0 else 0.0), below, arm["valve"][0])
 
 
 def strokes(train: Train, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -101,20 +166,21 @@ def _about_the_cam(train: Train) -> list[int]:
     return np.flatnonzero(np.array(held) | train.cam_driven).tolist()
 
 
+def _links(train: Train) -> np.ndarray:
+    """Which masses (n, n) an element joins."""
+    linked = np.zeros((len(train.mass), len(train.mass)), dtype=bool)
+    held = (train.a != GROUND) & (train.b != GROUND)
+    linked[train.a[held], train.b[held]] = linked[train.b[held], train.a[held]] = True
+    return linked
+
+
 def _path(train: Train) -> list[int]:
     """Masses on the shortest way from the cam to the valve, the one under the cam first."""
-    first = int(train.b[np.flatnonzero(train.cam_driven)[0]])
-    ways, seen = [[first]], {first, GROUND}
-    while ways:
-        way = ways.pop(0)
-        if way[-1] == train.valve:
-            return way
-        for a, b in zip(train.a.tolist(), train.b.tolist(), strict=True):
-            other = b if a == way[-1] else a if b == way[-1] else GROUND
-            if other not in seen:
-                seen.add(other)
-                ways.append([*way, other])
-    return [first]
+    first, way = int(train.b[np.flatnonzero(train.cam_driven)[0]]), [train.valve]
+    _, before = shortest_path(_links(train), unweighted=True, indices=first, return_predecessors=True)
+    while before[way[0]] >= 0:
+        way.insert(0, int(before[way[0]]))
+    return way if way[0] == first else [first]
 
 
 def _need(train: Train, e: int, look: str, approach_mm: float, follower_mm: float) -> float:
@@ -149,19 +215,12 @@ def _columns(train: Train, y: np.ndarray) -> list[int]:
     """Column of every mass: 0 from the cam to the valve, then one for every branch, more where masses are level."""
     column = dict.fromkeys([*_path(train), *(int(train.a[e]) for e in np.flatnonzero(train.cam_driven))], 0)
     column.pop(GROUND, None)
-    pairs = [(int(a), int(b)) for a, b in zip(train.a, train.b, strict=True) if GROUND not in (a, b)]
+    rest = [i for i in range(len(y)) if i not in column]
+    _, branches = connected_components(_links(train)[np.ix_(rest, rest)], directed=False)
     used = 1
-    for start in range(len(y)):
-        if start in column:
-            continue
-        branch, reached = [start], {start}
-        for i in branch:
-            more = [b if a == i else a for a, b in pairs if i in (a, b)]
-            fresh = [m for m in dict.fromkeys(more) if m not in column and m not in reached]
-            branch += fresh
-            reached |= set(fresh)
+    for branch in dict.fromkeys(branches.tolist()):
         level: dict[float, int] = {}
-        for i in branch:
+        for i in (i for i, own in zip(rest, branches, strict=True) if own == branch):
             place = level.get(round(float(y[i])), 0)
             column[i] = used + place
             level[round(float(y[i]))] = place + 1

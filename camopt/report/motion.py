@@ -1,6 +1,5 @@
 """The simulated motion behind the report's animation: settled revolutions of the run's cams, as plain numbers."""
 
-import re
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -9,19 +8,17 @@ import numpy as np
 from camopt.cam.design_file import read_design
 from camopt.cam.geometry import contact
 from camopt.cam.lift import Lift
-from camopt.cam.read import read_cam
 from camopt.measure.settling import Settled
 from camopt.optimizer.baselines.comparison_table import FAILED, verdicts_in
 from camopt.optimizer.baselines.figures import settled_motion, stated_periodic
 from camopt.plots.style import DESIGN, family_of, page_line
-from camopt.report.drawing import drawing
+from camopt.report.drawing import BASE_MM, drawing, drawn_follower, room_for
 from camopt.report.folder import RunFolder
-from camopt.report.followers import BASE_MM, drawn_follower, room_for
 from camopt.report.wording import as_number, shown
 from camopt.scene import InputError, Scene, Train, build_train, load_scene
 from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import is_number
-from camopt.scene.units import DEG, MM
+from camopt.scene.units import DEG, MM, UM
 from camopt.study.simulate.dataset import resampled
 
 STEPS_DEG = (0.5, 1.0, 2.0, 5.0)
@@ -29,11 +26,6 @@ MOST_NUMBERS = 400_000
 """Numbers in the page's motion; the step is the finest that stays below. About 2 MB."""
 SAME_AREA = 1e-6
 """Area ratios that agree to this are of the same cam: a comparison table holds every digit."""
-STORED = re.compile(r"[\w.,=:+ ()-]+")
-"""Names of cams that may name a file `cams/<name>.json`: no separators, so none leads out of the folder."""
-QUICK = "polydyne"
-"""The family that a bare name rebuilds at once, without a search for its largest-area member."""
-UM = 1e-6
 
 
 @dataclass(frozen=True)
@@ -47,10 +39,8 @@ class RunCams:
 
 
 def cams_of(folder: Path, run: RunFolder) -> RunCams:
-    """The design, and those cams of the comparison that the folder holds or their name rebuilds.
-
-    A cam is held by `cams/<name>.json`, written as design.json is. Whatever is found must have the recorded area ratio.
-    """
+    """The design, and those cams of the comparison that the folder holds as `cams/<name>.json`, written as design.json
+    is, and with the recorded area ratio."""
     if "scene.toml" in run.missing or "design.json" in run.missing:
         return RunCams(None, {}, ["Without scene.toml and design.json no cam can be simulated."])
     try:
@@ -63,10 +53,11 @@ def cams_of(folder: Path, run: RunFolder) -> RunCams:
             left_out.append(f"{row['cam']} has no member within the limits.")
         elif family_of(row["cam"]) != DESIGN:
             recorded.setdefault(row["cam"], as_number(row.get("area_ratio", "")))
+    stored = {path.stem: path for path in (folder / "cams").glob("*.json")} | {DESIGN: folder / "design.json"}
     lifts = {}
     for name, area in recorded.items():
         try:
-            lifts[name] = _rebuilt(name, area, folder, scene)
+            lifts[name] = _held(name, area, stored, scene)
         except InputError as error:
             left_out.append(f"{name} is not simulated here: {error}")
             if name == DESIGN:
@@ -75,15 +66,10 @@ def cams_of(folder: Path, run: RunFolder) -> RunCams:
     return RunCams(scene, lifts, left_out, verdicts)
 
 
-def _rebuilt(name: str, area: float | None, folder: Path, scene: Scene) -> Lift:
-    if name == DESIGN:
-        lift = read_design(folder / "design.json", scene)
-    elif STORED.fullmatch(name) and (stored := folder / "cams" / f"{name}.json").is_file():
-        lift = read_design(stored, scene)
-    elif name.split(":")[0] == QUICK:
-        lift = read_cam(name, scene)
-    else:
+def _held(name: str, area: float | None, stored: dict[str, Path], scene: Scene) -> Lift:
+    if name not in stored:
         raise InputError(f"the run folder does not hold its lift, cams/{name}.json")
+    lift = read_design(stored[name], scene)
     assert scene.design is not None, "load_scene(..., need='design') guarantees it"
     ratio = lift.area_ratio_in(scene.design)
     if not is_number(area) or abs(ratio - area) > SAME_AREA:
@@ -101,9 +87,25 @@ def animation(cams: RunCams) -> tuple[dict | None, list[str]]:
     scene, left_out = cams.scene, list(cams.left_out)
     if scene is None or not cams.lifts:
         return None, left_out
-    train = build_train(scene)
-    contacts = np.flatnonzero(train.contact).tolist()
-    entries, step = _moved(cams, scene, train, contacts, left_out)
+    train, speeds = build_train(scene), scene.operation.speeds_rpm if scene.operation else ()
+    per_sample = (len(train.mass) + 1 + 2 * int(train.contact.sum())) * len(cams.lifts) * len(speeds)
+    step = next((s for s in STEPS_DEG if per_sample * 360 / s <= MOST_NUMBERS), STEPS_DEG[-1])
+    entries = []
+    for name, lift in cams.lifts.items():
+        try:
+            cam = cam_entry(name, lift, scene, step)
+        except InputError as error:
+            left_out.append(f"{name} is not shown: {error}")
+            continue
+        motions, stated = [], stated_periodic(cams.verdicts.get(name, {}))
+        for speed in speeds:
+            try:
+                settled = settled_motion(train, lift, scene.cam_speed(speed), stated.get(speed), round(360 / step))
+                motions.append({"speed_rpm": speed, **last_revolution_numbers(settled, step)})
+            except (MotionRefused, InputError) as error:
+                left_out.append(f"{name} at {shown(speed)} r/min is not shown: {error}")
+        if motions:
+            entries.append({"name": name, **cam, "motions": motions})
     return (animated(scene, train, entries, step) if entries else None), left_out
 
 
@@ -123,43 +125,9 @@ def animated(scene: Scene, train: Train, entries: list[dict], step_deg: float) -
     }
 
 
-def _moved(
-    cams: RunCams, scene: Scene, train: Train, contacts: list[int], left_out: list[str]
-) -> tuple[list[dict], float]:
-    """The cams with their motions and the step [deg] between samples; what is refused goes into `left_out`."""
-    speeds = scene.operation.speeds_rpm if scene.operation else ()
-    per_sample = (len(train.mass) + 1 + 2 * len(contacts)) * len(cams.lifts) * len(speeds)
-    step = next((s for s in STEPS_DEG if per_sample * 360 / s <= MOST_NUMBERS), STEPS_DEG[-1])
-    entries = []
-    for name, lift in cams.lifts.items():
-        try:
-            cam = cam_entry(name, lift, scene, step)
-        except InputError as error:
-            left_out.append(f"{name} is not shown: {error}")
-            continue
-        motions, stated = [], stated_periodic(cams.verdicts.get(name, {}))
-        for speed in speeds:
-            try:
-                numbers = motion(train, lift, scene.cam_speed(speed), step, contacts, stated.get(speed))
-                motions.append({"speed_rpm": speed, **numbers})
-            except (MotionRefused, InputError) as error:
-                left_out.append(f"{name} at {shown(speed)} r/min is not shown: {error}")
-        if motions:
-            entries.append({"name": name, **cam, "motions": motions})
-    return entries, step
-
-
-def motion(
-    train: Train, lift: Lift, cam_speed: float, step_deg: float, contacts: list[int], stated: bool | None = None
-) -> dict:
-    """One revolution on a grid of `step_deg`, settled where the verdict `stated` so; see `animation`."""
-    settled = settled_motion(train, lift, cam_speed, stated, round(360 / step_deg))
-    return last_revolution_numbers(settled, step_deg, contacts)
-
-
-def last_revolution_numbers(settled: Settled, step_deg: float, contacts: list[int]) -> dict:
+def last_revolution_numbers(settled: Settled, step_deg: float) -> dict:
     """The last revolution of a motion on a grid of `step_deg`, as numbers that are rounded to what can be drawn."""
-    steps = round(360 / step_deg)
+    steps, contacts = round(360 / step_deg), np.flatnonzero(settled.response.train.contact).tolist()
     record = resampled(settled.response, steps * settled.response.revolutions)
     last = slice(-steps - 1, None)
     return {

@@ -77,6 +77,11 @@ def used(share: float | None, bad: bool) -> str:
     return ("✗ " if bad else "") + words
 
 
+def after_a_change(share: float) -> str:
+    """A used share that a change of the scene leads to, in words; infinite where no motion counts."""
+    return f"{100 * share:.0f} %" if share < 10 else "no motion that counts" if math.isinf(share) else "over 1000 %"
+
+
 def as_number(text: str) -> float | None:
     """Number of a table cell; None where it is empty or no finite number."""
     try:

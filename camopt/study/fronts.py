@@ -73,13 +73,10 @@ def pareto(
     is_limit = of_yield or (scene.design is not None and against in type(scene.design).model_fields)
     if scene.design is None or not is_limit or (against not in VALUES and not values):
         raise InputError(f"pareto: {against!r}: expected a limit of [design] such as {', '.join(VALUES)}, with values")
-    identity = {"against": against, "release": sorted(release), "speeds": speeds, "accuracy": accuracy} | {
-        "gradient": gradient,
-        "scene": scene.model_dump(
-            mode="json", exclude_none=True, exclude_defaults=True, exclude=None if of_yield else AS_BUILT
-        ),
-    }
-    identity |= {"seed": seed} if of_yield else {}
+    left_out = None if of_yield else AS_BUILT
+    plain = scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True, exclude=left_out)
+    identity = {"against": against, "release": sorted(release), "speeds": speeds, "accuracy": accuracy}
+    identity |= {"gradient": gradient, "scene": plain} | ({"seed": seed} if of_yield else {})
     if out is not None:
         check_file(out)
     points = Records(out, "limit", identity=identity)
@@ -88,7 +85,8 @@ def pareto(
     tight_first = sorted(values or VALUES[against], key=lambda value: -value if of_yield else abs(value))
     for value in tqdm(tight_first, disable=None if progress else True, desc=against):
         if (point := points.get(float(value))) is None:
-            changed = _changed(scene, dict.fromkeys(release) | ({} if of_yield else {against: value}))
+            limits = dict.fromkeys(release) | ({} if of_yield else {against: value})
+            changed = scene.model_copy(update={"design": scene.design.model_copy(update=limits)})
             if of_yield:
                 outcome = _yield_point(changed, value, accuracy, gradient, seed)
             else:
@@ -101,11 +99,6 @@ def pareto(
     names = dict.fromkeys(name for row in rows for name in row if name != "limit")
     columns = {n: ("limit", [np.nan if r.get(n) is None else r[n] for r in rows]) for n in names}
     return Front(scene.name, against, xr.Dataset(columns, {"limit": [r["limit"] for r in rows]}))
-
-
-def _changed(scene: Scene, limits: dict) -> Scene:
-    assert scene.design is not None
-    return scene.model_copy(update={"design": scene.design.model_copy(update=limits)})
 
 
 def _yield_point(scene: Scene, wanted: float, accuracy: str, gradient: str, seed: int) -> dict:
@@ -164,13 +157,5 @@ def joint_spring(
         lambda factors: with_spring(scene, *map(float, factors)), (1.0, 1.0), (rate, preload), speeds,
         accuracy_named(accuracy), margin_N, evaluations,
     )  # fmt: skip
-    rate_found, preload_found = best.values
-    changed = with_spring(scene, rate_found, preload_found)
-    return SpringDesign(
-        rate_found,
-        preload_found,
-        best.area_ratio,
-        best.at_start,
-        changed,
-        best.evaluations,
-    )
+    scene = with_spring(scene, *best.values)
+    return SpringDesign(*best.values, best.area_ratio, best.at_start, scene, best.evaluations)

@@ -123,11 +123,15 @@ def manufacturing_yield(
             f"yield: [design] of {scene.name} limits nothing of the motion, so every train would hold: give it "
             f"bounce_max_mm or another limit on the motion"
         )
-    speeds = _speeds(scene, speeds_rpm)
-    identity = run_identity("yield", scene, seed=seed, speeds_rpm=speeds, cam=cam_digest(cam), as_built=_scatter(scene))
+    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
+    given = np.linspace(*scene.operation.band_rpm, SPEEDS).tolist() if speeds_rpm is None else speeds_rpm
+    speeds = sorted(map(float, given))
+    scatter = plain(scene.model_dump(mode="json", include=AS_BUILT))
+    identity = run_identity("yield", scene, seed=seed, speeds_rpm=speeds, cam=cam_digest(cam), as_built=scatter)
     with run_folder(out, identity, resume, [JOURNAL]) if out is not None else nullcontext() as folder:
         journal, way = trains_journal(folder and folder / JOURNAL), track(scene, cam, speeds)
-        scenes = {"": scene} | (_halved(scene) if halve else {})
+        labels = scatter_labels(scene) if halve else ()  # the draws stay those of a tolerance's label
+        scenes = {"": scene} | {label: with_scatter(scene, {label: 0.5}) for label in labels}
         by_halved = {name: _measured(one, way, trains, journal, seed, name, progress) for name, one in scenes.items()}
         used = UsedLimits(tuple(way.limits), np.array(speeds), by_halved.pop(""))
         result = _summary(scene, cam, seed, used, by_halved)
@@ -185,22 +189,6 @@ def _summary(scene: Scene, cam: Lift, seed: int, used: UsedLimits, others: dict[
         halved[label] |= {"gained": int((now & ~holds).sum()), "lost": int((holds & ~now).sum())}
     to_blame, shape = rank_correlation_shares(draws, used.worst), tuple(broken_by_shape(cam, scene.design))
     return Yield(scene.name, cam.family, seed, used, share_of(holds), counted(used), to_blame, halved, shape)
-
-
-def _halved(scene: Scene) -> dict[str, Scene]:
-    """By tolerance the scene with half of it; the draws stay those of its label."""
-    return {label: with_scatter(scene, {label: 0.5}) for label in scatter_labels(scene)}
-
-
-def _speeds(scene: Scene, speeds_rpm: Sequence[float] | None) -> list[float]:
-    if speeds_rpm is not None:
-        return sorted(map(float, speeds_rpm))
-    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
-    return np.linspace(*scene.operation.band_rpm, SPEEDS).tolist()
-
-
-def _scatter(scene: Scene) -> dict:
-    return plain(scene.model_dump(mode="json", include=AS_BUILT))
 
 
 def _write(folder: Path, scene: Scene, result: Yield) -> None:

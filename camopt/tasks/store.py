@@ -4,9 +4,8 @@ A row is written whole or not at all, survives the end of the process, and is ne
 may be tried again. Long texts that tasks share, scenes and cams, are kept once.
 """
 
-import json
 import sqlite3
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -125,24 +124,9 @@ class TaskStore:
                 rows,
             )
 
-    def rows(self) -> Iterator[dict[str, Any]]:
-        """The rows in the order of the plan, one at a time, each as one level of names: `task`, its number in the plan,
-        `state`, the task's own keys, and what it returned. Raises InputError for a row that was damaged."""
-        query = "SELECT number, task, state, outcome FROM row ORDER BY number"
-        for number, text, state, outcome in self._db.execute(query):
-            try:
-                task = json.loads(text)
-                varied = {f"vary {name}": value for name, value in task.pop("vary", {}).items()}
-                arguments = task.pop("arguments", {})
-                yield {**arguments, "task": number, "state": state, **task, **varied, **json.loads(outcome)}
-            except (ValueError, TypeError, AttributeError) as error:
-                raise InputError(
-                    f"row {number} of the sweep's store is damaged ({error}): name another store"
-                ) from error
-
-    def counts(self) -> dict[str, int]:
-        """How many rows ended in which state."""
-        return dict(self._db.execute("SELECT state, count(*) FROM row GROUP BY state ORDER BY state"))
+    def read(self, query: str, *values: Any) -> sqlite3.Cursor:
+        """What the tables answer to a query; `row` has number, key, task, state, outcome, and `part` name and text."""
+        return self._db.execute(query, values)
 
     def check_count(self, tasks: int) -> None:
         """Raises InputError where a row belongs to a task beyond so many."""
@@ -152,10 +136,6 @@ class TaskStore:
                 f"{self.path}: has a row of task {last}, and these are {tasks} tasks: it belongs to other tasks; name "
                 f"another store"
             )
-
-    def part(self, name: str) -> str:
-        """A long text that tasks refer to by name."""
-        return self._db.execute("SELECT text FROM part WHERE name = ?", (name,)).fetchone()[0]
 
 
 def _check_header(path: Path) -> None:

@@ -40,20 +40,32 @@ class SweptTasks:
         """A dictionary a row: `task`, its number in the plan, `state`, the task's own keys, and what it returned.
 
         A failed task has its `reason` instead. A scene or cam that is no name is its digest; `part` gives the text.
+        Raises InputError for a row that was damaged.
         """
         with self._open() as store:
-            yield from store.rows()
+            for number, text, state, outcome in store.read(
+                "SELECT number, task, state, outcome FROM row ORDER BY number"
+            ):
+                try:
+                    task = json.loads(text)
+                    varied = {f"vary {name}": value for name, value in task.pop("vary", {}).items()}
+                    arguments = task.pop("arguments", {})
+                    yield {**arguments, "task": number, "state": state, **task, **varied, **json.loads(outcome)}
+                except (ValueError, TypeError, AttributeError) as error:
+                    raise InputError(
+                        f"row {number} of the sweep's store is damaged ({error}): name another store"
+                    ) from error
 
     def part(self, name: str) -> str:
         """The text of a scene or a cam that rows name by its digest."""
         with self._open() as store:
-            return store.part(name)
+            return store.read("SELECT text FROM part WHERE name = ?", name).fetchone()[0]
 
     @property
     def counts(self) -> dict[str, int]:
         """How many rows ended in which state ("done", "failed")."""
         with self._open() as store:
-            return store.counts()
+            return dict(store.read("SELECT state, count(*) FROM row GROUP BY state ORDER BY state"))
 
     def failed(self) -> list[dict[str, Any]]:
         """The rows of tasks that failed, with their reasons."""

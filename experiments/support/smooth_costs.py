@@ -23,8 +23,7 @@ from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import batch_motion, lift_samples, prepare, response_arrays, stage_lifts, touch_layer
 from camopt.smooth.system import SystemState, build_system, stacked
-from camopt.study.measured_rows import REFERENCE, Measurement
-from camopt.study.timing import fastest, timed
+from camopt.study.measurements import REFERENCE, Measurement, fastest, timed
 from camopt.study.tradeoff.methods import REFERENCE_STEPS, TOLERANCE_OF_EPS, RevolutionCase, valve_lift
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import METHOD_NAMES, rkg

@@ -15,7 +15,7 @@ from camopt.exact.kernel.switching import first_suspect, next_switch
 from camopt.plots.style import INK, LIMIT, new_figure, styled
 from camopt.programs import ProgramCompiler
 from camopt.scene import build_train
-from camopt.study.timing import fastest
+from camopt.study.measurements import fastest
 
 TARGET_MM = 1e-6
 FLOOR_MS = 0.040

@@ -322,9 +322,7 @@ def test_numbers_of_neighbouring_marks_stand_on_different_sides():
 
 
 def test_names_of_late_stages_end_inside_the_figure():
-    from camopt.plots.search import _places
-
-    words = ["no-jump program", "margin", "margins by gradient", "gradient"]
-    places = _places(words, [0, 2, 104, 108], 114)
-    assert [on_left for _, on_left in places] == [False, False, True, True]
-    assert places[0][0] != places[1][0] and places[2][0] != places[3][0]
+    stage = [*["no-jump program"] * 2, *["margin"] * 102, *["margins by gradient"] * 4, *["gradient"] * 6]
+    history = History(stage, np.full(114, 0.56), np.full(114, 0.01), np.full(114, True))
+    sides = {text.get_text(): text.get_ha() for text in convergence(history).axes[0].texts}
+    assert [sides[name] for name in dict.fromkeys(stage)] == ["left", "left", "right", "right"]

@@ -198,6 +198,8 @@ def report(tmp_path_factory, lifts, new_contents, write_into):
     for row in data["comparison"]:
         row["area_ratio"] = lifts[row["cam"]].area_ratio(9.4 * MM)
     write_into(folder, data, "kodama")
+    (folder / "cams").mkdir()
+    write_design(folder / "cams" / "polydyne.json", lifts["polydyne"], 9.4 * MM)
     further = {k: data["design"][k] for k in ("area_ratio_bound", "area_gap_percent")}
     write_design(folder / "design.json", lifts["design"], 9.4 * MM, **further)
     text = (folder / "scene.toml").read_text(encoding="utf-8")

@@ -1,8 +1,7 @@
 import numpy as np
 import pytest
 
-from camopt.report.drawing import LENGTH, SCALE, drawing
-from camopt.report.followers import BASE_MM, drawn_follower, room_for
+from camopt.report.drawing import BASE_MM, LENGTH, SCALE, drawing, drawn_follower, room_for
 from camopt.scene import build_train, load_scene
 from camopt.scene.load import parse_scene, scene_text
 from camopt.scene.train import GROUND

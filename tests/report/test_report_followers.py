@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from camopt.cam.followers import Arm
-from camopt.report.followers import drawn_follower, room_for
+from camopt.report.drawing import drawn_follower, room_for
 from camopt.scene import load_scene
 from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM

@@ -9,10 +9,10 @@ from camopt.cam.read import read_cam
 from camopt.exact import settled_metrics
 from camopt.exact.engine import prepare
 from camopt.measure.settling import settle
-from camopt.optimizer.baselines.figures import stated_periodic
+from camopt.optimizer.baselines.figures import settled_motion, stated_periodic
+from camopt.report import page
 from camopt.report.folder import read_run_folder
-from camopt.report.motion import MOST_NUMBERS, RunCams, animation, cams_of, motion
-from camopt.report.page import embedded
+from camopt.report.motion import MOST_NUMBERS, RunCams, animation, cams_of, last_revolution_numbers
 from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM
@@ -29,7 +29,7 @@ def polydyne():
 
 def test_motion_is_the_settled_one_of_event_exact(polydyne):
     train = build_train(SCENE)
-    found = motion(train, polydyne, SPEED, 0.5, [0, 1, 2, 3])
+    found = last_revolution_numbers(settled_motion(train, polydyne, SPEED, None, 720), 0.5)
     settled = settle(prepare(train, polydyne, SPEED), state_at_rest(train))
     record = settled.response
     middle = 2 * np.pi * (record.revolutions - 1)
@@ -62,11 +62,11 @@ def test_a_motion_has_settled_here_where_the_verdict_says_so():
     (judged,) = verdict_on(scene, lift, (6100.0,), ("event",), None).as_dict()["speeds"]
     assert judged["periodic"] and judged["revolutions"] > 40
     (stated,) = stated_periodic({"speeds": [judged]}).values()
-    drawn = motion(train, lift, speed, 1.0, [0], stated)
+    drawn = last_revolution_numbers(settled_motion(train, lift, speed, stated, 360), 1.0)
     assert drawn["periodic"]
     first, last = (np.array([one[i] for one in drawn["position_um"]]) for i in (0, -1))
     np.testing.assert_allclose(first, last, atol=2)  # positions are rounded to a micrometre
-    assert not motion(train, lift, speed, 1.0, [0], False)["periodic"]  # the verdict has the word
+    assert not settled_motion(train, lift, speed, False).periodic  # the verdict has the word
 
 
 def folder_of(tmp_path, write, contents, lift, scene_name="motori-1"):
@@ -76,6 +76,8 @@ def folder_of(tmp_path, write, contents, lift, scene_name="motori-1"):
         row["area_ratio"] = lift.area_ratio(9.4 * MM)
     folder = write(contents, scene_name)
     write_design(folder / "design.json", lift, 9.4 * MM)
+    (folder / "cams").mkdir()
+    write_design(folder / "cams" / "polydyne.json", lift, 9.4 * MM)
     return folder
 
 
@@ -118,7 +120,6 @@ def test_a_cam_that_the_folder_holds_is_read(tmp_path, write, contents, polydyne
     run = read_run_folder(folder)
     for row in run.comparison:
         row["cam"] = "multi-pol (no-jerk)"
-    (folder / "cams").mkdir()
     write_design(folder / "cams" / "multi-pol (no-jerk).json", polydyne, 9.4 * MM)
     assert list(cams_of(folder, run).lifts) == ["design", "multi-pol (no-jerk)"]
 
@@ -147,8 +148,9 @@ def test_a_scene_with_curved_laws_moves_by_chords(polydyne):
 
 def test_embedded_data_cannot_end_its_element():
     data = {"name": "</script><!--<script>&amp;\u2028", "values": [1.5, -2]}
-    text = embedded(data)
+    template = page._environment().from_string("{{ data | tojson }}")
+    text = template.render(data=data)
     assert json.loads(text) == data
     assert not set("<>&\u2028") & set(text)
     with pytest.raises(ValueError):
-        embedded({"x": float("nan")})
+        template.render(data={"x": float("nan")})

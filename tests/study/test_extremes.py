@@ -26,7 +26,7 @@ from camopt.study.extremes.classification import (
 )
 from camopt.study.extremes.extremes import LINES, defects, extremes
 from camopt.study.extremes.step_methods import STEP_METHODS
-from camopt.study.measured_rows import COLUMNS
+from camopt.study.measurements import COLUMNS
 from camopt.verifier.convergence import Converged, Tolerances
 from camopt.verifier.methods import rkg
 from camopt.verifier.verdict import event_exact

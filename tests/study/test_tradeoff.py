@@ -16,9 +16,8 @@ from camopt.measure.limits import broken_by_shape
 from camopt.plots.studies import figures, pareto
 from camopt.scene import InputError, build_train, load_scene, scene_text
 from camopt.storage.journal import Records
-from camopt.study import timing
-from camopt.study.measured_rows import COLUMNS, REFERENCE, measured
-from camopt.study.timing import timed
+from camopt.study import measurements
+from camopt.study.measurements import COLUMNS, REFERENCE, measured, timed
 from camopt.study.tradeoff import tradeoff as module
 from camopt.study.tradeoff.methods import CHORDS, RevolutionCase, prepared_methods
 from camopt.study.tradeoff.tradeoff import LINES, error_of, rows_of, tables_of, tradeoff
@@ -45,7 +44,7 @@ def drawn():
     kept = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("camopt.plots.style.save", lambda figure, folder, name: kept.update({name: figure}))
-        patch.setattr(timing, "PATIENCE", 0.0)
+        patch.setattr(measurements, "PATIENCE", 0.0)
         yield kept
 
 
@@ -186,14 +185,14 @@ class TestLines:
         assert error_of(np.nan, 1.0) is None
 
     def test_the_first_call_is_set_apart(self, monkeypatch):
-        monkeypatch.setattr(timing, "PATIENCE", 0.05)
+        monkeypatch.setattr(measurements, "PATIENCE", 0.05)
         durations = chain((0.05, 0.004, 0.002), repeat(0.004))
         times, _ = timed(lambda: busy(next(durations)), 2)
         assert times["seconds"] == pytest.approx(0.001, rel=0.2)
         assert times["setup_seconds"] == pytest.approx(0.048, rel=0.1)
 
     def test_waiting_is_not_counted(self, monkeypatch):
-        monkeypatch.setattr(timing, "PATIENCE", 0.01)
+        monkeypatch.setattr(measurements, "PATIENCE", 0.01)
         times, _ = timed(lambda: time.sleep(0.02) or busy(0.01))
         assert times["seconds"] == pytest.approx(0.01, rel=0.1)
 

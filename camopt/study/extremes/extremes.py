@@ -33,11 +33,10 @@ from camopt.study.extremes.classification import (
     truth,
 )
 from camopt.study.extremes.step_methods import DIAL, LOCATING, SMOOTH, STEP_METHODS, smooth
-from camopt.study.measured_rows import COLUMNS, Measurement, measured
+from camopt.study.measurements import COLUMNS, LINES, Measurement, measured
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.verdict import event_exact
 
-LINES = "measured.jsonl"
 PAST = 32
 """By what the first number of steps is divided to be past every explicit method's limit, twice halved too."""
 NARROWER = {"eps 2e-13 m": 1e4, "eps 2e-18 m": 1e9, "eps zero": float("inf")}
@@ -92,7 +91,11 @@ def _measurements(scene: Scene, case: ExtremeCase) -> Iterator[Measurement]:
             answer = reference.answer if prepare is None else first_answer(prepare, *motion, *dial)
         except InputError as refusal:
             return _row(str(refusal), (REFUSED, "", np.nan), False, 0.0)
-        judged = _of_the_reference(reference) if prepare is None else judge(answer, reference)
+        judged = judge(answer, reference)
+        if prepare is None:  # it is beside its own finer steps
+            name, share = doubtful_figure(reference)
+            verdict = WITHIN if share <= 1.0 else RANGE if reference.sensitive(name) else NOT_CONVERGED
+            judged = verdict, name, answer.error[name]
         setting = f"{answer.steps_per_revolution} {unit}"
         return _row(setting, judged, answer.converged, round(time.perf_counter() - begin, 3))
 
@@ -125,13 +128,6 @@ def _row(setting: str, judged: tuple[str, str, float], converged: bool, seconds:
     told = error if np.isfinite(error) else None if np.isnan(error) else str(error)
     return {"setting": setting, "error": told, "error_of": error_of, "seconds": seconds,
             "converged": converged, "verdict": verdict}  # fmt: skip
-
-
-def _of_the_reference(true: Truth) -> tuple[str, str, float]:
-    """Event-exact beside its own finer steps, as `judge` tells it."""
-    name, share = doubtful_figure(true)
-    verdict = WITHIN if share <= 1.0 else RANGE if true.sensitive(name) else NOT_CONVERGED
-    return verdict, name, true.answer.error[name]
 
 
 def defects(rows: list[dict]) -> list[dict]:

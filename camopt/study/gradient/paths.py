@@ -31,7 +31,7 @@ from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import MOST_GRID_STEPS, TOLERANCE, lift_samples, response_arrays, touch_layer
 from camopt.smooth.system import build_system, stacked
-from camopt.study.timing import fastest
+from camopt.study.measurements import fastest
 from camopt.verifier.methods.dop853 import prepare as prepare_dop853
 
 METRICS = tuple(name for name in exact_metrics.METRICS if name in QUANTITIES)

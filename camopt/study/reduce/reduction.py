@@ -16,9 +16,9 @@ from camopt.scene.response import Revolve
 from camopt.scene.rest import state_at_rest
 from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import DEG, MM
+from camopt.study.measurements import fastest
 from camopt.study.reduce.idle_contacts import LeftOut, idle_contacts, leave_out
 from camopt.study.reduce.reduced_models import Smaller, smaller_models
-from camopt.study.timing import fastest
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import rkg, tmm
 

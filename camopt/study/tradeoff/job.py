@@ -21,7 +21,7 @@ from camopt.scene import Scene, build_train
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM, UM
 from camopt.storage import write_json
-from camopt.study.measured_rows import REFERENCE, Measurement
+from camopt.study.measurements import REFERENCE, Measurement
 from camopt.study.reduce.reduced_models import smaller_models
 from camopt.study.reduce.reduction import Candidate, reduce
 from camopt.verifier.at_speed import LIFT_NEIGHBOUR, SPEED_NEIGHBOUR, STATE_NEIGHBOUR

@@ -20,8 +20,7 @@ from camopt.scene.response import end_state, joined
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import MM
 from camopt.scene.vibration import highest_rate
-from camopt.study.measured_rows import REFERENCE, Measurement
-from camopt.study.timing import timed
+from camopt.study.measurements import REFERENCE, Measurement, timed
 from camopt.verifier.methods import METHOD_NAMES, dop853, houbolt, rkg, tmm
 
 FIGURES = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s")

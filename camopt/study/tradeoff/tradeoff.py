@@ -17,9 +17,8 @@ from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import MM
 from camopt.storage import check_run_folder, default_run_folder, run_folder, run_identity, write_csv, write_text
 from camopt.storage.journal import Records
-from camopt.study.measured_rows import COLUMNS, REFERENCE, Measurement, measured
+from camopt.study.measurements import COLUMNS, LINES, REFERENCE, Measurement, measured
 
-LINES = "measured.jsonl"
 KNOT_DEG = 3.0
 """Knot interval of the cam that is taken where none is given."""
 MARGIN_N = 40.0
