@@ -48,12 +48,6 @@ class SplineCam:
         return lift, *(lift.derivative(k) for k in range(1, 7))
 
     @cached_property
-    def _ramps(self) -> tuple[PPoly, ...]:
-        """The ramps' lift and its first six derivatives."""
-        lift = PPoly(self.without_spline.coefficients[:, ::-1].T, self.without_spline.borders)
-        return lift, *(lift.derivative(k) for k in range(1, 7))
-
-    @cached_property
     def without_spline(self) -> Lift:
         """The ramps, with the opening ramp's straight line in place of the spline."""
         line = np.array([[self.opening.height, self.opening.velocity]])
@@ -97,8 +91,7 @@ class SplineCam:
         inside = (theta >= self.breaks[0]) & (theta < self.breaks[-1])
         matrix = np.zeros((len(theta), len(self.x_p)))
         matrix[inside] = self._bases[order](theta[inside])
-        offset = self._ramps[order](theta)
-        return matrix, offset
+        return matrix, self.without_spline(theta, order)
 
     def area(self) -> tuple[np.ndarray, float]:
         """Row (m) and constant with area = row @ z + constant [m rad]."""
@@ -151,7 +144,7 @@ class SplineCam:
             for k in range(degree + 1 - order if np.any(weight) else 0):
                 factor = weight * width**k / factorial(k)
                 taylor[k] += self._bases[order + k](inside) * factor[:, None]
-                ramp[k] += self._ramps[order + k](inside) * factor
+                ramp[k] += self.without_spline(inside, order + k) * factor
         points = np.einsum("ik,ken->ein", from_powers(degree), taylor)
         offset = np.einsum("ik,ke->ei", from_powers(degree), ramp)
         return points @ self.Z, offset + points @ self.x_p
