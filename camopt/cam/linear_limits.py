@@ -90,13 +90,13 @@ def linear_limits(design: Design, centres: tuple[float, ...] = ()) -> list[Linea
     half = design.duration_deg / 2 * DEG
     found = []
     for angle, least, most in design.lift_at:
-        at = flat_level(1.0, angle * DEG, angle * DEG)
+        at = angle * DEG, angle * DEG
         if least > 0:
             name = f"lift_at's least lift at {angle:g} deg"
-            found.append(LinearLimit("lift_at", name, (-1.0,), _scaled(at, -least * MM), least, -1 / MM))
+            found.append(LinearLimit("lift_at", name, (-1.0,), flat_level(-least * MM, *at), least, -1 / MM))
         if most < design.max_lift_mm:
             name = f"lift_at's largest lift at {angle:g} deg"
-            found.append(LinearLimit("lift_at", name, (1.0,), _scaled(at, most * MM), most, 1 / MM))
+            found.append(LinearLimit("lift_at", name, (1.0,), flat_level(most * MM, *at), most, 1 / MM))
     for i, row in enumerate(design.duration_at):
         found += _durations(row, centres[i] if centres else 0.0, half)
     if design.piston is not None:
@@ -178,10 +178,6 @@ def _of_a_roller(design: Design, half: float) -> list[LinearLimit]:
     if (concave := design.concave_radius_min_mm) is not None:
         found.append(limit("concave_radius_min_mm", concave, 1.0, base + FLANK * rise))
     return found
-
-
-def _scaled(level: PiecewiseLevel, factor: float) -> PiecewiseLevel:
-    return PiecewiseLevel(level.borders, factor * level.coefficients, abs(factor) * level.error)
 
 
 def weighted_sum(lift: Lift, weights: tuple[float, ...]) -> Lift:

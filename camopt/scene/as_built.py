@@ -11,9 +11,9 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
+from camopt.scene.errors import did_you_mean
 from camopt.scene.parameters import KEYS, SceneNumber, has_wildcards, matching, with_numbers
 from camopt.scene.schema import Scene, Tolerance
-from camopt.scene.spelling import did_you_mean
 from camopt.scene.text_file import excerpt
 
 REACH = 4.0

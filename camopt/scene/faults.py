@@ -12,10 +12,9 @@ import numpy as np
 from pydantic import ValidationError
 
 from camopt.scene.as_built import tolerance_faults
-from camopt.scene.errors import InputError
+from camopt.scene.errors import InputError, did_you_mean
 from camopt.scene.rest import static_forces
 from camopt.scene.schema import MOST_ROWS, Scene
-from camopt.scene.spelling import did_you_mean
 from camopt.scene.table import Table
 from camopt.scene.text_file import excerpt
 from camopt.scene.train import Train, build_train
