@@ -6,6 +6,7 @@ train is built as soon as its masses and elements have no fault, whatever the ot
 
 import re
 from collections import Counter
+from copy import deepcopy
 from typing import Any, get_args
 
 import numpy as np
@@ -85,14 +86,7 @@ def _place(loc: tuple) -> tuple:
 
 def _without(data: dict, places: set[tuple]) -> dict:
     """The tables without the keys at these places; rows stay rows."""
-    left = {
-        key: tuple(dict(row) if isinstance(row, dict) else row for row in value)
-        if isinstance(value, tuple)
-        else dict(value)
-        if isinstance(value, dict)
-        else value
-        for key, value in data.items()
-    }
+    left = deepcopy(data)
     for place in map(_place, places):
         table: Any = left
         for part in place[:-1]:
