@@ -205,18 +205,17 @@ def piston_room(piston: Piston, cam_per_crank: float, half: float) -> PiecewiseL
 
     Cubic Hermite pieces: their error is width^4 / 384 times a bound on the fourth derivative.
     """
+    from scipy.interpolate import CubicHermiteSpline  # only a scene with a piston waits for it
+
     slope = cos(piston.valve_angle_deg * DEG)
     room = (piston.gap_at_top_mm - piston.clearance_mm) * MM
     edges = np.linspace(-half, half, int(np.ceil(2 * half / PIECE)) + 1)
     crank = piston.lobe_centre_deg * DEG + edges / cam_per_crank
     value = room + slope * piston_drop(piston, crank)
     rate = slope * piston_drop(piston, crank, 1) / cam_per_crank
-    h = np.diff(edges)
-    rise = np.diff(value) / h
-    bend, twist = (3 * rise - 2 * rate[:-1] - rate[1:]) / h, (rate[:-1] + rate[1:] - 2 * rise) / h**2
-    pieces = np.stack([value[:-1], rate[:-1], bend, twist], axis=1)
+    pieces = CubicHermiteSpline(edges, value, rate).c[::-1].T
     fourth = slope * largest_fourth_derivative(piston) / cam_per_crank**4
-    return PiecewiseLevel(edges, pieces, float(h.max()) ** 4 / 384 * fourth)
+    return PiecewiseLevel(edges, pieces, float(np.diff(edges).max()) ** 4 / 384 * fourth)
 
 
 def largest_fourth_derivative(piston: Piston) -> float:

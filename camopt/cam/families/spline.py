@@ -106,21 +106,15 @@ class SplineCam:
         """
         low, high = edges[0], edges[-1]
         inner = self.breaks[(self.breaks > low) & (self.breaks < high)]
-        edges = _merged(np.concatenate([edges, inner]))
+        edges = merged(np.concatenate([edges, inner]))
         start, width, degree = edges[:-1], np.diff(edges), DEGREE + 2 - order
         taylor = np.stack(
             [self._bases[order].derivative(k)(start) * width[:, None] ** k / factorial(k) for k in range(degree + 1)]
         )
         points = np.einsum("ik,ken->ein", from_powers(degree), taylor)
         greville = start[:, None] + width[:, None] * np.arange(degree + 1) / degree
-        offset = (
-            [
-                self.opening.height + self.opening.velocity * (greville - self.breaks[0]),
-                np.full_like(greville, self.opening.velocity),
-            ][order]
-            if order < 2
-            else np.zeros_like(greville)
-        )
+        straight = np.polynomial.Polynomial([self.opening.height, self.opening.velocity])
+        offset = straight.deriv(order)(greville - self.breaks[0])
         points = np.concatenate([points[:, :-1].reshape(-1, points.shape[2]), points[-1, -1:]])  # shared ends once
         offset = np.append(offset[:, :-1].ravel(), offset[-1, -1])
         matrix = points @ self.Z
@@ -158,7 +152,7 @@ def basis_lift(breaks: np.ndarray) -> PPoly:
     return PPoly(np.stack(taylor), breaks).antiderivative(2)
 
 
-def _merged(edges: np.ndarray) -> np.ndarray:
+def merged(edges: np.ndarray) -> np.ndarray:
     """The edges in ascending order, without those that differ from another by round-off only."""
     edges = np.sort(edges)
     return edges[np.append(True, np.diff(edges) > 1e-12)]
