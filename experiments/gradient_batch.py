@@ -206,10 +206,9 @@ def on_common_pieces(p: Problem) -> tuple[Lift, np.ndarray]:
     """The cam on the union of its borders and the bumps', and the bumps (p, q, m) there [m/rad^k]."""
     inner = {round(b, 9): b for part in (*p.bumps, p.lift) for b in part.borders[1:-1]}  # equal but for rounding
     borders = np.array([-np.pi, *(inner[key] for key in sorted(inner)), np.pi])
-    middles = 0.5 * (borders[1:] + borders[:-1])
 
     def pieces(part: Lift) -> np.ndarray:
-        own = recentred(part, np.searchsorted(part.borders, middles) - 1, borders[:-1])
+        own = recentred(part, np.searchsorted(part.borders, 0.5 * (borders[1:] + borders[:-1])) - 1, borders[:-1])
         return np.pad(own, ((0, 0), (0, p.lift.coefficients.shape[1] - own.shape[1])))
 
     lift = replace(p.lift, borders=borders, coefficients=pieces(p.lift))

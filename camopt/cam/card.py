@@ -90,11 +90,15 @@ class CamCard:
 
     def rows(self) -> list[list]:
         """A row of `COLUMNS` for every event."""
-        overlaps = self.overlaps or [None] * len(self.events)
-        return [
-            [self.name, e.lift_mm, e.opening_deg, e.closing_deg, e.duration_deg, e.centre_deg, *self._crank(e), overlap]
-            for e, overlap in zip(self.events, overlaps, strict=True)
-        ]
+        rows = []
+        for e, overlap in zip(self.events, self.overlaps or [None] * len(self.events), strict=True):
+            crank: list[float | None] = [None] * 3
+            if self.timing is not None:
+                opening, closing = (self.timing.crank_deg(a) for a in (e.opening_deg, e.closing_deg))
+                crank = [opening, closing, closing - opening]
+            own = self.name, e.lift_mm, e.opening_deg, e.closing_deg, e.duration_deg, e.centre_deg
+            rows.append([*own, *crank, overlap])
+        return rows
 
     def cells(self) -> list[list[str | None]]:
         """The rows as a file has them: angles with as many decimals as the text, lifts as they were asked."""
@@ -102,12 +106,6 @@ class CamCard:
             [name, f"{lift:.10g}", *(None if angle is None else f"{angle:z.{DECIMALS}f}" for angle in angles)]
             for name, lift, *angles in self.rows()
         ]
-
-    def _crank(self, event: ValveEvent) -> list[float | None]:
-        if self.timing is None:
-            return [None] * 3
-        opening, closing = (self.timing.crank_deg(a) for a in (event.opening_deg, event.closing_deg))
-        return [opening, closing, closing - opening]
 
     def __str__(self) -> str:
         lines = [
@@ -126,11 +124,10 @@ class CamCard:
             f"  on the crank, the middle {abs(centre):g} deg {'before' if centre < 0 else 'after'} TDC, "
             f"where the lift is {self.tdc_lift_mm:z.4f} mm"
         )
-        for event, overlap in zip(self.events, self.overlaps or [None] * len(self.events), strict=True):
-            opening, closing, duration = self._crank(event)
+        for _, lift, *_, opening, closing, duration, overlap in self.rows():
             shared = "" if overlap is None else f", overlap {max(overlap, 0.0):.2f} deg"
             lines.append(
-                f"  {event.lift_mm:9.4f} mm  opens {dead_centre_words(opening)}, closes {dead_centre_words(closing)}, "
+                f"  {lift:9.4f} mm  opens {dead_centre_words(opening)}, closes {dead_centre_words(closing)}, "
                 f"{duration:.2f} deg{shared}"
             )
         return "\n".join(lines)

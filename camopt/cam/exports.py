@@ -20,8 +20,8 @@ Where two arcs miss the contour by more than the tolerance, their interval of th
 """
 
 import io
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 
@@ -67,8 +67,7 @@ def write_crank_table(path: str | Path, lift: Lift, step_crank_deg: float, digit
     write_text(path, "\n".join([*head, *map(",".join, cells)]) + "\n")
 
 
-@dataclass(frozen=True)
-class TableError:
+class TableError(NamedTuple):
     """What a lift table is off by [mm]: at its `rows`, and between them along straight `lines` and along the periodic
     cubic `spline` through them."""
 

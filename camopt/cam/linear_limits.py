@@ -90,13 +90,13 @@ def linear_limits(design: Design, centres: tuple[float, ...] = ()) -> list[Linea
     half = design.duration_deg / 2 * DEG
     found = []
     for angle, least, most in design.lift_at:
-        at = flat_level(1.0, angle * DEG, angle * DEG)
+        at = angle * DEG, angle * DEG
         if least > 0:
             name = f"lift_at's least lift at {angle:g} deg"
-            found.append(LinearLimit("lift_at", name, (-1.0,), _scaled(at, -least * MM), least, -1 / MM))
+            found.append(LinearLimit("lift_at", name, (-1.0,), flat_level(-least * MM, *at), least, -1 / MM))
         if most < design.max_lift_mm:
             name = f"lift_at's largest lift at {angle:g} deg"
-            found.append(LinearLimit("lift_at", name, (1.0,), _scaled(at, most * MM), most, 1 / MM))
+            found.append(LinearLimit("lift_at", name, (1.0,), flat_level(most * MM, *at), most, 1 / MM))
     for i, row in enumerate(design.duration_at):
         found += _durations(row, centres[i] if centres else 0.0, half)
     if design.piston is not None:
@@ -180,10 +180,6 @@ def _of_a_roller(design: Design, half: float) -> list[LinearLimit]:
     return found
 
 
-def _scaled(level: PiecewiseLevel, factor: float) -> PiecewiseLevel:
-    return PiecewiseLevel(level.borders, factor * level.coefficients, abs(factor) * level.error)
-
-
 def weighted_sum(lift: Lift, weights: tuple[float, ...]) -> Lift:
     """sum_k weights[k] * lift^(k), as a lift law."""
     total, c = np.zeros_like(lift.coefficients), lift.coefficients
@@ -209,18 +205,17 @@ def piston_room(piston: Piston, cam_per_crank: float, half: float) -> PiecewiseL
 
     Cubic Hermite pieces: their error is width^4 / 384 times a bound on the fourth derivative.
     """
+    from scipy.interpolate import CubicHermiteSpline  # only a scene with a piston waits for it
+
     slope = cos(piston.valve_angle_deg * DEG)
     room = (piston.gap_at_top_mm - piston.clearance_mm) * MM
     edges = np.linspace(-half, half, int(np.ceil(2 * half / PIECE)) + 1)
     crank = piston.lobe_centre_deg * DEG + edges / cam_per_crank
     value = room + slope * piston_drop(piston, crank)
     rate = slope * piston_drop(piston, crank, 1) / cam_per_crank
-    h = np.diff(edges)
-    rise = np.diff(value) / h
-    bend, twist = (3 * rise - 2 * rate[:-1] - rate[1:]) / h, (rate[:-1] + rate[1:] - 2 * rise) / h**2
-    pieces = np.stack([value[:-1], rate[:-1], bend, twist], axis=1)
+    pieces = CubicHermiteSpline(edges, value, rate).c[::-1].T
     fourth = slope * largest_fourth_derivative(piston) / cam_per_crank**4
-    return PiecewiseLevel(edges, pieces, float(h.max()) ** 4 / 384 * fourth)
+    return PiecewiseLevel(edges, pieces, float(np.diff(edges).max()) ** 4 / 384 * fourth)
 
 
 def largest_fourth_derivative(piston: Piston) -> float:

@@ -9,7 +9,7 @@ from camopt.cam.families.record import EXPECTED, family_named
 from camopt.cam.families.registry import FAMILIES
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, Scene
-from camopt.scene.spelling import did_you_mean
+from camopt.scene.errors import did_you_mean
 from camopt.scene.text_file import excerpt, usable_path
 from camopt.scene.units import MM
 

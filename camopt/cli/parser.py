@@ -20,8 +20,7 @@ from typing import Any
 from camopt import __version__
 from camopt.cli import values
 from camopt.cli.next_steps import left_behind, next_step
-from camopt.scene.errors import InputError, NoCamFound, brief
-from camopt.scene.spelling import did_you_mean
+from camopt.scene.errors import InputError, NoCamFound, brief, did_you_mean
 from camopt.scene.text_file import excerpt
 from camopt.storage import check_file
 from camopt.verifier.methods import verdict_methods

@@ -4,7 +4,7 @@ import argparse
 import math
 from collections.abc import Callable
 
-from camopt.scene.spelling import did_you_mean
+from camopt.scene.errors import did_you_mean
 from camopt.scene.table import LARGEST, SMALLEST
 from camopt.scene.text_file import excerpt
 

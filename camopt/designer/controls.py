@@ -11,7 +11,7 @@ from camopt.scene.design import Design
 from camopt.scene.errors import InputError
 from camopt.scene.faults import checked
 from camopt.scene.parameters import RATE, SceneNumber, number_of, valve_spring, with_numbers, with_spring
-from camopt.scene.schema import Scene, Tolerance
+from camopt.scene.schema import Scene
 from camopt.scene.table import LARGEST
 from camopt.scene.text_file import excerpt
 from camopt.scene.train import build_train
@@ -24,7 +24,7 @@ STEPS = 200
 NEEDED = ("valve", "seat", "operation", "design")
 LONGEST_KEY = 80
 """Letters of an unknown key that are repeated in the answer."""
-BAND = ("band_low_rpm", "band_high_rpm")
+BAND, ERROR = ("band_low_rpm", "band_high_rpm"), "grinding_error_um"
 
 
 class Refused(InputError):
@@ -96,8 +96,11 @@ def controls(scene: Scene) -> tuple[Control, ...]:
         Control("band_low_rpm", "Band from", "r/min", "Speed", float(low), *_about(low)),
         Control("band_high_rpm", "Band to", "r/min", "Speed", float(high), *_about(high)),
     ]
-    tolerances = [_of_tolerance(tolerance) for tolerance in scene.tolerance]
-    return (*view, *shape[:2], reach, *shape[2:], *speeds, *_of_train(scene), *tolerances, *_of_grinding(scene))
+    scatter = [
+        Control(key, label, unit, "Tolerances", width, *_about(width), optional=True, usual=width)
+        for key, (label, unit, width) in _widths(scene).items()
+    ]
+    return (*view, *shape[:2], reach, *shape[2:], *speeds, *_of_train(scene), *scatter)
 
 
 def _of_design(design: Design, key: str) -> Control:
@@ -131,27 +134,13 @@ def lash_element(scene: Scene) -> int:
     return max(build_train(scene).cam_side, key=lambda e: scene.element[e].gap_mm)
 
 
-def _of_tolerance(tolerance: Tolerance) -> Control:
-    key = "relative" if tolerance.relative is not None else "plus_minus"
-    value = getattr(tolerance, key)
-    unit = "of the number" if key == "relative" else "in its unit"
-    label, low_high = f"Tolerance: {tolerance.label}", _about(value)
-    return Control(tolerance_key(tolerance), label, unit, "Tolerances", value, *low_high, optional=True, usual=value)
-
-
-def tolerance_key(tolerance: Tolerance) -> str:
-    """The key of a tolerance's control."""
-    return f"tolerance.{tolerance.label}"
-
-
-def _of_grinding(scene: Scene) -> list[Control]:
-    if scene.grinding is None:
-        return []
-    error = scene.grinding.error_um
-    about = _about(error)
-    return [
-        Control("grinding_error_um", "Grinding error", "µm", "Tolerances", error, *about, optional=True, usual=error)
-    ]
+def _widths(scene: Scene) -> dict[str, tuple[str, str, float]]:
+    """Label, unit and width of every tolerance and of the grinding error, by the key of its control."""
+    found = {}
+    for one in scene.tolerance:
+        unit, width = ("in its unit", one.plus_minus) if one.relative is None else ("of the number", one.relative)
+        found[f"tolerance.{one.label}"] = f"Tolerance: {one.label}", unit, width
+    return found | ({} if scene.grinding is None else {ERROR: ("Grinding error", "µm", scene.grinding.error_um)})
 
 
 def _about(value: float) -> tuple[float, float, float]:
@@ -237,17 +226,12 @@ def _with_train(scene: Scene, values: Mapping[str, Any]) -> Scene:
 
 def _as_built(scene: Scene, values: Mapping[str, Any]) -> dict[str, Any]:
     """Tolerances and grinding error of the values; what is switched off is left out."""
-    rows = []
-    for tolerance in scene.tolerance:
-        width = values[tolerance_key(tolerance)]
-        key = "relative" if tolerance.relative is not None else "plus_minus"
-        if width is not None:
-            rows.append(tolerance.model_copy(update={key: width}))
-    tables: dict[str, Any] = {"tolerance": tuple(rows)}
-    if scene.grinding is not None:
-        error = values["grinding_error_um"]
-        tables["grinding"] = None if error is None else scene.grinding.model_copy(update={"error_um": error})
-    return tables
+    rows = [(one, values[f"tolerance.{one.label}"]) for one in scene.tolerance]
+    keys = ["plus_minus" if one.relative is None else "relative" for one in scene.tolerance]
+    kept = [one.model_copy(update={k: w}) for (one, w), k in zip(rows, keys, strict=True) if w is not None]
+    error = values.get(ERROR)
+    ground = None if scene.grinding is None or error is None else scene.grinding.model_copy(update={"error_um": error})
+    return {"tolerance": tuple(kept), "grinding": ground}
 
 
 def _by_key(faults: list[str]) -> dict[str, str]:

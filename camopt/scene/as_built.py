@@ -11,9 +11,9 @@ from fnmatch import fnmatchcase
 
 import numpy as np
 
+from camopt.scene.errors import did_you_mean
 from camopt.scene.parameters import KEYS, SceneNumber, has_wildcards, matching, with_numbers
 from camopt.scene.schema import Scene, Tolerance
-from camopt.scene.spelling import did_you_mean
 from camopt.scene.text_file import excerpt
 
 REACH = 4.0
@@ -37,10 +37,8 @@ def deviates(scene: Scene, seed: int, train: int) -> dict[str, np.ndarray]:
     """Draws of the train of that number by the tolerances' labels (k): in units of what the tolerance states."""
     found = {}
     for tolerance in scene.tolerance:
-        random, count = (
-            np.random.default_rng(key_of(seed, train, tolerance.label)),
-            len(moved_together(scene, tolerance)),
-        )
+        count = len(moved_together(scene, tolerance))
+        random = np.random.default_rng(key_of(seed, train, tolerance.label))
         if tolerance.distribution == "uniform":
             found[tolerance.label] = random.uniform(-1.0, 1.0, count)
         else:

@@ -31,22 +31,12 @@ ROWS = {
     "stiffness_table": "[compression_mm, stiffness_N_per_m]",
     "force_table": "[compression_mm, force_N]",
 }
-INSTEAD = {
-    "progressive": "stiffness_table",
-    "table": "force_table",
-}
-"""Where a law takes its stiffness from, if not from stiffness_N_per_m."""
 NOT_OF = {
-    "damping_N_s_per_m": ("adjuster", "friction", *laws_with(DISSIPATION)),
-    "gap_mm": ("adjuster", "friction"),
-    "preload_N": ("friction", "table"),
+    "damping_N_s_per_m": (("adjuster", "friction", *laws_with(DISSIPATION)), "its own law loses the energy"),
+    "gap_mm": (("adjuster", "friction"), "it has no lash"),
+    "preload_N": (("friction", "table"), "its force is all in its law"),
 }
-"""The forms that must leave a key at zero."""
-WHY_ZERO = {
-    "damping_N_s_per_m": "its own law loses the energy",
-    "gap_mm": "it has no lash",
-    "preload_N": "its force is all in its law",
-}
+"""The forms that must leave a key at zero, and why."""
 MOST_TABLE_ROWS = 200
 NEAREST_MM, FURTHEST_MM = 1e-6, 500.0
 """How far apart the rows of a table may be: nearer ones are one row written twice, and no spring travels half a metre.
@@ -133,7 +123,8 @@ class Element(Table):
             raise ValueError(f"missing; give rows of {ROWS[key]}" if key in ROWS else "missing")
         if value is not None and form not in BELONGS[key]:
             if key == "stiffness_N_per_m":
-                raise ValueError(f'law "{form}" takes its stiffness from {INSTEAD[form]}: leave this key out')
+                rows = next(key for key in ROWS if form in BELONGS[key])
+                raise ValueError(f'law "{form}" takes its stiffness from {rows}: leave this key out')
             what = "kind" if BELONGS[key][0] in ("adjuster", "friction") else "law"
             owners = " or ".join(f'"{form}"' for form in BELONGS[key])
             raise ValueError(f"belongs to {what} = {owners}, and only to {'it' if len(BELONGS[key]) == 1 else 'these'}")
@@ -199,10 +190,10 @@ class Element(Table):
     @field_validator(*NOT_OF)
     @classmethod
     def _zero_where_it_means_nothing(cls, value, info: ValidationInfo):
-        form, key = _form(info), info.field_name
-        if value != 0.0 and key is not None and form in NOT_OF[key]:
+        form, (forms, why) = _form(info), NOT_OF[info.field_name or ""]
+        if value != 0.0 and form in forms:
             what = f'law = "{form}"' if form in LAWS else f'kind = "{form}"'
-            raise ValueError(f"belongs to no {what}: {WHY_ZERO[key]}; leave this key out")
+            raise ValueError(f"belongs to no {what}: {why}; leave this key out")
         return value
 
     @field_validator("cam_driven")

@@ -1,4 +1,9 @@
-"""The one error a user causes: a sentence that says what, where, what was expected, and the remedy."""
+"""The one error a user causes: a sentence that says what, where, what was expected, and the remedy.
+
+Of a misspelt name it says which known one was probably meant.
+"""
+
+from collections.abc import Iterable
 
 LONGEST_LINE = 1000
 """Characters of a line of a message; a library's sentence may quote whatever a file has."""
@@ -27,3 +32,29 @@ class NoCamFound(InputError):
 
 class MotionRefused(InputError):
     """A motion that a method will not follow (endless switching, loss of accuracy): a refusal, never a wrong number."""
+
+
+LONGEST_NAME = 80
+"""Characters of a name that is compared at all; no name of camopt is longer."""
+MEANT = {"peak": "max", "maximum": "max", "largest": "max", "minimum": "min", "least": "min", "smallest": "min"}
+"""Words of a name that others use for those of camopt."""
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """`; did you mean 'kodama'?`, to end a sentence with, or nothing where no known name is close to the word."""
+    from difflib import get_close_matches  # only what is misspelt pays for it
+
+    known = list(known)
+    by_lower = {name.lower(): name for name in known}
+    if len(word) > LONGEST_NAME or not by_lower:
+        return ""
+    close = get_close_matches(word.lower(), by_lower, n=1)
+    in_other_words = {_words(name): name for name in known}.get(_words(word))
+    if in_other_words is None and not close:
+        return ""
+    return f"; did you mean {in_other_words or by_lower[close[0]]!r}?"
+
+
+def _words(name: str) -> tuple[str, ...]:
+    """The words of a name in the order of the alphabet, each in camopt's own."""
+    return tuple(sorted(MEANT.get(word, word) for word in name.lower().split("_")))

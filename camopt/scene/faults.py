@@ -6,16 +6,16 @@ train is built as soon as its masses and elements have no fault, whatever the ot
 
 import re
 from collections import Counter
+from copy import deepcopy
 from typing import Any, get_args
 
 import numpy as np
 from pydantic import ValidationError
 
 from camopt.scene.as_built import tolerance_faults
-from camopt.scene.errors import InputError
+from camopt.scene.errors import InputError, did_you_mean
 from camopt.scene.rest import static_forces
 from camopt.scene.schema import MOST_ROWS, Scene
-from camopt.scene.spelling import did_you_mean
 from camopt.scene.table import Table
 from camopt.scene.text_file import excerpt
 from camopt.scene.train import Train, build_train
@@ -86,14 +86,7 @@ def _place(loc: tuple) -> tuple:
 
 def _without(data: dict, places: set[tuple]) -> dict:
     """The tables without the keys at these places; rows stay rows."""
-    left = {
-        key: tuple(dict(row) if isinstance(row, dict) else row for row in value)
-        if isinstance(value, tuple)
-        else dict(value)
-        if isinstance(value, dict)
-        else value
-        for key, value in data.items()
-    }
+    left = deepcopy(data)
     for place in map(_place, places):
         table: Any = left
         for part in place[:-1]:

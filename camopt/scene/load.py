@@ -7,11 +7,10 @@ from pathlib import Path
 from typing import Any
 
 from camopt.scene.design import FROM_DURATION_AT, Design
-from camopt.scene.errors import InputError
+from camopt.scene.errors import InputError, did_you_mean
 from camopt.scene.faults import checked
 from camopt.scene.parameters import TABLES, no_such_number, settable, with_numbers
 from camopt.scene.schema import Scene
-from camopt.scene.spelling import did_you_mean
 from camopt.scene.text_file import excerpt, read_text, usable_path
 from camopt.scene.toml_text import toml_data
 

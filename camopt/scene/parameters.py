@@ -17,9 +17,8 @@ from typing import Any, NamedTuple, TypeVar
 import numpy as np
 
 from camopt.scene.element import Element
-from camopt.scene.errors import InputError
+from camopt.scene.errors import InputError, did_you_mean
 from camopt.scene.schema import Scene
-from camopt.scene.spelling import did_you_mean
 from camopt.scene.table import Table
 from camopt.scene.text_file import excerpt
 from camopt.scene.units import MM

@@ -10,6 +10,8 @@ from camopt.scene.units import UM
 
 FEWEST_STEPS, MOST_STEPS = 360, 28800
 """Steps of a revolution that may be asked for: one in a degree, and one in an eightieth."""
+NAMES = "width_um", "tie", "steps_per_revolution"
+"""What the arguments are called."""
 
 
 class Smoothing(NamedTuple):
@@ -21,15 +23,10 @@ class Smoothing(NamedTuple):
     steps: int = 1440
 
     @property
-    def names(self) -> tuple[str, ...]:
-        """The names of the arguments."""
-        return "width_um", "tie", "steps_per_revolution"
-
-    @property
     def as_asked(self) -> dict[str, Any]:
         """Those that differ from the defaults, by the names of the arguments."""
         numbers = self.width / UM, self.tie, self.steps
-        own = zip(self.names, numbers, self, Smoothing(), strict=True)
+        own = zip(NAMES, numbers, self, Smoothing(), strict=True)
         return {name: number for name, number, value, usual in own if value != usual}
 
 
@@ -57,7 +54,7 @@ def smoothing_in(settings: Mapping[str, Any]) -> Smoothing:
 
     Raises InputError where it is not the usual one and the run has no smoothed motion, or is for a yield.
     """
-    found = smoothing("optimize", *(settings.get(name) for name in Smoothing().names))
+    found = smoothing("optimize", *(settings.get(name) for name in NAMES))
     if found != Smoothing() and (settings.get("gradient") == "exact" or "yield" in settings):
         raise InputError(
             "optimize: width_um, tie or steps_per_revolution with source 'exact' or a wanted yield: leave them out"

@@ -31,9 +31,8 @@ from pydantic import Field, ValidationError, field_validator
 
 from camopt.cam.families.registry import FAMILIES
 from camopt.scene import builtin_scenes
-from camopt.scene.errors import InputError
+from camopt.scene.errors import InputError, did_you_mean
 from camopt.scene.load import scene_with, tuples
-from camopt.scene.spelling import did_you_mean
 from camopt.scene.table import Positive, Table
 from camopt.scene.text_file import read_text, usable_path
 from camopt.scene.toml_text import toml_data

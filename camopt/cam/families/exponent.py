@@ -8,7 +8,7 @@ condition.
 import numpy as np
 
 from camopt.cam.families.powers import checked_exponents, event_pieces, no_member, power_construction, power_space
-from camopt.cam.families.record import Event, Family, Parameter, Parameters, Space, numbers
+from camopt.cam.families.record import Family, Parameter, Parameters, numbers
 from camopt.cam.lift import Lift, with_ramps
 from camopt.cam.ramps import Ramp, symmetric_conditions
 from camopt.scene import InputError, Scene
@@ -36,22 +36,15 @@ def exponent(scene: Scene, exponents: tuple[float, ...] = (2, 10, 18, 26, 34)) -
     return lift
 
 
-def _construction(_: Scene, cam: Lift) -> tuple[Parameters, Event]:
-    def dynamic(p: Parameters, ramp: Ramp) -> tuple:
-        return 1.0, 0.0, [0.0, -ramp.velocity, 0.0, 0.0, 0.0]
-
-    return power_construction(cam, {}, dynamic)
-
-
-def _space(scene: Scene, jerk: bool) -> Space:
-    return power_space(lambda exponents: exponent(scene, exponents), [], [])
+def _dynamic(p: Parameters, ramp: Ramp) -> tuple:
+    return 1.0, 0.0, [0.0, -ramp.velocity, 0.0, 0.0, 0.0]
 
 
 FAMILY = Family(
     "exponent",
     exponent,
     {"exponents": Parameter("exponents", numbers)},
-    _construction,
-    space=_space,
+    lambda _, cam: power_construction(cam, {}, _dynamic),
+    space=lambda scene, jerk: power_space(lambda exponents: exponent(scene, exponents), [], []),
     line=("#E69F00", (0, (3, 1.2))),
 )

@@ -28,16 +28,6 @@ def sine_terms(wave: float, u: np.ndarray, order: int) -> np.ndarray:
     return np.column_stack([line, wave**order * np.sin(wave * u + order * np.pi / 2)])
 
 
-def half_sine(_: int, u: np.ndarray, order: int) -> np.ndarray:
-    """Terms of section 1: 1, u, sin(pi u)."""
-    return sine_terms(np.pi, u, order)
-
-
-def quarter_sine(_: int, u: np.ndarray, order: int) -> np.ndarray:
-    """Terms of section 2: 1, u, sin(pi u / 2)."""
-    return sine_terms(np.pi / 2, u, order)
-
-
 def about_the_nose(_: int, u: np.ndarray, order: int) -> np.ndarray:
     """Terms of section 3: 1, (1 - u)^2, (1 - u)^4."""
     powers = np.array([0, 2, 4])
@@ -47,8 +37,8 @@ def about_the_nose(_: int, u: np.ndarray, order: int) -> np.ndarray:
 TABLE = SectionTable(
     "kurz",
     (
-        Section(("y_r", U), ("v_r", "v12"), (U, U), (U, U), half_sine),
-        Section(("y12", U), ("v12", U), (U, "a23"), (U, U), quarter_sine),
+        Section(("y_r", U), ("v_r", "v12"), (U, U), (U, U), lambda _, u, order: sine_terms(np.pi, u, order)),
+        Section(("y12", U), ("v12", U), (U, "a23"), (U, U), lambda _, u, order: sine_terms(np.pi / 2, u, order)),
         Section(("y23", U), ("v23", U), ("a23", U), (U, U), about_the_nose),
     ),
     levels=("v12", "a23"),

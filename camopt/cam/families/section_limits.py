@@ -6,9 +6,9 @@ one's mirror image.
 """
 
 from functools import cache, lru_cache
-from math import comb
 
 import numpy as np
+from scipy.linalg import pascal
 
 from camopt.cam.families.sections import Flank
 from camopt.cam.linear_limits import LinearLimit, linear_limits
@@ -25,15 +25,9 @@ def to_bernstein(degree: int, edges: tuple[float, ...]) -> np.ndarray:
     """Matrix (parts * (degree + 1), degree + 1) from power coefficients on [0, 1] to control points between edges."""
     k = np.arange(degree + 1)
     start, end = np.array(edges[:-1])[:, None, None], np.array(edges[1:])[:, None, None]
-    taylor = _binomial(degree) * start ** np.maximum(k - k[:, None], 0)
+    taylor = pascal(degree + 1, kind="upper") * start ** np.maximum(k - k[:, None], 0)
     parts = from_powers(degree) @ ((end - start) ** k[:, None] * taylor)
     return parts.reshape(-1, degree + 1)
-
-
-@cache
-def _binomial(degree: int) -> np.ndarray:
-    """Number of ways (j, i) to choose j of i."""
-    return np.array([[comb(i, j) for i in range(degree + 1)] for j in range(degree + 1)], dtype=float)
 
 
 def control_points(one: Flank, order: int, parts: int, start: float = 0.0) -> np.ndarray:

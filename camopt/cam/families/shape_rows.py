@@ -12,7 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from camopt.cam.families.radius_planes import SIDES, Neighbourhood, planes
-from camopt.cam.families.spline import SplineCam
+from camopt.cam.families.spline import SplineCam, merged
 from camopt.cam.linear_limits import LinearLimit, linear_limits, radii_held_near
 from camopt.cam.polynomials import from_powers
 from camopt.scene.design import ROUNDING, Design
@@ -156,8 +156,7 @@ def sign_rows(cam: SplineCam, switches: tuple[float, ...]) -> tuple[np.ndarray, 
 
     The left sides are the same for all switches at `cells`: rows of the sign that is allowed do not bind.
     """
-    edges = np.sort(np.concatenate([cells(cam), cam.breaks]))
-    edges = edges[np.append(True, np.diff(edges) > 1e-12)]
+    edges = merged(np.concatenate([cells(cam), cam.breaks]))
     matrix, offset = cam.control_points(3, edges)
     positive = np.searchsorted(switches, 0.5 * (edges[1:] + edges[:-1])) % 2 == 0
     width = (len(offset) - 1) // len(positive)

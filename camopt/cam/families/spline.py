@@ -48,12 +48,6 @@ class SplineCam:
         return lift, *(lift.derivative(k) for k in range(1, 7))
 
     @cached_property
-    def _ramps(self) -> tuple[PPoly, ...]:
-        """The ramps' lift and its first six derivatives."""
-        lift = PPoly(self.without_spline.coefficients[:, ::-1].T, self.without_spline.borders)
-        return lift, *(lift.derivative(k) for k in range(1, 7))
-
-    @cached_property
     def without_spline(self) -> Lift:
         """The ramps, with the opening ramp's straight line in place of the spline."""
         line = np.array([[self.opening.height, self.opening.velocity]])
@@ -97,8 +91,7 @@ class SplineCam:
         inside = (theta >= self.breaks[0]) & (theta < self.breaks[-1])
         matrix = np.zeros((len(theta), len(self.x_p)))
         matrix[inside] = self._bases[order](theta[inside])
-        offset = self._ramps[order](theta)
-        return matrix, offset
+        return matrix, self.without_spline(theta, order)
 
     def area(self) -> tuple[np.ndarray, float]:
         """Row (m) and constant with area = row @ z + constant [m rad]."""
@@ -113,21 +106,15 @@ class SplineCam:
         """
         low, high = edges[0], edges[-1]
         inner = self.breaks[(self.breaks > low) & (self.breaks < high)]
-        edges = _merged(np.concatenate([edges, inner]))
+        edges = merged(np.concatenate([edges, inner]))
         start, width, degree = edges[:-1], np.diff(edges), DEGREE + 2 - order
         taylor = np.stack(
             [self._bases[order].derivative(k)(start) * width[:, None] ** k / factorial(k) for k in range(degree + 1)]
         )
         points = np.einsum("ik,ken->ein", from_powers(degree), taylor)
         greville = start[:, None] + width[:, None] * np.arange(degree + 1) / degree
-        offset = (
-            [
-                self.opening.height + self.opening.velocity * (greville - self.breaks[0]),
-                np.full_like(greville, self.opening.velocity),
-            ][order]
-            if order < 2
-            else np.zeros_like(greville)
-        )
+        straight = np.polynomial.Polynomial([self.opening.height, self.opening.velocity])
+        offset = straight.deriv(order)(greville - self.breaks[0])
         points = np.concatenate([points[:, :-1].reshape(-1, points.shape[2]), points[-1, -1:]])  # shared ends once
         offset = np.append(offset[:, :-1].ravel(), offset[-1, -1])
         matrix = points @ self.Z
@@ -151,7 +138,7 @@ class SplineCam:
             for k in range(degree + 1 - order if np.any(weight) else 0):
                 factor = weight * width**k / factorial(k)
                 taylor[k] += self._bases[order + k](inside) * factor[:, None]
-                ramp[k] += self._ramps[order + k](inside) * factor
+                ramp[k] += self.without_spline(inside, order + k) * factor
         points = np.einsum("ik,ken->ein", from_powers(degree), taylor)
         offset = np.einsum("ik,ke->ei", from_powers(degree), ramp)
         return points @ self.Z, offset + points @ self.x_p
@@ -165,7 +152,7 @@ def basis_lift(breaks: np.ndarray) -> PPoly:
     return PPoly(np.stack(taylor), breaks).antiderivative(2)
 
 
-def _merged(edges: np.ndarray) -> np.ndarray:
+def merged(edges: np.ndarray) -> np.ndarray:
     """The edges in ascending order, without those that differ from another by round-off only."""
     edges = np.sort(edges)
     return edges[np.append(True, np.diff(edges) > 1e-12)]

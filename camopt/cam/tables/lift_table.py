@@ -82,7 +82,12 @@ def read_lift_table(
         report["probe_mm"] = given["probe"]
     opening, closing = (h * MM for h, _, _ in scene.design.ramps())
     start, end = event_borders(where, pieces, opening, closing)
-    _check_duration(where, (end - start) / DEG, scene.design.duration_deg)
+    found_deg, scene_deg = (end - start) / DEG, scene.design.duration_deg
+    if not 1 / PLAUSIBLE_DURATION <= found_deg / scene_deg <= PLAUSIBLE_DURATION:
+        raise InputError(
+            f"{where}: {found_deg:.0f} cam degrees lie between the ramp heights against the scene's duration_deg of "
+            f"{scene_deg:g}: check --table-angle (crank angles are halved)"
+        )
     borders, coefficients = centred(pieces, 0.0 if table.own else 0.5 * (start + end))
     return Lift(borders, coefficients, 0.5 * (end - start), "table", report)
 
@@ -188,14 +193,6 @@ def _row_error(rows: TableRows, report: dict) -> dict:
     if not equal or report.get("outliers") or report.get("noise_um", 0.0) > unit / 2 * 1e3:
         return {}
     return {"row_error_mm": unit / 2 + report.get("largest_shift_um", 0.0) * 1e-3, "step_deg": round(step, 9)}
-
-
-def _check_duration(where: str, found_deg: float, scene_deg: float) -> None:
-    if not 1 / PLAUSIBLE_DURATION <= found_deg / scene_deg <= PLAUSIBLE_DURATION:
-        raise InputError(
-            f"{where}: {found_deg:.0f} cam degrees lie between the ramp heights against the scene's duration_deg of "
-            f"{scene_deg:g}: check --table-angle (crank angles are halved)"
-        )
 
 
 def _check(where: str, rows: TableRows, max_lift_mm: float) -> None:

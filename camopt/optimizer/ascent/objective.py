@@ -19,8 +19,8 @@ from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import motion_limits
 from camopt.optimizer.ascent.train_variables import TrainVariables
 from camopt.scene import QUANTITIES, InputError, Scene, Train, build_train
+from camopt.scene.errors import did_you_mean
 from camopt.scene.smoothing import Smoothing, smoothing
-from camopt.scene.spelling import did_you_mean
 from camopt.scene.units import DEG, MM
 from camopt.smooth.exact_rule import exact_metrics
 from camopt.smooth.families import DifferentiableCam, differentiable

@@ -66,7 +66,8 @@ class ExudynModel:
         for node, mass in zip(self.nodes, train.mass, strict=True):
             self.mbs.AddObject(items.Mass1D(nodeNumber=node, physicsMass=mass))
         ground = self.mbs.AddNode(items.NodePointGround())
-        self.markers = [self._marker(node) for node in (*self.nodes, ground)]  # the index -1 is the ground
+        markers = [items.MarkerNodeCoordinate(nodeNumber=node, coordinate=0) for node in (*self.nodes, ground)]
+        self.markers = [self.mbs.AddMarker(marker) for marker in markers]  # the index -1 is the ground
         self.memory = [e for e in train.elements if e.has_memory]
         lengths = [items.NodeGenericODE1(numberOfODE1Coordinates=1, **zero) for _ in self.memory]
         self.memory_nodes = [self.mbs.AddNode(length) for length in lengths]
@@ -108,9 +109,6 @@ class ExudynModel:
             for some in self.sensors
         )
         return FiledMotion(time * self.speed - np.pi, x, v, z)
-
-    def _marker(self, node):
-        return self.mbs.AddMarker(items.MarkerNodeCoordinate(nodeNumber=node, coordinate=0))
 
     def _sensor(self, node, kind):
         return self.mbs.AddSensor(

@@ -53,13 +53,15 @@ def figures(
         raise ValueError("figures need two revolutions or more: the window of bounce runs into the next one")
     angle, x, v, z = _joined(motions, speed)
     height, slope = lift(cam, _within(angle), np.where)
-    between = [e for e in way_from_cam(train) if e.contact and e.law != "plunger"]
+    way = way_from_cam(train)
+    between = [e for e in way if e.contact and e.law != "plunger"]
     d = [compression(e, x, height) for e in between]
     rate = [compression(e, v, slope * speed) + e.gap for e in between]
     forces = [force(e, one, its_rate, np.where, law) for e, one, its_rate in zip(between, d, rate, strict=True)]
     gaps = [touch(e) - one for e, one in zip(between, d, strict=True)]
     memory = [e for e in train.elements if e.has_memory]
-    oils = [i for i, e in enumerate(memory) if e.law == "oil" and _on_way(train, e)]
+    adjusters = [f"{e.name}-oil" for e in way if e.law == "plunger"]  # oil columns stand beside their plungers
+    oils = [i for i, e in enumerate(memory) if e.law == "oil" and e.name in adjusters]
     seat = touch(train.seat) - compression(train.seat, x, height)
     record = np.stack([angle, seat, height - sum(e.gap for e in between), z[:, oils].sum(axis=1)])
     found = []
@@ -76,11 +78,6 @@ def figures(
             }
         )
     return found
-
-
-def _on_way(train: FiledTrain, oil: FiledElement) -> bool:
-    """Whether an oil column stands beside a plunger between cam and valve."""
-    return any(e.law == "plunger" and f"{e.name}-oil" == oil.name for e in way_from_cam(train))
 
 
 def _within(angle: np.ndarray) -> np.ndarray:
