@@ -11,6 +11,22 @@ os.environ["MPLBACKEND"] = "Agg"
 jaxtyping.install_import_hook(MODULES, "tests.checked_shapes.checked")  # before camopt is first imported
 
 
+APART = "tests/experiments/test_experiments.py"
+"""The tests of this file share nothing: any worker may take any of them."""
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config, log):
+    """As `--dist loadfile`, which keeps the fixtures of a file to one worker, but for the file of `APART`."""
+    from xdist.scheduler import LoadFileScheduling
+
+    class ByFile(LoadFileScheduling):
+        def _split_scope(self, nodeid):
+            return nodeid if nodeid.startswith(APART) else super()._split_scope(nodeid)
+
+    return ByFile(config, log)
+
+
 SHARED = ("test_exact_rule", "test_families", "test_families_motion", "test_real_trains_rule", "test_smooth_rule")
 """Tests of the rules for `jax.grad`: the cam families' formulas run on arrays of NumPy too, and broadcast as those."""
 
