@@ -1,9 +1,9 @@
 """The cam of largest area of an edited scene, by the linear programs that the optimiser's search begins with.
 
 What a program is made of is kept from one answer to the next. Where only the sizes of limits change, its rows stay and
-the solver goes on from its last basis. Where the train, the duration or the ramps change, rows are made again: few and
-far apart while the user drags a slider, all of them once it rests. Radii of the cam under a roller or pad are held once
-it rests, because they take a sequence of programs.
+the solver goes on from its last basis. Where the train, the duration or the ramps change, rows are made again: far
+apart while the user drags a slider, all of them once it rests. Radii of the cam under a roller or pad are held once it
+rests, because they take a sequence of programs.
 """
 
 from dataclasses import dataclass, field, replace
@@ -32,8 +32,8 @@ EFFORT = ACCURACIES["draft"]
 """The knots are those of `camopt optimize --accuracy draft`."""
 BAND_SPEEDS = 5
 """Speeds of the program over the band: an answer must come while the user drags."""
-COARSE_SPEEDS, COARSE_STEP = 2, 1.5 * DEG
-"""Speeds and step of the rows while the user drags: of all the speeds those that cost most area."""
+COARSE_STEP = 1.5 * DEG
+"""Step of the rows while the user drags."""
 CONTRADICTION = "no cam holds these limits together: loosen one"
 """What would have to change takes seconds to find: `camopt.designer.slow_parts.why_none`."""
 RAMPS = ("ramp_height_mm", "ramp_velocity_mm_per_deg", "ramp_foot_deg")
@@ -63,7 +63,6 @@ class CamFinder:
     """The cams of one designer's edited scenes; remembers the last programs."""
 
     kept: dict[bool, tuple[tuple, NoJumpProgram]] = field(default_factory=dict)  # by whether they are coarse
-    dearest: tuple[int, ...] = (0, -1)  # indices of the speeds that the coarse programs keep
 
     def largest(self, scene: Scene, train: Train, margin_N: float | None, coarse: bool) -> FoundCam:
         """The cam of largest area that the scene's limits allow: under the no-jump program with a margin, or under the
@@ -96,8 +95,6 @@ class CamFinder:
         takes_a_sequence = bool(radii_held_near(_design(scene))) or not is_linear(train)
         if coarse and self.kept.get(False, (None,))[0] == shape:  # all rows are there, so few are not needed
             coarse = takes_a_sequence
-        if coarse:
-            shape = (*shape, self.dearest)
         program = self._program(scene, train, shape, coarse)
         if not coarse and takes_a_sequence:
             program = converge_tangents(program, margin_N, quick=True)
@@ -108,9 +105,6 @@ class CamFinder:
                 f"no free cam keeps {margin_N:g} N at all of the program's speeds: lower the margin or the speeds"
             ) from None
         self.kept[coarse] = shape, program
-        if not coarse:
-            prices = optimum.margin_prices.sum(axis=0)
-            self.dearest = tuple(sorted(np.argsort(prices, kind="stable")[:COARSE_SPEEDS].tolist()))
         price = float(optimum.margin_prices.sum())
         return FoundCam(optimum.lift, NO_JUMP, optimum.area_ratio, _worth(optimum), price, coarse)
 
@@ -120,9 +114,7 @@ class CamFinder:
         if program is not None and last_shape == shape and is_linear(train):
             held = program.cam.about.near is not None
             return replace(program, design=design, cam=_cam(design)) if held else program.under(design)
-        speeds, window = program_speeds_rpm(scene), None
-        if coarse:
-            speeds, window = speeds[list(self.dearest)], Window(step=COARSE_STEP)
+        speeds, window = program_speeds_rpm(scene), Window(step=COARSE_STEP) if coarse else None
         cam = free_cam(design, EFFORT.knot_deg) if coarse else _cam(design)
         return no_jump_program(train, design, cam, [scene.cam_speed(s) for s in speeds], window=window)
 

@@ -10,7 +10,7 @@ from threadpoolctl import threadpool_limits
 import camopt
 from camopt.designer import slow_parts
 from camopt.designer.cams import CONTRADICTION, EFFORT, Cancelled, program_speeds_rpm
-from camopt.designer.controls import Refused, controls, edited_scene, lash_element, read_values
+from camopt.designer.controls import Refused, controls, edited_scene, read_values
 from camopt.designer.session import Session
 from camopt.designer.slow_parts import YIELD_SPEEDS, baselines_part, bound_part, trains_of, why_none
 from camopt.exact.settled import settled_metrics
@@ -149,16 +149,6 @@ def test_a_sketch_is_near_and_says_that_it_is_coarse():
     assert sketch["area_ratio"] == pytest.approx(cam["area_ratio"], rel=0.01)
     again = session.answer({"lash_mm": 0.11, "max_lift_mm": 9.0}, "sketch")
     assert not again["coarse"]  # only a limit has moved since all rows were there
-
-
-def test_a_sketch_keeps_the_dearest_speeds():
-    session = Session(SCENE)
-    session.answer({})
-    finder, lash = session._cams, SCENE.element[lash_element(SCENE)].gap_mm
-    prices = finder.kept[False][1].solve(Margins(0.0, 0.0, 0.0), explain=False).margin_prices.sum(axis=0)
-    assert finder.dearest == tuple(sorted(np.argsort(prices, kind="stable")[:2]))
-    session.answer({"lash_mm": lash + 0.01}, "sketch")
-    assert len(finder.kept[True][1].blocks) == 2
 
 
 def test_answers_do_not_hang_on_what_was_asked_before():

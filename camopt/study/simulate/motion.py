@@ -10,7 +10,7 @@ from camopt.cam.lift import Lift, lift_with
 from camopt.scene import InputError, Response, Scene, Train, build_train
 from camopt.scene.response import end_state, joined
 from camopt.scene.rest import state_at_rest
-from camopt.scene.smoothing import Smoothing, smoothing
+from camopt.scene.smoothing import NAMES, Smoothing, smoothing
 from camopt.scene.units import DEG
 from camopt.scene.vibration import highest_rate
 from camopt.study.simulate.dataset import motion_dataset, recorded_metrics, resampled
@@ -106,7 +106,7 @@ def simulate(
 def _smoothing(method: str, width_um, tie, steps, parameters, accuracy) -> Smoothing:
     """The smoothing that is asked for; raises InputError where it goes with nothing else that is."""
     how = smoothing("simulate", width_um, tie, steps)
-    named = [name for name, value in zip(how.names, (width_um, tie, steps), strict=True) if value is not None]
+    named = [name for name, value in zip(NAMES, (width_um, tie, steps), strict=True) if value is not None]
     if named and (method != "smooth" or accuracy is not None):
         raise InputError(f"simulate: {named[0]} with method {method!r}: take method='smooth', without an accuracy")
     if parameters is not None and named not in ([], ["width_um"]):
