@@ -29,7 +29,7 @@ MAY_IMPORT = {
     "optimizer": {"highs", "cam", "measure", "smooth", "exact", "verifier", "programs"} | SUPPORT,
     "tasks": {"cam", "optimizer", "scene", "storage"},
     "study": {"cam", "measure", "smooth", "exact", "verifier", "optimizer", "programs", "tasks"} | SUPPORT,
-    "report": {"cache", "cam", "measure", "smooth", "exact", "verifier", "optimizer", "study"} | SUPPORT,
+    "report": {"cam", "measure", "smooth", "exact", "verifier", "optimizer", "study"} | SUPPORT,
     "designer": {"highs", "cam", "measure", "exact", "verifier", "optimizer", "report"} | SUPPORT,
 }
 TOP = {"__init__", "__main__", "cli"}
