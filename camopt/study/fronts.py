@@ -157,5 +157,6 @@ def joint_spring(
         lambda factors: with_spring(scene, *map(float, factors)), (1.0, 1.0), (rate, preload), speeds,
         accuracy_named(accuracy), margin_N, evaluations,
     )  # fmt: skip
-    scene = with_spring(scene, *best.values)
-    return SpringDesign(*best.values, best.area_ratio, best.at_start, scene, best.evaluations)
+    rate_factor, preload_factor = best.values
+    scene = with_spring(scene, rate_factor, preload_factor)
+    return SpringDesign(rate_factor, preload_factor, best.area_ratio, best.at_start, scene, best.evaluations)
