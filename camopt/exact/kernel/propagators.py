@@ -111,15 +111,19 @@ _lock = Lock()
 def propagators(train: Train, step: float, width: int, at_once: int) -> Lending:
     """The propagators of a train, shared by all speeds and cams that use the same step and lift width.
 
-    Those that were used last are kept, as many as `KEPT` and no more than `KEPT_BYTES`.
+    Those that were used last are kept, as many as `KEPT` and no more than `KEPT_BYTES`, which is seen to where others
+    are added.
     """
     key = train, step, width, at_once
     with _lock:
-        one = _kept[key] = _kept.pop(key, None) or Lending(*key)
-        size = sum(other.size for other in _kept.values())
-        while len(_kept) > 1 and (len(_kept) > KEPT or size > KEPT_BYTES):
-            size -= _kept.popitem(last=False)[1].size
-    return one
+        if key in _kept:
+            _kept.move_to_end(key)
+        else:
+            _kept[key] = Lending(*key)
+            size = sum(one.size for one in _kept.values())
+            while len(_kept) > 1 and (len(_kept) > KEPT or size > KEPT_BYTES):
+                size -= _kept.popitem(last=False)[1].size
+        return _kept[key]
 
 
 @lru_cache(maxsize=256)

@@ -104,9 +104,7 @@ class SmoothRows:
         """
         known = self._known
         self._paths = self._settled(z, known.start(z) if known else self._rest) or self._settled(z, self._rest)
-        if self._paths is None or known is None:
-            return np.full(len(self._speeds), np.inf)
-        if bool((_open_ends(self._paths) & ~_open_ends(known.paths)).any()):
+        if self._paths is None or known is None or bool((_open_ends(self._paths) & ~_open_ends(known.paths)).any()):
             return np.full(len(self._speeds), np.inf)
         event = self._event(program)
         before = known.paths.force[event]
