@@ -15,7 +15,6 @@ from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import radii_held_near
 from camopt.designer.controls import KINEMATIC, NO_JUMP
 from camopt.highs import Infeasible
-from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.program.force_rows import PEAK, Margins, Window
 from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities, sensitivities
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
@@ -28,8 +27,8 @@ from camopt.scene.schema import Scene
 from camopt.scene.train import Train
 from camopt.scene.units import DEG
 
-EFFORT = ACCURACIES["draft"]
-"""The knots are those of `camopt optimize --accuracy draft`."""
+KNOT_DEG = 3.0
+"""Knot interval of the page's cams [deg]: coarser than any job's, since an answer must come while the user drags."""
 BAND_SPEEDS = 5
 """Speeds of the program over the band: an answer must come while the user drags."""
 COARSE_STEP = 1.5 * DEG
@@ -83,7 +82,7 @@ class CamFinder:
         design = _design(scene)
         try:
             optimum = kinematic_optimum(
-                design, free_cam(design, EFFORT.knot_deg) if coarse else _cam(design), explain=False
+                design, free_cam(design, KNOT_DEG) if coarse else _cam(design), explain=False
             )
         except Infeasible:
             raise InputError(CONTRADICTION) from None
@@ -115,7 +114,7 @@ class CamFinder:
             held = program.cam.about.near is not None
             return replace(program, design=design, cam=_cam(design)) if held else program.under(design)
         speeds, window = program_speeds_rpm(scene), Window(step=COARSE_STEP) if coarse else None
-        cam = free_cam(design, EFFORT.knot_deg) if coarse else _cam(design)
+        cam = free_cam(design, KNOT_DEG) if coarse else _cam(design)
         return no_jump_program(train, design, cam, [scene.cam_speed(s) for s in speeds], window=window)
 
 
@@ -126,7 +125,7 @@ def _design(scene: Scene) -> Design:
 
 def _cam(design: Design) -> FreeCam:
     """The free cam of the programs at rest: where radii are held, near the cam of largest area that holds them."""
-    return (program_cam if radii_held_near(design) else free_cam)(design, EFFORT.knot_deg)
+    return (program_cam if radii_held_near(design) else free_cam)(design, KNOT_DEG)
 
 
 def program_speeds_rpm(scene: Scene) -> np.ndarray:

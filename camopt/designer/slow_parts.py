@@ -11,7 +11,7 @@ import numpy as np
 
 from camopt.cam.families.free import free_cam
 from camopt.cam.lift import Lift
-from camopt.designer.cams import EFFORT
+from camopt.designer.cams import KNOT_DEG
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.measure.yields import UsedLimits, counted, share_of
@@ -74,7 +74,7 @@ def why_none(scene: Scene, lift: None) -> dict[str, Any]:
     """Which limits would have to change, and by how much, before any cam holds them together."""
     assert scene.design is not None, "an edited scene has one"
     try:
-        kinematic_optimum(scene.design, free_cam(scene.design, EFFORT.knot_deg))
+        kinematic_optimum(scene.design, free_cam(scene.design, KNOT_DEG))
     except InputError as error:
         return {"says": str(error)}
     return {"says": ""}

@@ -3,7 +3,7 @@
 import pytest
 from threadpoolctl import threadpool_limits
 
-from camopt.designer.cams import EFFORT, program_speeds_rpm
+from camopt.designer.cams import KNOT_DEG, program_speeds_rpm
 from camopt.designer.session import Session
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
@@ -34,7 +34,7 @@ def test_radii_are_looked_for_while_dragging_and_held_at_rest(scene):
     found = session.answer(asked)
     assert not found["coarse"] and found["looked_for"] == found["broken_by_shape"] == [] and found["says"] == ""
     edited = session.edited(asked)
-    cam, speeds = program_cam(edited.design, EFFORT.knot_deg), [edited.cam_speed(s) for s in program_speeds_rpm(edited)]
+    cam, speeds = program_cam(edited.design, KNOT_DEG), [edited.cam_speed(s) for s in program_speeds_rpm(edited)]
     with threadpool_limits(limits=1, user_api="blas"):
         direct = converge_tangents(no_jump_program(build_train(edited), edited.design, cam, speeds), 0.0)
         assert found["area_ratio"] == pytest.approx(direct.solve(Margins(0.0, 0.0, 0.0)).area_ratio, abs=1e-8)
@@ -44,6 +44,6 @@ def test_radii_are_looked_for_while_dragging_and_held_at_rest(scene):
 def test_the_kinematic_cam_holds_them_at_rest(scene):
     session, asked = Session(scene), {"program": "kinematic"}
     assert session.answer(asked, "sketch")["looked_for"] == [KEY]
-    found, direct = session.answer(asked), kinematic_optimum(scene.design, program_cam(scene.design, EFFORT.knot_deg))
+    found, direct = session.answer(asked), kinematic_optimum(scene.design, program_cam(scene.design, KNOT_DEG))
     assert not found["coarse"] and found["broken_by_shape"] == []
     assert found["area_ratio"] == pytest.approx(direct.area_ratio, abs=1e-9)

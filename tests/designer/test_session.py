@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 
 import camopt
 from camopt.designer import slow_parts
-from camopt.designer.cams import CONTRADICTION, EFFORT, Cancelled, program_speeds_rpm
+from camopt.designer.cams import CONTRADICTION, KNOT_DEG, Cancelled, program_speeds_rpm
 from camopt.designer.controls import Refused, controls, edited_scene, read_values
 from camopt.designer.session import Session
 from camopt.designer.slow_parts import YIELD_SPEEDS, baselines_part, bound_part, trains_of, why_none
@@ -60,7 +60,7 @@ def test_the_cam_is_that_of_the_public_functions(session, name):
     session.answer(values, "sketch")  # what it leaves behind must not change the answer
     found, scene = session.answer(values), api_scene(values)
     assert found["state"] == "ok" and found["program"] == "no-jump" and not found["coarse"] and found["says"] == ""
-    cam, margin = camopt.free_cam(scene.design, EFFORT.knot_deg), values.get("margin_N", 0.0)
+    cam, margin = camopt.free_cam(scene.design, KNOT_DEG), values.get("margin_N", 0.0)
     speeds = [scene.cam_speed(s) for s in program_speeds_rpm(scene)]
     with threadpool_limits(limits=1, user_api="blas"):
         direct = no_jump_program(build_train(scene), scene.design, cam, speeds).solve(Margins(*[margin] * 3))
@@ -72,14 +72,14 @@ def test_the_cam_is_that_of_the_public_functions(session, name):
 def test_the_area_is_that_of_area_bound():
     """Which asks for the listed speeds; here they are those of the program."""
     asked = SCENE.operation.model_copy(update={"speeds_rpm": tuple(program_speeds_rpm(SCENE))})
-    bound = camopt.area_bound(SCENE.model_copy(update={"operation": asked}), EFFORT.knot_deg, 10.0)
+    bound = camopt.area_bound(SCENE.model_copy(update={"operation": asked}), KNOT_DEG, 10.0)
     area = Session(SCENE).answer({"margin_N": 10.0})["area_ratio"]
     assert area == pytest.approx(bound["area_ratio_no_jump"], abs=1e-8)
 
 
 def test_the_kinematic_cam_and_the_worth_of_its_limits(session):
     found = session.answer({"program": "kinematic"})
-    direct = kinematic_optimum(SCENE.design, camopt.free_cam(SCENE.design, EFFORT.knot_deg))
+    direct = kinematic_optimum(SCENE.design, camopt.free_cam(SCENE.design, KNOT_DEG))
     assert found["area_ratio"] == pytest.approx(direct.area_ratio, abs=1e-9)
     assert found["worth"] == pytest.approx(limit_sensitivities(direct), abs=1e-6)
     assert found["margin_price"] is None
