@@ -81,9 +81,7 @@ class CamFinder:
     def _kinematic(self, scene: Scene, coarse: bool, says: str = "") -> FoundCam:
         design = _design(scene)
         try:
-            optimum = kinematic_optimum(
-                design, free_cam(design, KNOT_DEG) if coarse else _cam(design), explain=False
-            )
+            optimum = kinematic_optimum(design, free_cam(design, KNOT_DEG) if coarse else _cam(design), explain=False)
         except Infeasible:
             raise InputError(CONTRADICTION) from None
         coarse = coarse and bool(radii_held_near(design))
