@@ -22,6 +22,7 @@ from camopt.optimizer.search.judge import MEASURES, most_to_settle, next_starts
 from camopt.optimizer.step_files import StepFiles
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
+from camopt.scene.settled import SettledMetrics
 from camopt.scene.train import build_train
 
 FOLDER = "drawn"
@@ -88,10 +89,11 @@ class TrainEnsemble:
         return np.ones((len(self.trains), SPEEDS), dtype=bool)
 
     def settle(self, lift: Lift) -> None:
-        """Lets every train that is drawn from now on begin where the train as designed settles with this cam."""
-        found = settled_metrics([build_train(self.scene)], [lift], self._cam_speeds.ravel().tolist()).states[0, 0]
-        self._nominal = np.where(np.isfinite(found).reshape(self._nominal.shape), found.reshape(self._nominal.shape),
-                                 self._nominal)  # fmt: skip
+        """Lets every train that is drawn from now on begin where the train as designed settles with this cam, if it
+        holds the limits there."""
+        found = settled_metrics([build_train(self.scene)], [lift], self._cam_speeds.ravel().tolist())
+        used, before = self._used(found), self._nominal
+        self._nominal = next_starts(found.states[0, 0], used, before.reshape(-1, before.shape[-1])).reshape(before.shape)
 
     def draw(self, count: int, unsure: np.ndarray | None = None) -> None:
         """Draws trains until there are so many; they count as near their limits at the speeds that are `unsure` (s:
@@ -124,9 +126,12 @@ class TrainEnsemble:
             workers=1,
             kept=False,
         )
-        used = np.array([limit.share(found.worst(limit.metric)[0, 0]) for limit in self.limits])
+        self.used[t][:, at] = used = self._used(found)
         self.states[t, at] = next_starts(found.states[0, 0], used, self._nominal[t % STAGGER, at])
-        self.used[t][:, at] = used
+
+    def _used(self, found: SettledMetrics) -> np.ndarray:
+        """How much of the limits (l, s) one train's settled motions with one cam use."""
+        return np.array([limit.share(found.worst(limit.metric)[0, 0]) for limit in self.limits])
 
 
 class TrainsLog(StepFiles):
