@@ -126,11 +126,7 @@ class TestTheList:
         assert len(list(cases(MOTOR))) == singles
         names = [name for name, _ in cases(load_scene("kodama"))]
         assert len(names) == len(set(names)) == singles + 4 * 10  # two of five kinds, two changes each
-        assert {max(scene.operation.speeds_rpm) for _, scene in cases(MOTOR)} == {
-            300.0,
-            7000.0,
-            15_000.0,
-        }
+        assert {max(scene.operation.speeds_rpm) for _, scene in cases(MOTOR)} == {300.0, 7000.0, 15_000.0}
 
 
 @pytest.fixture
