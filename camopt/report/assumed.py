@@ -7,8 +7,6 @@ motion at the highest listed speed: a number ranks by how much it raises the use
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from camopt.cam.lift import Lift
 from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import motion_limits
@@ -56,18 +54,13 @@ def ranked(scene: Scene, lift: Lift) -> list[AssumedNumber]:
     moved = [with_numbers(scene, {n: n.of(scene) * f}) for n in numbers for f in (1 - MOVED, 1 + MOVED)]
     speeds = [scene.cam_speed(scene.operation.speeds_rpm[-1])]
     metrics = settled_metrics([build_train(one) for one in (scene, *moved)], [lift], speeds)
-    shares = {key: _worst(limit.share(metrics.worst(limit.metric)[:, 0])) for key, limit in limits.items()}
+    shares = {key: limit.share(metrics.worst(limit.metric)[:, 0]).max(axis=1) for key, limit in limits.items()}
     rows = []
     for i, number in enumerate(numbers):
         both = {key: share[1 + 2 * i : 3 + 2 * i].max() for key, share in shares.items()}
         key = max(both, key=lambda key: both[key] - shares[key][0])
         rows.append(AssumedNumber(number.named(scene), number.of(scene), key, float(shares[key][0]), float(both[key])))
     return sorted(rows, key=lambda row: row.share - row.moved_to)
-
-
-def _worst(shares: np.ndarray) -> np.ndarray:
-    """The largest used share over the speeds (t, s); infinite where a motion has no figure."""
-    return np.where(np.isnan(shares), np.inf, shares).max(axis=1)
 
 
 def of_the_run(cams: RunCams) -> list[AssumedNumber]:

@@ -17,7 +17,7 @@ from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import MM
 from camopt.storage import check_run_folder, default_run_folder, run_folder, run_identity, write_csv, write_text
 from camopt.storage.journal import Records
-from camopt.study.measurements import COLUMNS, LINES, REFERENCE, Measurement, measured
+from camopt.study.measurements import COLUMNS, LINES, REFERENCE, Measurement, aligned, measured
 
 KNOT_DEG = 3.0
 """Knot interval of the cam that is taken where none is given."""
@@ -172,7 +172,7 @@ def _by_method(case: str, rows: Sequence[dict]) -> list[str]:
     order = sorted(best.values(), key=lambda one: one[1:3])
     cells = [("*" * (i == 0 and not beyond), *words) for i, (_, beyond, _, words) in enumerate(order)]
     said = f"A {case}, the valve's lift within {TARGET_UM:g} um, or as near as a method came; * is recommended:"
-    return [said, *aligned([("", "method", "setting", "time ms", "error um"), *cells], 3)] if cells else []
+    return [said, *aligned([("", "method", "setting", "time ms", "error um"), *cells], "<<<>>")] if cells else []
 
 
 def _by_setting(case: str, rows: Sequence[dict]) -> list[str]:
@@ -183,14 +183,4 @@ def _by_setting(case: str, rows: Sequence[dict]) -> list[str]:
         bounce = f"{1e3 * errors['bounce_mm']:.2g}" if "bounce_mm" in errors else ""
         area = f"{errors['area_mm_deg']:.2g}" if "area_mm_deg" in errors else ""
         cells.append((setting, f"{one['seconds']:.3g}", bounce, area, one["verdict"]))
-    return [f"{case.removeprefix(JOB).capitalize()}, against the finest:", *aligned(cells, 1)]
-
-
-def aligned(cells: Sequence[Sequence[str]], words: int) -> list[str]:
-    """The lines of a table: so many columns of words to the left, numbers to the right."""
-    columns = [
-        [text.ljust(width) if i < words else text.rjust(width) for text in column]
-        for i, column in enumerate(zip(*cells, strict=True))
-        for width in [max(map(len, column))]
-    ]
-    return ["  ".join(line).rstrip() for line in zip(*columns, strict=True)]
+    return [f"{case.removeprefix(JOB).capitalize()}, against the finest:", *aligned(cells, "<>>>>")]
