@@ -22,17 +22,7 @@ from camopt.cli.arguments import (
     scene_of,
     tell,
 )
-from camopt.cli.studies import bound as bound
-from camopt.cli.studies import extremes as extremes
-from camopt.cli.studies import gradient as gradient
-from camopt.cli.studies import modes as modes
-from camopt.cli.studies import reduce as reduce
-from camopt.cli.studies import rise as rise
-from camopt.cli.studies import scenes as scenes
-from camopt.cli.studies import sweep as sweep
-from camopt.cli.studies import tradeoff as tradeoff
-from camopt.cli.studies import what_if as what_if
-from camopt.cli.studies import yield_ as yield_
+from camopt.cli.studies import *  # noqa: F403  the parser looks for every verb here
 from camopt.optimizer.program.chosen_duration import load_scene
 from camopt.scene import InputError, Scene, build_train
 from camopt.storage import write_csv, write_csv_rows, write_json
