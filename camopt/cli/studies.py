@@ -13,9 +13,6 @@ from camopt.scene.errors import did_you_mean
 from camopt.scene.text_file import excerpt
 from camopt.storage import write_csv
 
-ORDERS = {"acceleration": 2, "jerk": 3, "snap": 4, "crackle": 5}
-"""Derivatives whose peak `camopt rise` can make least, with their orders."""
-
 
 def modes(args: Namespace) -> int:
     scene = scene_of(args, ())
@@ -37,12 +34,12 @@ def bound(args: Namespace) -> int:
 
 def rise(args: Namespace) -> int:
     """Prints the least peak and the bound, and writes the motion."""
+    from camopt.study.rise import ORDERS
     from camopt.study.rise import rise as least_rise
 
     if args.least and args.jerk_max_mm_per_deg3:
         raise InputError("--jerk-max-mm-per-deg3: what is least is then the acceleration: leave --least out")
-    order = ORDERS[args.least or "jerk"]
-    motion = least_rise(args.rise_mm, args.over_deg, order, args.jerk_max_mm_per_deg3)
+    motion = least_rise(args.rise_mm, args.over_deg, ORDERS[args.least or "jerk"], args.jerk_max_mm_per_deg3)
     if args.csv:
         write_csv(args.csv, motion.table(args.step_deg))
     return tell(args, motion.as_dict(), [motion])

@@ -65,7 +65,13 @@ def what_if(
     after, changed = changed_scene(scene, changes)
     outcomes = {"as given": _outcome(scene, cam, trains), "with the change": _outcome(after, cam, trains)}
     if redesign:
-        outcomes["redesigned"] = _redesigned(after, trains)
+        effort = accuracy_named("draft")
+        try:
+            search = find_cam(after, "band", effort)
+            chosen = largest_confirmed(after, search.confirmed, "band", effort, Families(after))
+            outcomes["redesigned"] = _outcome(after, chosen.cam.lift, trains)
+        except InputError as error:
+            outcomes["redesigned"] = outcome("none", "none holds", str(error))
     return WhatIf(changed, outcomes)
 
 
@@ -100,14 +106,3 @@ def _outcome(scene: Scene, cam: Lift, trains: int) -> dict:
         cam.family, verdict.verdict, area_ratio=cam.area_ratio_in(scene.design), area_mm_deg=cam.area / MM / DEG,
         first_jump_rpm=verdict.first_jump_rpm, first_bounce_rpm=verdict.first_bounce_rpm, yield_percent=share,
     )  # fmt: skip
-
-
-def _redesigned(scene: Scene, trains: int) -> dict:
-    """The largest confirmed cam of a draft search for the scene, or of the families."""
-    effort = accuracy_named("draft")
-    try:
-        search = find_cam(scene, "band", effort)
-        chosen = largest_confirmed(scene, search.confirmed, "band", effort, Families(scene))
-    except InputError as error:
-        return outcome("none", "none holds", str(error))
-    return _outcome(scene, chosen.cam.lift, trains)
