@@ -41,7 +41,7 @@ class SlowProcess:
         """One part of the answer, as JSON; other callers wait meanwhile. Raises InputError as the part does,
         and Cancelled."""
         with self._asking:
-            connection = self._started()
+            connection = self.start()
             try:
                 connection.send((part, scene, lift))
                 outcome, content = connection.recv()
@@ -53,10 +53,6 @@ class SlowProcess:
             raise RuntimeError(content)
         return content
 
-    def start(self) -> None:
-        """Start the process now, so that the first question does not wait for it."""
-        self._started()
-
     def stop(self) -> None:
         """End the process; what it was asked ends with Cancelled."""
         with self._starting:
@@ -66,7 +62,8 @@ class SlowProcess:
                 process.join()
                 process.close()
 
-    def _started(self) -> Connection:
+    def start(self) -> Connection:
+        """Starts the process, if it is not alive, so that the first question does not wait for it."""
         with self._starting:
             if self._process is None or not self._process.is_alive():
                 context = get_context("spawn")
