@@ -156,7 +156,8 @@ def judge(
         best = int(np.nanargmin(errors)) if np.any(np.isfinite(errors)) and not still else -1
         least, turn = (errors[best], cosine(path.gradients[i], differences[best])) if best >= 0 else (np.nan, np.nan)
         said = "none" if rough else verdict(least, turn, repeated)
-        bias, cost = _bias(path.values[i], truth), path.cost_ratio[i]
+        value, cost = path.values[i], path.cost_ratio[i]
+        bias = abs(value / truth - 1.0) if truth != 0.0 else 0.0 if value == 0.0 else np.nan
         return {
             "value_bias": bias, "relative_error": least, "cosine": turn, "cost_ratio": cost, "verdict": said
         }, errors  # fmt: skip
@@ -209,12 +210,6 @@ def _reason(truth: float, still: bool, agreement: float, repeated: float | None)
     if repeated is None:
         return ""
     return f"the motion does not repeat itself: least cosine with its gradients in the next revolutions {repeated:.4f}"
-
-
-def _bias(value: float, truth: float) -> float:
-    if truth == 0.0:
-        return 0.0 if value == 0.0 else float("nan")
-    return abs(value / truth - 1.0)
 
 
 def report_lines(report: dict) -> list[str]:

@@ -30,7 +30,18 @@ class FreeParameters:
         what another name has matched.
         """
         self.scene, self.train = scene, build_train(scene)
-        self.tied = tuple(_tied(scene, name) for name in free)
+        self.tied: list[Tied] = []
+        for name in free:
+            if not (matched := matching(scene, name)):
+                raise no_such_number(scene, name, "identify")
+            numbers = tuple(number for number in matched if number.of(scene))  # a factor leaves zero as it is
+            if not numbers:
+                raise InputError(
+                    f"identify: {name}: the fit starts at the scene's value, and that is 0 or none: set it"
+                )
+            if len({number.table for number in numbers}) > 1:
+                raise InputError(f"identify: {name}: masses and elements both match: name them apart")
+            self.tied.append(Tied(name, numbers))
         taken = [number for tied in self.tied for number in tied.numbers]
         if not self.tied or len(set(taken)) < len(taken):
             raise InputError(f"identify: free = {list(free)}: name at least one parameter, and none of them twice")
@@ -60,15 +71,3 @@ class FreeParameters:
         for tied, log in zip(self.tied, logs, strict=True):
             scene = tied.scaled(scene, float(np.exp(log)))
         return scene
-
-
-def _tied(scene: Scene, name: str) -> Tied:
-    """The numbers that a name means, moved by one factor, which leaves zero as it is."""
-    if not (matched := matching(scene, name)):
-        raise no_such_number(scene, name, "identify")
-    numbers = tuple(number for number in matched if number.of(scene))
-    if not numbers:
-        raise InputError(f"identify: {name}: the fit starts at the scene's value, and that is 0 or none: set it")
-    if len({number.table for number in numbers}) > 1:
-        raise InputError(f"identify: {name}: masses and elements both match: name them apart")
-    return Tied(name, numbers)

@@ -117,7 +117,10 @@ def identify(
     jacobian = fit.jacobian(fits[0].logs)
     estimate = _Estimate(fits[0].residual, jacobian, count, confidence)
     residuals = tuple(part / UM for part in np.split(fits[0].residual, fit.borders))
-    error = _jacobian_error(fit, fits[0], jacobian)
+    # how far the differences' Jacobian is from the adjoint's, along one random combination of samples
+    bar = np.random.default_rng(0).standard_normal(len(fits[0].residual))
+    apart = np.abs(fit.pulled_back(fits[0].logs, fits[0].motions, bar) - jacobian.T @ bar).max()
+    error = float(apart / (np.linalg.norm(jacobian, axis=0).max() * np.linalg.norm(bar)))
     remarks = tuple(_remarks(fits, residuals, *noise, estimate, error))
     return Identification(
         scene=parameters.moved_scene(fits[0].logs),
@@ -213,14 +216,6 @@ def _table(parameters: FreeParameters, fitted: Fitted, estimate: _Estimate, soun
     columns = dict(zip(names, (start, value, *ends, estimate.error, identified), strict=True))
     coords = {"parameter": [tied.name for tied in parameters.tied]}
     return xr.Dataset({name: ("parameter", column) for name, column in columns.items()}, coords)
-
-
-def _jacobian_error(fit: LiftFit, fitted: Fitted, jacobian: np.ndarray) -> float:
-    """Relative distance of the differences' Jacobian to the adjoint's, along one random combination of samples."""
-    bar = np.random.default_rng(0).standard_normal(len(fitted.residual))
-    exact, differences = fit.pulled_back(fitted.logs, fitted.motions, bar), jacobian.T @ bar
-    scale = np.linalg.norm(jacobian, axis=0).max() * np.linalg.norm(bar)
-    return float(np.abs(exact - differences).max() / scale)
 
 
 def _remarks(fits: Sequence[Fitted], residuals, noise: float, estimated: bool, estimate: _Estimate, error: float):

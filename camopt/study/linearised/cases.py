@@ -33,11 +33,8 @@ SETTLING = 40
 """Revolutions of event-exact from rest to the motion at whose angles contacts change."""
 
 
-class TrainAndCam(NamedTuple):
-    """A train with the cam that is ground for it."""
-
-    train: Train
-    lift: Lift
+TrainAndCam = tuple[Train, Lift]
+"""A train with the cam that is ground for it."""
 
 
 @dataclass(frozen=True)
@@ -93,7 +90,7 @@ def cases_of(
 def _case(scene: Scene, cam: Lift, z: np.ndarray, numbers: Sequence[FreeNumber], ground) -> LinearisedCase:
     def built(moved: Scene) -> TrainAndCam:
         assert moved.design is not None
-        return TrainAndCam(build_train(moved), ground(free_cam_of(moved.design, cam)[0].lift(z)))
+        return build_train(moved), ground(free_cam_of(moved.design, cam)[0].lift(z))
 
     at = [number.of(scene) for number in numbers]
     steps = np.array([STEP * (abs(value) or 1.0) for value in at])
@@ -101,7 +98,7 @@ def _case(scene: Scene, cam: Lift, z: np.ndarray, numbers: Sequence[FreeNumber],
         (built(number.put(scene, value - step)), built(number.put(scene, value + step)))
         for number, value, step in zip(numbers, at, steps, strict=True)
     ]
-    return LinearisedCase(TrainAndCam(build_train(scene), ground(cam)), steps, sides)
+    return LinearisedCase((build_train(scene), ground(cam)), steps, sides)
 
 
 def exact_paths(
@@ -113,7 +110,7 @@ def exact_paths(
     """
     by_train = []
     for case in cases:
-        train = case.nominal.train
+        train, _ = case.nominal
         train.require_straight(WHAT, "ask for source='smooth'")
         if train.laws is not None and np.any(train.laws.kind == FRICTION):
             raise InputError(

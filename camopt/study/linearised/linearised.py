@@ -84,7 +84,8 @@ def linearised(
     else:
         smooth = import_module("camopt.study.linearised.smooth_source")  # the one source that loads JAX
         paths = smooth.smooth_paths(cases, free_cam, cam_speeds, how)
-    contacts = [cases[0].nominal.train.element_names[e] for e in cases[0].nominal.train.cam_side]
+    train, _ = cases[0].nominal
+    contacts = [train.element_names[e] for e in train.cam_side]
     coords = {"speed_rpm": list(speeds), "cam_angle_deg": angle / DEG, "contact": contacts}
     said = {"scene": scene.name, "source": source, "trains": trains}
     said |= {"tie": float(tie), "width_um": float(width_um)} if source == "smooth" else {"tie": 1.0}

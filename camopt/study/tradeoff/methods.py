@@ -87,12 +87,9 @@ def method_work(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:
 def reference(case: RevolutionCase) -> Measurement:
     """The figures of a case as nearly true as they can be had."""
     name, prepare = (METHOD_NAMES["event"], exact.prepare) if case.train.straight else (LOCATED, dop853.prepare)
-
-    def figures() -> dict:
-        revolve = prepare(case.train, case.cam, case.cam_speed, REFERENCE_STEPS)
-        return {"figures": case.figures(case.two(revolve))}
-
-    return (case.name, REFERENCE, f"{name}, {REFERENCE_STEPS} samples"), figures
+    prepared = partial(prepare, case.train, case.cam, case.cam_speed, REFERENCE_STEPS)
+    key = case.name, REFERENCE, f"{name}, {REFERENCE_STEPS} samples"
+    return key, lambda: {"figures": case.figures(case.two(prepared()))}
 
 
 def prepared_methods(case: RevolutionCase, size: str) -> Iterator[tuple[str, str, Callable]]:
