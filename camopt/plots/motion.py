@@ -70,7 +70,8 @@ def valve_motion(motions: Sequence[DrawnMotion], design: Design) -> Figure:
         for axes in forces:
             _event(axes, design)
             axes.axhline(0, color="#777777", linewidth=0.7, zorder=1)
-        _shorten(zoom, {m.cam: m.valve_mm[_inside(m, start, end)] for m in here}, top, "mm")
+        shown = {m.cam: (start <= m.cam_angle_deg) & (m.cam_angle_deg <= end) & _after_and_touched(m)[1] for m in here}
+        _shorten(zoom, {m.cam: m.valve_mm[shown[m.cam]] for m in here}, top, "mm")
         for axes, contact in zip(forces, contacts, strict=True):
             high = _force_top(motions, contact, design)
             axes.set_ylim(-0.04 * high, high)
@@ -115,11 +116,10 @@ def _force_top(motions: Sequence[DrawnMotion], contact: str, design: Design) -> 
     return ROOM * max(largest, limit if limit < NEAR * largest else 0.0, 1.0)
 
 
-def _inside(motion: DrawnMotion, start: float, end: float) -> np.ndarray:
-    """Samples of the closing's zoom after the revolution's greatest lift has passed and the valve has touched."""
+def _after_and_touched(motion: DrawnMotion) -> tuple[np.ndarray, np.ndarray]:
+    """Which samples (k) lie after the revolution's greatest lift, and which of these after the valve has touched."""
     after = motion.cam_angle_deg > motion.cam_angle_deg[np.argmax(motion.valve_mm)]
-    touched = np.cumsum(after & (motion.valve_mm <= 0)) > 0
-    return touched & (motion.cam_angle_deg >= start) & (motion.cam_angle_deg <= end)
+    return after, np.cumsum(after & (motion.valve_mm <= 0)) > 0
 
 
 def _shorten(axes: Axes, values: Mapping[str, np.ndarray], top: float, unit: str) -> None:
@@ -136,10 +136,9 @@ def _closing(motions: Sequence[DrawnMotion], design: Design) -> tuple[float, flo
     start = design.duration_deg / 2
     end, top = start + 15.0, 3 * (design.bounce_max_mm or 0.02)
     for m in _leading(motions):
-        after = m.cam_angle_deg > m.cam_angle_deg[np.argmax(m.valve_mm)]
+        after, touched = _after_and_touched(m)
         moving = m.cam_angle_deg[after & (m.valve_mm > MOVING_MM)]
         end = max(end, min(180.0, moving[-1] + 4.0)) if len(moving) else end
-        touched = np.cumsum(after & (m.valve_mm <= 0)) > 0
         start = min(start, m.cam_angle_deg[touched][0] - 3.0) if touched.any() else start
         top = max(top, 1.2 * np.max(m.valve_mm[touched], initial=0.0))
     return start, end, top

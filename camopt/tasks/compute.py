@@ -9,7 +9,7 @@ import json
 import os
 import signal
 import time
-from functools import cache
+from functools import cache, partial
 from hashlib import sha256
 from importlib import import_module
 from importlib.metadata import version
@@ -90,9 +90,7 @@ def _hold_threads(place: str) -> None:
     _controller(place).limit(limits=1)
 
 
-@cache
-def _own_version() -> str:
-    return version("camopt")
+_own_version = cache(partial(version, "camopt"))
 
 
 def rehearse(task: RehearseTask) -> dict[str, float]:
