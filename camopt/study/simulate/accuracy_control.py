@@ -149,5 +149,5 @@ def valve_position(response: Response, revolutions: int) -> np.ndarray:
 
 def apart_um(answer: np.ndarray, coarser: list[np.ndarray], revolutions: int) -> np.ndarray:
     """Largest difference in each revolution [um]."""
-    difference = np.max([np.abs(answer - other) for other in coarser], axis=0) / UM
+    difference = np.abs(answer - np.array(coarser)).max(axis=0) / UM
     return difference[1:].reshape(revolutions, -1).max(axis=1)
