@@ -95,8 +95,3 @@ PARTS: dict[str, Callable[[Scene, Any], dict[str, Any]]] = {
     "trains": partial(trains_of, count=MANY),
 }
 """By name, the slow parts of an answer."""
-VERDICTS = {
-    "draft verdict": partial(verdict_at, accuracy="draft"),
-    "verdict": partial(verdict_at, accuracy="standard"),
-}
-"""By name, the stages of a verdict: a first one that is soon there, and the one that counts."""

@@ -7,6 +7,7 @@ import os
 import signal
 import time
 from dataclasses import dataclass, field
+from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
@@ -21,11 +22,9 @@ from camopt.storage import plain
 
 NICENESS = 15
 """Niceness of a worker, so that interactive answers get the processor first."""
-STAGES = {
-    "draft verdict": "a draft verdict by two methods",
-    "verdict": "the full verdict by all methods",
-}
-"""Stages of a verdict, by the part that is computed, and what the page calls them."""
+STAGES = {"draft": "a draft verdict by two methods", "standard": "the full verdict by all methods"}
+"""Stages of a verdict, by their accuracy, a first one that is soon there and the one that counts; what the page calls
+them."""
 
 
 class SlowProcess:
@@ -81,8 +80,9 @@ def answer_all(connection: Connection, niceness: int) -> None:
     os.nice(niceness)
     from threadpoolctl import threadpool_limits
 
-    from camopt.designer.slow_parts import PARTS, VERDICTS
+    from camopt.designer.slow_parts import PARTS, verdict_at
 
+    answers = PARTS | {accuracy: partial(verdict_at, accuracy=accuracy) for accuracy in STAGES}
     threadpool_limits(limits=1, user_api="blas")  # small matrices, and the interactive answers need the cores
     while True:
         try:
@@ -90,7 +90,7 @@ def answer_all(connection: Connection, niceness: int) -> None:
         except (EOFError, OSError):
             return
         try:
-            outcome, content = "done", plain((PARTS | VERDICTS)[part](scene, lift))
+            outcome, content = "done", plain(answers[part](scene, lift))
         except InputError as error:
             outcome, content = "refused", str(error)
         except Exception as error:  # a defect must not end the process, and the page says what it was

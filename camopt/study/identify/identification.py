@@ -13,8 +13,7 @@ from camopt.cam.lift import Lift
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.units import DEG, MM, UM
-from camopt.study.identify.free_parameters import FreeParameters
-from camopt.study.identify.lift_fit import Fitted, LiftFit, Series, fits_from_starts
+from camopt.study.identify.lift_fit import Fitted, FreeParameters, LiftFit, Series, fits_from_starts
 
 WIDEST = np.log(2.0)
 """Half-width of an interval in the logarithm, beyond which a parameter counts as not identified: the analysis is linear
