@@ -74,8 +74,9 @@ def _is_table(args: Namespace) -> bool:
 
 
 def _lift_table(*cam: object) -> str:
-    """The command that writes a cam's lift table as a grinder can read it."""
-    return _camopt("cam", *cam, "--csv", "lift.csv", "--digits", 5)
+    """What writes a cam's lift table as a grinder can read it."""
+    command = _camopt("cam", *cam, "--csv", "lift.csv", "--digits", 5)
+    return f"{command} writes the cam's lift table for the grinder"
 
 
 def _run_at(folder: object) -> "RunFolder | None":
@@ -111,8 +112,7 @@ def _after_optimize(args: Namespace, code: int) -> str:
     if advised or code:
         shows = f"{_camopt('verify', args.scene, '--cam', args.folder)} shows at which speeds it breaks which limit"
         return advised or shows
-    table = _lift_table(args.scene, "--cam", args.folder)
-    return f"{table} writes the cam's lift table for the grinder; the run folder has one with every digit"
+    return f"{_lift_table(args.scene, '--cam', args.folder)}; the run folder has one with every digit"
 
 
 def _after_verify(args: Namespace, code: int) -> str:
@@ -129,7 +129,7 @@ def _after_verify(args: Namespace, code: int) -> str:
     advised = _advised(args.scene, args.cam)
     if advised and "`camopt verify" not in advised:  # which has just been done
         return advised
-    return f"{_lift_table(*_cam_of(args))} writes the cam's lift table for the grinder"
+    return _lift_table(*_cam_of(args))
 
 
 def _after_compare(args: Namespace, code: int) -> str:
@@ -144,8 +144,7 @@ def _after_cam(args: Namespace, code: int) -> str:
     if _is_table(args):
         return f"{_camopt('verify', *_cam_of(args))} says whether the valve train follows it"
     if args.csv is None:
-        table = f"{_lift_table(*_cam_of(args))} writes the cam's lift table for the grinder"
-        return _advised(args.scene, args.cam) or table
+        return _advised(args.scene, args.cam) or _lift_table(*_cam_of(args))
     return f"{_camopt('verify', args.scene, '--cam', args.csv)} judges the table as it was written, with its rounding"
 
 
@@ -163,7 +162,7 @@ def _after_yield(args: Namespace, code: int) -> str:
     if _enough(args):
         if _is_table(args):
             return f"{args.cam} can go to the grinder: so many trains hold with the cam as it is written there"
-        return f"{_lift_table(*_cam_of(args))} writes the cam's lift table for the grinder"
+        return _lift_table(*_cam_of(args))
     if not args.halve:
         drawn = ["--trains", args.trains, "--seed", args.seed, "--out", args.folder, "--resume", "--halve"]
         return f"{_camopt('yield', *_cam_of(args), *drawn)} adds what half of each tolerance would buy"

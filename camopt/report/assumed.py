@@ -10,8 +10,6 @@ from dataclasses import dataclass
 from camopt.cam.lift import Lift
 from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import motion_limits
-from camopt.plots.style import DESIGN
-from camopt.report.motion import RunCams
 from camopt.scene.parameters import KEYS, SceneNumber, with_numbers
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
@@ -47,13 +45,14 @@ def assumed_numbers(scene: Scene) -> list[SceneNumber]:
 
 
 def ranked(scene: Scene, lift: Lift) -> list[AssumedNumber]:
-    """The assumed numbers, the most influential first; empty where the scene limits no motion."""
-    limits, numbers = motion_limits(scene.design), assumed_numbers(scene)
-    if not limits or not numbers or scene.operation is None:
+    """The assumed numbers, the most influential first; empty where the scene limits no motion, and where event-exact
+    cannot compute it."""
+    limits, numbers, train = motion_limits(scene.design), assumed_numbers(scene), build_train(scene)
+    if not limits or not numbers or scene.operation is None or not train.straight:
         return []
     moved = [with_numbers(scene, {n: n.of(scene) * f}) for n in numbers for f in (1 - MOVED, 1 + MOVED)]
     speeds = [scene.cam_speed(scene.operation.speeds_rpm[-1])]
-    metrics = settled_metrics([build_train(one) for one in (scene, *moved)], [lift], speeds)
+    metrics = settled_metrics([train, *map(build_train, moved)], [lift], speeds)
     shares = {key: limit.share(metrics.worst(limit.metric)[:, 0]).max(axis=1) for key, limit in limits.items()}
     rows = []
     for i, number in enumerate(numbers):
@@ -61,14 +60,6 @@ def ranked(scene: Scene, lift: Lift) -> list[AssumedNumber]:
         key = max(both, key=lambda key: both[key] - shares[key][0])
         rows.append(AssumedNumber(number.named(scene), number.of(scene), key, float(shares[key][0]), float(both[key])))
     return sorted(rows, key=lambda row: row.share - row.moved_to)
-
-
-def of_the_run(cams: RunCams) -> list[AssumedNumber]:
-    """The ranking of a run's scene with its design; empty where event-exact cannot compute its motion."""
-    lift = cams.lifts.get(DESIGN)
-    if cams.scene is None or lift is None or not build_train(cams.scene).straight:
-        return []
-    return ranked(cams.scene, lift)
 
 
 def first_to_measure(ranking: Sequence[AssumedNumber]) -> str:

@@ -9,7 +9,7 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
 from camopt.plots.style import DESIGN, cam_line
 from camopt.report.advice import advice
-from camopt.report.assumed import MOVED, of_the_run
+from camopt.report.assumed import MOVED, ranked
 from camopt.report.cams import cards, geometry, stress
 from camopt.report.curves import curves
 from camopt.report.edge import edge_sentences
@@ -87,7 +87,7 @@ def render(run: RunFolder, cams: RunCams) -> str:
     """The page of a run folder's data and cams; every text from the folder is escaped."""
     lift, design = cams.lifts.get(DESIGN), cams.scene.design if cams.scene else None
     shape = None if lift is None or design is None else (lift, design)
-    limits, assumed = limit_rows(run, shape), of_the_run(cams)
+    limits, assumed = limit_rows(run, shape), ranked(cams.scene, lift) if cams.scene and lift else []
     return (
         _environment()
         .get_template("page.html.j2")

@@ -91,14 +91,17 @@ def _measurements(scene: Scene, case: str, changed: Scene) -> Iterator[Measureme
             prepare, *dial = arguments or (None,)
             answer = reference.answer if prepare is None else first_answer(prepare, *motion, *dial)
         except InputError as refusal:
-            return _row(str(refusal), (REFUSED, "", np.nan), False, 0.0)
-        judged = judge(answer, reference)
+            named = {"setting": str(refusal), "error": None, "error_of": "", "seconds": 0.0}
+            return named | {"converged": False, "verdict": REFUSED}
+        verdict, name, error = judge(answer, reference)
         if prepare is None:  # it is beside its own finer steps
             name, share = doubtful_figure(reference)
             verdict = WITHIN if share <= 1.0 else RANGE if reference.sensitive(name) else NOT_CONVERGED
-            judged = verdict, name, answer.error[name]
-        setting = f"{answer.steps_per_revolution} {unit}"
-        return _row(setting, judged, answer.converged, round(time.perf_counter() - begin, 3))
+            error = answer.error[name]
+        told = error if np.isfinite(error) else None if np.isnan(error) else str(error)
+        setting, seconds = f"{answer.steps_per_revolution} {unit}", round(time.perf_counter() - begin, 3)
+        named = {"setting": setting, "error": told, "error_of": name, "seconds": seconds}
+        return named | {"converged": answer.converged, "verdict": verdict}
 
     if train.straight:
         yield (f"{scene.name}: {case}", REFERENCE), partial(row, "samples", None)
@@ -122,13 +125,6 @@ def methods(case: str, train: Train, cam_speed: float) -> Iterator[tuple]:
     if case == AS_IT_IS:
         yield from (("steps past the limit", *method, 2, -(-first // PAST)) for method in STEP_METHODS.items())
         yield from ((label, "smooth", partial(smooth, narrower=by), 2, DIAL) for label, by in NARROWER.items())
-
-
-def _row(setting: str, judged: tuple[str, str, float], converged: bool, seconds: float) -> dict:
-    verdict, error_of, error = judged
-    told = error if np.isfinite(error) else None if np.isnan(error) else str(error)
-    return {"setting": setting, "error": told, "error_of": error_of, "seconds": seconds,
-            "converged": converged, "verdict": verdict}  # fmt: skip
 
 
 def defects(rows: list[dict]) -> list[dict]:

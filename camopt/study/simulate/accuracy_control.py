@@ -139,10 +139,10 @@ def estimate_um(answers: list[np.ndarray], method: str, revolutions: int) -> np.
     return np.maximum(FINEST_UM, margin * apart_um(answers[-1], answers[-coarser - 1 : -1], revolutions))
 
 
-def valve_position(response: Response, revolutions: int) -> np.ndarray:
-    """Valve position (revolutions * ANGLES + 1) [m]."""
+def valve_position(response: Response, revolutions: int, angles: int = ANGLES) -> np.ndarray:
+    """Valve position (revolutions * angles + 1) [m]."""
     valve = response.train.valve
-    grid = np.linspace(-np.pi, 2 * np.pi * revolutions - np.pi, revolutions * ANGLES + 1)
+    grid = np.linspace(-np.pi, 2 * np.pi * revolutions - np.pi, revolutions * angles + 1)
     curve = Hermite(response.angle, response.x[:, valve], response.v[:, valve] / response.cam_speed)
     return np.asarray(curve(grid))
 

@@ -13,7 +13,6 @@ import numpy as np
 
 from camopt import exact
 from camopt.cam.lift import Lift
-from camopt.measure.hermite import Hermite
 from camopt.measure.metrics import measure
 from camopt.scene import Response, Scene, build_train
 from camopt.scene.response import end_state, joined
@@ -21,6 +20,7 @@ from camopt.scene.rest import state_at_rest
 from camopt.scene.units import MM
 from camopt.scene.vibration import highest_rate
 from camopt.study.measurements import REFERENCE, Measurement, timed
+from camopt.study.simulate.accuracy_control import valve_position
 from camopt.verifier.methods import METHOD_NAMES, dop853, houbolt, rkg, tmm
 
 FIGURES = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s")
@@ -67,9 +67,7 @@ class RevolutionCase:
 
 def valve_lift(motion: Response) -> np.ndarray:
     """Valve position at ANGLES + 1 angles of the first revolution [mm]."""
-    grid, valve = np.linspace(-np.pi, np.pi, ANGLES + 1), motion.train.valve
-    curve = Hermite(motion.angle, motion.x[:, valve], motion.v[:, valve] / motion.cam_speed)
-    return np.asarray(curve(grid)) / MM
+    return valve_position(motion, 1, ANGLES) / MM
 
 
 def method_work(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:
@@ -116,9 +114,6 @@ def prepared_methods(case: RevolutionCase, size: str) -> Iterator[tuple[str, str
         yield LOCATED, f"{steps} samples", partial(dop853.prepare, case.train, *motion, steps)
 
     for eps in SMOOTH_EPS[size]:
-        yield "smooth, refined grid", f"eps {eps:g} m", partial(_smooth, case, eps)
-
-
-def _smooth(case: RevolutionCase, eps: float) -> Callable[[np.ndarray], Response]:
-    path, layer = import_module("camopt.smooth.simulate"), import_module("camopt.smooth.contact").Layer(eps)
-    return path.prepare(case.train, case.cam, case.cam_speed, layer=layer, tolerance=eps * TOLERANCE_OF_EPS)
+        path, layer = import_module("camopt.smooth.simulate"), import_module("camopt.smooth.contact").Layer(eps)
+        dials = {"layer": layer, "tolerance": eps * TOLERANCE_OF_EPS}
+        yield "smooth, refined grid", f"eps {eps:g} m", partial(path.prepare, case.train, *motion, **dials)

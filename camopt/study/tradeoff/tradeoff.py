@@ -130,17 +130,14 @@ def rows_of(lines: Sequence[dict]) -> list[dict]:
         if line["failure"]:
             rows.append({**shared, "error": None, "error_of": "", "converged": False})
         elif line["method"] != REFERENCE or "seconds" in line:
-            errors = _errors(line, references.get(line["case"], {})) | line.get("errors", {})
+            reference = references.get(line["case"], {})
+            figures, true = line.get("figures", {}), reference.get("figures", {})
+            errors = {name: error_of(figures[name], true[name]) for name in figures if name in true}
+            if "verdict" in line and "verdict" in reference:
+                errors["verdict"] = float(line["verdict"] != reference["verdict"])
+            errors |= line.get("errors", {})
             rows += [{**shared, "error": e, "error_of": name, "converged": e is not None} for name, e in errors.items()]
     return [{name: row[name] for name in COLUMNS} for row in rows]
-
-
-def _errors(line: dict, reference: dict) -> dict[str, float | None]:
-    figures, true = line.get("figures", {}), reference.get("figures", {})
-    errors = {name: error_of(figures[name], true[name]) for name in figures if name in true}
-    if "verdict" in line and "verdict" in reference:
-        errors["verdict"] = float(line["verdict"] != reference["verdict"])
-    return errors
 
 
 def error_of(figure, reference) -> float | None:
