@@ -183,7 +183,7 @@ def test_bounce_against_speed_draws_values_limits_and_the_speeds_without_touch()
     speed = np.arange(5000.0, 7600.0, 100.0)
     bounce = (speed - 5000) / 1e4
     lost = np.where(speed > 7000, np.nan, bounce)
-    sweeps = [Sweep("design", speed, bounce, 2 * bounce, 0.5 * bounce, 2 * bounce), Sweep("kurz", speed, lost, bounce)]
+    sweeps = [Sweep("design", speed, bounce, 2 * bounce), Sweep("kurz", speed, lost, bounce)]
     figure = bounce_against_speed(sweeps, DESIGN, (5000, 7000), (5000, 6000))
     top, bottom = figure.axes
     np.testing.assert_array_equal(lines_of(top, "design")[0].get_ydata(), bounce)
