@@ -15,8 +15,7 @@ import numpy as np
 from tqdm import tqdm
 
 from camopt.measure.hermite import Hermite
-from camopt.scene.errors import InputError, MotionRefused
-from camopt.scene.response import Response
+from camopt.scene import InputError, MotionRefused, Response
 from camopt.scene.units import UM
 from camopt.verifier.accuracy import effort_of, stored_curves
 

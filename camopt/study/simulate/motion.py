@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from camopt.cam.lift import Lift, lift_with
-from camopt.scene import InputError, Response, Scene, Train, build_train
+from camopt.scene import InputError, Response, Scene, Train, build_train, state_at_rest
 from camopt.scene.response import end_state, joined
-from camopt.scene.rest import state_at_rest
 from camopt.scene.smoothing import NAMES, Smoothing, smoothing
 from camopt.scene.units import DEG
 from camopt.scene.vibration import highest_rate
@@ -113,17 +112,26 @@ def _smoothing(method: str, width_um, tie, steps, parameters, accuracy) -> Smoot
     return how
 
 
-def recorded(
-    scene: Scene, cam: Lift, speed_rpm: float, method: str = "event", *, revolutions: int = 2, step_deg: float = 0.1
-) -> Response:
-    """The motion that `simulate` labels, every `step_deg`, as plain arrays; InputError as of `simulate`."""
-    train, cam_speed, steps, finer = _planned(scene, speed_rpm, method, revolutions, step_deg)
+def recorded(scene: Scene, cam: Lift, speed_rpm: float, method: str = "event", *, revolutions: int = 2) -> Response:
+    """The motion that `simulate` labels by default, as plain arrays; InputError as of `simulate`."""
+    train, cam_speed, steps, finer = _planned(scene, speed_rpm, method, revolutions, 0.1)
     return resampled(_motion(train, cam, cam_speed, method, revolutions, steps * finer), steps * revolutions)
 
 
 def _planned(scene: Scene, speed_rpm, method, revolutions, step_deg) -> tuple[Train, Any, int, int]:
-    """Train, cam speed [rad/s], steps of the result in a revolution, and the method's own steps in each of these."""
-    steps = _steps_per_revolution(speed_rpm, method, revolutions, step_deg)
+    """Train, cam speed [rad/s], steps of the result in a revolution, and the method's own steps in each of these; every
+    argument that is a number or a choice is checked."""
+    methods = *verdict_methods(), "smooth"
+    if method not in methods:
+        raise InputError(f"simulate: method {method!r}: expected one of {', '.join(methods)}")
+    number = concrete(speed_rpm)
+    if number is not None and not (np.isfinite(number) and number > 0):
+        raise InputError(f"simulate: speed {speed_rpm}: a crankshaft speed above 0 r/min is needed")
+    if int(revolutions) != revolutions or not 1 <= revolutions <= 1000:
+        raise InputError(f"simulate: revolutions {revolutions}: an integer from 1 to 1000 is needed")
+    steps = round(360.0 / step_deg) if step_deg > 0 else 0
+    if not (1 <= steps <= 360_000) or abs(steps * step_deg - 360.0) > 1e-9 * steps:
+        raise InputError(f"simulate: step {step_deg} deg: a step that divides 360 deg, 0.001 or more, is needed")
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name}: simulate needs valve, seat and [operation]")
     train, known_speed = build_train(scene), scene.cam_speed(known_rpm(scene, speed_rpm))
@@ -242,22 +250,6 @@ def _check_parameters(scene: Scene, cam: Lift, method: str, parameters: Mapping[
             )
     if not any(isinstance(parameters.get(name), jax.core.Tracer) for name in ("lift", "borders", "half_duration")):
         lift_with(cam, parameters)
-
-
-def _steps_per_revolution(speed_rpm, method, revolutions, step_deg) -> int:
-    """Steps of the result in a revolution; every argument of `simulate` that is a number or a choice is checked."""
-    methods = *verdict_methods(), "smooth"
-    if method not in methods:
-        raise InputError(f"simulate: method {method!r}: expected one of {', '.join(methods)}")
-    number = concrete(speed_rpm)
-    if number is not None and not (np.isfinite(number) and number > 0):
-        raise InputError(f"simulate: speed {speed_rpm}: a crankshaft speed above 0 r/min is needed")
-    if int(revolutions) != revolutions or not 1 <= revolutions <= 1000:
-        raise InputError(f"simulate: revolutions {revolutions}: an integer from 1 to 1000 is needed")
-    steps = round(360.0 / step_deg) if step_deg > 0 else 0
-    if not (1 <= steps <= 360_000) or abs(steps * step_deg - 360.0) > 1e-9 * steps:
-        raise InputError(f"simulate: step {step_deg} deg: a step that divides 360 deg, 0.001 or more, is needed")
-    return steps
 
 
 def _motion(
