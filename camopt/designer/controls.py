@@ -6,14 +6,12 @@ from dataclasses import asdict, dataclass
 from math import floor, log10
 from typing import Any
 
+from camopt.scene import InputError, Scene, build_train
 from camopt.scene.design import Design
-from camopt.scene.errors import InputError
 from camopt.scene.faults import checked
 from camopt.scene.parameters import RATE, SceneNumber, number_of, valve_spring, with_numbers, with_spring
-from camopt.scene.schema import Scene
 from camopt.scene.table import LARGEST
 from camopt.scene.text_file import excerpt
-from camopt.scene.train import build_train
 
 NO_JUMP, KINEMATIC = "no-jump", "kinematic"
 PROGRAMS = (NO_JUMP, KINEMATIC)

@@ -27,12 +27,8 @@ from camopt.measure.settling import decay_per_revolution, settle, settled_from_r
 from camopt.plots.style import DESIGN
 from camopt.report.curves import LAWS
 from camopt.report.motion import animated, cam_entry, last_revolution_numbers
-from camopt.scene.errors import InputError, MotionRefused
-from camopt.scene.quantities import QUANTITIES
+from camopt.scene import QUANTITIES, InputError, MotionRefused, Scene, Train, build_train, state_at_rest
 from camopt.scene.response import end_state
-from camopt.scene.rest import state_at_rest
-from camopt.scene.schema import Scene
-from camopt.scene.train import Train, build_train
 from camopt.scene.units import DEG, MM
 from camopt.storage import plain
 

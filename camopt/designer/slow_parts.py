@@ -19,8 +19,7 @@ from camopt.optimizer.as_built.measured import track
 from camopt.optimizer.baselines.comparison import member_or_sentence
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.program.kinematic import kinematic_optimum
-from camopt.scene.errors import InputError
-from camopt.scene.schema import Scene
+from camopt.scene import InputError, Scene
 from camopt.verifier.accuracy import verify
 
 FAMILIES = {"polydyne": "Polydyne", "multi-pol": "Multi-Pol"}

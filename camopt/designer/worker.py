@@ -16,8 +16,7 @@ from typing import Any
 
 from camopt.cam.lift import Lift
 from camopt.designer.cams import Cancelled
-from camopt.scene.errors import InputError
-from camopt.scene.schema import Scene
+from camopt.scene import InputError, Scene
 from camopt.storage import plain
 
 NICENESS = 15

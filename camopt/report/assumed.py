@@ -10,9 +10,8 @@ from dataclasses import dataclass
 from camopt.cam.lift import Lift
 from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import motion_limits
+from camopt.scene import Scene, build_train
 from camopt.scene.parameters import KEYS, SceneNumber, with_numbers
-from camopt.scene.schema import Scene
-from camopt.scene.train import build_train
 
 MOVED = 0.1
 """Share by which each number is moved: a usual error of a guess."""

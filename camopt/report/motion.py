@@ -15,8 +15,7 @@ from camopt.plots.style import DESIGN, family_of, page_line
 from camopt.report.drawing import BASE_MM, drawing, drawn_follower, room_for
 from camopt.report.folder import RunFolder
 from camopt.report.wording import as_number, shown
-from camopt.scene import InputError, Scene, Train, build_train, load_scene
-from camopt.scene.errors import MotionRefused
+from camopt.scene import InputError, MotionRefused, Scene, Train, build_train, load_scene
 from camopt.scene.quantities import is_number
 from camopt.scene.units import DEG, MM, UM
 from camopt.study.simulate.dataset import resampled

@@ -26,9 +26,9 @@ from camopt.optimizer.as_built.measured import (
 )
 from camopt.optimizer.as_built.prices import PriceList, price_list
 from camopt.plots import save
+from camopt.scene import InputError, Scene
 from camopt.scene.as_built import scatter_labels, with_scatter
-from camopt.scene.errors import InputError
-from camopt.scene.schema import AS_BUILT, Scene
+from camopt.scene.schema import AS_BUILT
 from camopt.scene.toml_text import scene_toml
 from camopt.storage import plain, run_folder, run_identity, write_json, write_text
 from camopt.storage.journal import Records

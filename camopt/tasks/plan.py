@@ -16,8 +16,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, field_validator
 
 from camopt.cam.families.registry import FAMILIES
-from camopt.scene import builtin_scenes
-from camopt.scene.errors import InputError, did_you_mean
+from camopt.scene import InputError, builtin_scenes
+from camopt.scene.errors import did_you_mean
 from camopt.scene.load import scene_with, tuples
 from camopt.scene.table import Positive, Table
 from camopt.scene.text_file import read_text, usable_path

@@ -13,9 +13,7 @@ import numpy as np
 from tqdm import tqdm
 
 from camopt.cam.lift import Lift
-from camopt.scene.errors import MotionRefused
-from camopt.scene.schema import Scene
-from camopt.scene.train import build_train
+from camopt.scene import MotionRefused, Scene, build_train
 from camopt.smooth.simulate import EPS
 from camopt.study.gradient.paths import (
     METRICS,

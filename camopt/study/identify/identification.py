@@ -10,8 +10,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from camopt.cam.lift import Lift
-from camopt.scene.errors import InputError
-from camopt.scene.schema import Scene
+from camopt.scene import InputError, Scene
 from camopt.scene.units import DEG, MM, UM
 from camopt.study.identify.lift_fit import Fitted, FreeParameters, LiftFit, Series, fits_from_starts
 

@@ -23,11 +23,8 @@ from scipy.optimize import brentq
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.gradient import rest_back
 from camopt.exact.adjoint.motion import ByTrain, Samples, TracedMotion
-from camopt.scene.errors import InputError, MotionRefused
+from camopt.scene import InputError, MotionRefused, Scene, Train, build_train, state_at_rest
 from camopt.scene.parameters import Tied, matching, no_such_number
-from camopt.scene.rest import state_at_rest
-from camopt.scene.schema import Scene
-from camopt.scene.train import Train, build_train
 
 TRAIN_DIFFERENCE = 1e-6
 """Step in a logarithm with which the numbers of a train are differentiated: most are products of the factors, and the

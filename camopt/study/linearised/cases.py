@@ -16,11 +16,9 @@ from camopt.optimizer.program.force_rows import damped_response
 from camopt.optimizer.program.periodic import SAMPLE, sample_cam
 from camopt.optimizer.program.phases import Angles, phase_contacts
 from camopt.optimizer.program.relocation import NoLoadTransfer, located_angles, settled_revolution
-from camopt.scene.errors import InputError
+from camopt.scene import InputError, Scene, Train, build_train
 from camopt.scene.laws import FRICTION
 from camopt.scene.rest import is_linear
-from camopt.scene.schema import Scene
-from camopt.scene.train import Train, build_train
 from camopt.scene.units import RPM
 
 STEP = 1e-4

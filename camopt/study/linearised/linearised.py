@@ -8,8 +8,7 @@ import numpy as np
 from threadpoolctl import threadpool_limits
 
 from camopt.cam.lift import Lift
-from camopt.scene.errors import InputError
-from camopt.scene.schema import Scene
+from camopt.scene import InputError, Scene
 from camopt.scene.smoothing import Smoothing, smoothing
 from camopt.scene.units import DEG, MM, UM
 from camopt.study.linearised.cases import LinearPaths, cases_of, exact_paths, free_cam_in

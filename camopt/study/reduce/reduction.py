@@ -11,9 +11,8 @@ from camopt.cam.lift import Lift
 from camopt.exact import engine
 from camopt.measure.hermite import Hermite
 from camopt.measure.settling import Settled, settle
-from camopt.scene import InputError, MotionRefused, Scene, Train, build_train
+from camopt.scene import InputError, MotionRefused, Scene, Train, build_train, state_at_rest
 from camopt.scene.response import Revolve
-from camopt.scene.rest import state_at_rest
 from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import DEG, MM
 from camopt.study.measurements import fastest

@@ -17,8 +17,7 @@ from camopt.exact import engine
 from camopt.measure.settling import settle
 from camopt.measure.sweep import at_speeds
 from camopt.optimizer.accuracy import ACCURACIES, Accuracy
-from camopt.scene import Scene, build_train
-from camopt.scene.rest import state_at_rest
+from camopt.scene import Scene, build_train, state_at_rest
 from camopt.scene.units import DEG, MM, UM
 from camopt.storage import write_json
 from camopt.study.measurements import REFERENCE, Measurement

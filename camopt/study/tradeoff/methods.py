@@ -14,9 +14,8 @@ import numpy as np
 from camopt import exact
 from camopt.cam.lift import Lift
 from camopt.measure.metrics import measure
-from camopt.scene import Response, Scene, build_train
+from camopt.scene import Response, Scene, build_train, state_at_rest
 from camopt.scene.response import end_state, joined
-from camopt.scene.rest import state_at_rest
 from camopt.scene.units import MM
 from camopt.scene.vibration import highest_rate
 from camopt.study.measurements import REFERENCE, Measurement, timed
