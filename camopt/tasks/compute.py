@@ -55,7 +55,7 @@ def compute_at_worker(filed: FiledTask, made_by: str) -> Outcome:
             f"recorded: install one version everywhere"
         )
     task = filed.task()
-    _hold_threads(_place(task))
+    _controller(_place(task)).limit(limits=1)
     return _outcome(task)
 
 
@@ -82,12 +82,6 @@ def _controller(place: str) -> ThreadpoolController:
     """The thread pools that are there once the module of a function is, with all that it loads."""
     import_module(place.partition(":")[0])
     return ThreadpoolController()
-
-
-@cache
-def _hold_threads(place: str) -> None:
-    """Holds BLAS to one thread for the rest of this process."""
-    _controller(place).limit(limits=1)
 
 
 _own_version = cache(partial(version, "camopt"))
