@@ -134,7 +134,9 @@ def drawing(train: Train, x: np.ndarray, room: FollowerRoom) -> dict:
     masses = []
     for i, (name, kind) in enumerate(zip(train.mass_names, kinds, strict=True)):
         middle = float(centre[column[i]]) - (room.train * SCALE if i in hubs else 0.0)
-        left, right = _edges(train, i, across, middle, kind)
+        own = [across[e] for e in np.flatnonzero(((train.a == i) | (train.b == i)) & ~train.cam_driven)]
+        pad = {"small": 20.0, "hub": 10.0}.get(kind, 34.0)
+        left, right = min([*own, middle]) - pad, max([*own, middle]) + pad  # over all its elements
         masses.append({"name": name, "kind": kind, "x": middle, "y": float(y[i]), "left": left, "right": right,
                        "height": 2 * float(half[i])})  # fmt: skip
     elements = []
@@ -234,13 +236,6 @@ def _lanes(train: Train, column: list[int], y: np.ndarray) -> tuple[list[int], l
         offset[e] = next((p for p in places if not any((*end, p) in taken for end in here)), places[-1])
         taken |= {(*end, offset[e]) for end in here}
     return offset, lane
-
-
-def _edges(train: Train, i: int, x: list[float], middle: float, kind: str) -> tuple[float, float]:
-    """Left and right edge of a mass: over all its elements."""
-    own = [x[e] for e in range(len(x)) if i in (train.a[e], train.b[e]) and not train.cam_driven[e]]
-    pad = {"small": 20.0, "hub": 10.0}.get(kind, 34.0)
-    return float(min([*own, middle]) - pad), float(max([*own, middle]) + pad)
 
 
 def _framed(masses: list[dict], elements: list[dict], room: FollowerRoom) -> dict:

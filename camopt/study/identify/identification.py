@@ -189,17 +189,13 @@ class _Estimate:
 
     def correlation(self, names: list[str]) -> xr.DataArray:
         scale = np.where(self.touched, np.nan, np.sqrt(np.diag(self.covariance)))
-        return xr.DataArray(
-            self.covariance / np.outer(scale, scale), {"parameter": names, "other": names}, ("parameter", "other")
-        )
+        coordinates = {"parameter": names, "other": names}
+        return xr.DataArray(self.covariance / np.outer(scale, scale), coordinates, ("parameter", "other"))
 
     def directions(self, names: list[str]) -> xr.Dataset:
-        order = np.arange(len(self.errors))[::-1]
-        variables = {
-            "relative_error": ("direction", self.errors[order]),
-            "vector": (("direction", "parameter"), self.vectors[order]),
-        }
-        return xr.Dataset(variables, {"direction": order[::-1], "parameter": names})
+        variables = {"relative_error": ("direction", self.errors[::-1])}
+        variables |= {"vector": (("direction", "parameter"), self.vectors[::-1])}
+        return xr.Dataset(variables, {"direction": np.arange(len(self.errors)), "parameter": names})
 
 
 def _table(parameters: FreeParameters, fitted: Fitted, estimate: _Estimate, sound: bool) -> xr.Dataset:
@@ -210,8 +206,8 @@ def _table(parameters: FreeParameters, fitted: Fitted, estimate: _Estimate, soun
     # a negative value keeps its sign, so its ends change places; beyond a factor of two an interval says nothing
     ends = np.sort(np.stack([value * np.exp(-width), value * np.exp(width)]), axis=0)
     ends = np.where(identified, ends, np.array([[-np.inf], [np.inf]]))
-    names = "start", "estimate", "low", "high", "relative_error", "identified"
-    columns = dict(zip(names, (start, value, *ends, estimate.error, identified), strict=True))
+    columns = {"start": start, "estimate": value, "low": ends[0], "high": ends[1]}
+    columns |= {"relative_error": estimate.error, "identified": identified}
     coords = {"parameter": [tied.name for tied in parameters.tied]}
     return xr.Dataset({name: ("parameter", column) for name, column in columns.items()}, coords)
 

@@ -16,7 +16,7 @@ from camopt.smooth.grid import equal_grid
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples
 from camopt.smooth.tied import Directions, parts_of_steps, periodic_slopes, settled_paths, tied_system
-from camopt.study.linearised.cases import LinearisedCase, LinearPaths
+from camopt.study.linearised.linearised import LinearisedCase, LinearPaths
 
 
 def smooth_paths(
