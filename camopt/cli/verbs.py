@@ -22,7 +22,7 @@ from camopt.cli.arguments import (
     scene_of,
     tell,
 )
-from camopt.cli.studies import *  # noqa: F403  the parser looks for every verb here
+from camopt.cli.studies import bound, extremes, gradient, modes, reduce, rise, scenes, sweep, tradeoff, what_if, yield_  # noqa: F401
 from camopt.optimizer.program.chosen_duration import load_scene
 from camopt.scene import InputError, Scene, build_train
 from camopt.storage import write_csv, write_csv_rows, write_json

@@ -58,8 +58,7 @@ def tradeoff(
     """
     from camopt.plots.studies import figures
     from camopt.plots.style import save
-    from camopt.study.tradeoff.job import job_work
-    from camopt.study.tradeoff.methods import method_work
+    from camopt.study.tradeoff.methods import job_work, method_work
 
     if scene.operation is None or scene.design is None or scene.seat is None:
         raise InputError(f"scene {scene.name}: tradeoff needs valve, seat, [operation] and [design]")
