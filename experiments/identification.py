@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 from camopt.cam.families.polydyne import polydyne
 from camopt.plots.style import INK, LIMIT, new_figure, styled
 from camopt.scene import load_scene
-from camopt.study.identify.free_parameters import FreeParameters
 from camopt.study.identify.identification import MeasuredLift, identify
+from camopt.study.identify.lift_fit import FreeParameters
 from camopt.study.simulate.motion import simulate
 from experiments.support.record import RESULTS, run_script, write_result
 

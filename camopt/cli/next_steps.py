@@ -17,11 +17,16 @@ if TYPE_CHECKING:
 def next_step(args: Namespace, code: int) -> str:
     """One sentence with a command that can be pasted; `code` is the exit code of what was run.
 
-    It is the `next` of the table of commands, where one holds after every run.
+    It is the `next` of the table of commands, where that says one.
     """
-    if args.next is not None:
-        return args.next.format(scene=shlex.quote(str(args.scene)))
-    return _AFTER[args.command](args, code)
+    if args.next is None:
+        return _AFTER[args.command](args, code)
+    sentences = {"otherwise": args.next} if isinstance(args.next, str) else args.next
+    given = next((name for name in sentences if getattr(args, name, None) is not None), "otherwise")
+    named = {name: f"{value:g}" if isinstance(value, float) else str(value) for name, value in vars(args).items()}
+    quoted = {name: shlex.quote(word) for name, word in named.items()}
+    cam = {"cam": shlex.join(map(str, _cam_of(args)))} if "table_angle" in named else {}
+    return sentences[given].format(**quoted | cam)
 
 
 def left_behind(args: Namespace) -> str:
@@ -69,8 +74,9 @@ def _is_table(args: Namespace) -> bool:
 
 
 def _lift_table(*cam: object) -> str:
-    """The command that writes a cam's lift table as a grinder can read it."""
-    return _camopt("cam", *cam, "--csv", "lift.csv", "--digits", 5)
+    """What writes a cam's lift table as a grinder can read it."""
+    command = _camopt("cam", *cam, "--csv", "lift.csv", "--digits", 5)
+    return f"{command} writes the cam's lift table for the grinder"
 
 
 def _run_at(folder: object) -> "RunFolder | None":
@@ -106,8 +112,7 @@ def _after_optimize(args: Namespace, code: int) -> str:
     if advised or code:
         shows = f"{_camopt('verify', args.scene, '--cam', args.folder)} shows at which speeds it breaks which limit"
         return advised or shows
-    table = _lift_table(args.scene, "--cam", args.folder)
-    return f"{table} writes the cam's lift table for the grinder; the run folder has one with every digit"
+    return f"{_lift_table(args.scene, '--cam', args.folder)}; the run folder has one with every digit"
 
 
 def _after_verify(args: Namespace, code: int) -> str:
@@ -124,7 +129,7 @@ def _after_verify(args: Namespace, code: int) -> str:
     advised = _advised(args.scene, args.cam)
     if advised and "`camopt verify" not in advised:  # which has just been done
         return advised
-    return f"{_lift_table(*_cam_of(args))} writes the cam's lift table for the grinder"
+    return _lift_table(*_cam_of(args))
 
 
 def _after_compare(args: Namespace, code: int) -> str:
@@ -139,8 +144,7 @@ def _after_cam(args: Namespace, code: int) -> str:
     if _is_table(args):
         return f"{_camopt('verify', *_cam_of(args))} says whether the valve train follows it"
     if args.csv is None:
-        table = f"{_lift_table(*_cam_of(args))} writes the cam's lift table for the grinder"
-        return _advised(args.scene, args.cam) or table
+        return _advised(args.scene, args.cam) or _lift_table(*_cam_of(args))
     return f"{_camopt('verify', args.scene, '--cam', args.csv)} judges the table as it was written, with its rounding"
 
 
@@ -158,7 +162,7 @@ def _after_yield(args: Namespace, code: int) -> str:
     if _enough(args):
         if _is_table(args):
             return f"{args.cam} can go to the grinder: so many trains hold with the cam as it is written there"
-        return f"{_lift_table(*_cam_of(args))} writes the cam's lift table for the grinder"
+        return _lift_table(*_cam_of(args))
     if not args.halve:
         drawn = ["--trains", args.trains, "--seed", args.seed, "--out", args.folder, "--resume", "--halve"]
         return f"{_camopt('yield', *_cam_of(args), *drawn)} adds what half of each tolerance would buy"
@@ -196,26 +200,10 @@ _AFTER = {
     "yield": _after_yield,
     "report": _after_report,
     "sweep": _after_sweep,
-    "simulate": lambda args, _: (
-        f"{_camopt('simulate', *_cam_of(args), '--speed', f'{args.speed:g}', '--csv', 'motion.csv')} writes it"
-        if args.csv is None
-        else f"{_camopt('verify', *_cam_of(args), '--speeds', f'{args.speed:g}')} holds it against the limits"
-    ),
     "extremes": lambda args, code: (
         f"a wrong row without a warning is a defect of camopt: report it with {args.folder / 'extremes.csv'}"
         if code
         else f"{_camopt('tradeoff', args.scene or 'kodama')} measures what accuracy costs"
-    ),
-    "reduce": lambda args, _: (
-        f"{_camopt('reduce', args.scene, '--cam', args.cam, '--json', 'reduced.json')} keeps the proposed scene"
-        if args.json is None
-        else f"the proposed scene is in {args.json} as proposed_toml: save it as a TOML file and verify a cam there too"
-    ),
-    "scenes": lambda args, _: (
-        "`camopt scenes kodama > mine.toml` writes one to edit"
-        if args.name is None
-        else f"write it to a file, as in `camopt scenes {args.name} > mine.toml`, edit it, and try "
-        f"`camopt modes mine.toml`"
     ),
 }
 """By command without such a sentence: what to do after it, from its arguments and its exit code."""

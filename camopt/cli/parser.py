@@ -145,28 +145,17 @@ def _arguments(listed: Mapping[str, Any], shared: Mapping[str, Any]) -> Iterator
         settings = settings | {"help": settings["help"].replace("%", "%%")}  # argparse formats help texts with %
         if "type" in settings:
             settings["type"] = getattr(values, settings["type"])
-        if "choices" in settings:
-            methods = verdict_methods()
-            settings["choices"] = [w for c in settings["choices"] for w in (methods if c == "METHODS" else (c,))]
+        if words := settings.pop("choices", None):  # a type's sentence suggests one of them, which argparse's does not
+            choices = [w for c in words for w in (verdict_methods() if c == "METHODS" else (c,))]
+            settings |= {"type": one_of(choices), "metavar": f"{{{','.join(choices)}}}"}
         yield name, settings
 
 
 class SuggestingParser(argparse.ArgumentParser):
     """As argparse's; unknown commands and options are refused first, with a suggestion, before anything is missed."""
 
-    def __init__(self, *args, **options):
-        self.known: set[str] = set()
-        self.verbs: list[str] = []
-        super().__init__(*args, **options)
-
-    def add_argument(self, *names, **options):
-        """`choices` become a type, whose sentence suggests one of them."""
-        choices = options.pop("choices", None)
-        if choices is not None:
-            options |= {"type": one_of(choices), "metavar": options.get("metavar", f"{{{','.join(choices)}}}")}
-        action = super().add_argument(*names, **options)
-        self.known.update(action.option_strings)
-        return action
+    verbs: Sequence[str] = ()
+    """The commands, of the parser that has some."""
 
     def parse_known_args(self, args=None, namespace=None):  # pyright: ignore[reportIncompatibleMethodOverride]
         """As argparse's, which every parser of a command goes through."""
@@ -175,8 +164,9 @@ class SuggestingParser(argparse.ArgumentParser):
             if word == "--":
                 break
             if word.startswith("--"):
-                if name not in self.known:
-                    self.error(f"no option {excerpt(name)}{did_you_mean(name, self.known)}")
+                known = self._option_string_actions
+                if name not in known:
+                    self.error(f"no option {excerpt(name)}{did_you_mean(name, known)}")
             elif self.verbs and not word.startswith("-"):
                 if word not in self.verbs:
                     meant = did_you_mean(word, self.verbs) or f": expected one of {', '.join(self.verbs)}"

@@ -13,18 +13,14 @@ from camopt.scene.errors import did_you_mean
 from camopt.scene.text_file import excerpt
 from camopt.storage import write_csv
 
-ORDERS = {"acceleration": 2, "jerk": 3, "snap": 4, "crackle": 5}
-"""Derivatives whose peak `camopt rise` can make least, with their orders."""
-
 
 def modes(args: Namespace) -> int:
     scene = scene_of(args, ())
-    from camopt.study.modes import mode_lines
-    from camopt.study.modes import modes as modes_of
+    from camopt.study import modes as study
 
-    result = modes_of(scene, args.state)
+    result = study.modes(scene, args.state)
     first = f"{scene.name}, {args.state}; closed contacts: {', '.join(result.closed) or 'none'}"
-    return tell(args, result.as_dict(), [first, *mode_lines(result)])
+    return tell(args, result.as_dict(), [first, *study.mode_lines(result)])
 
 
 def bound(args: Namespace) -> int:
@@ -37,12 +33,11 @@ def bound(args: Namespace) -> int:
 
 def rise(args: Namespace) -> int:
     """Prints the least peak and the bound, and writes the motion."""
-    from camopt.study.rise import rise as least_rise
+    from camopt.study import rise as study
 
     if args.least and args.jerk_max_mm_per_deg3:
         raise InputError("--jerk-max-mm-per-deg3: what is least is then the acceleration: leave --least out")
-    order = ORDERS[args.least or "jerk"]
-    motion = least_rise(args.rise_mm, args.over_deg, order, args.jerk_max_mm_per_deg3)
+    motion = study.rise(args.rise_mm, args.over_deg, study.ORDERS[args.least or "jerk"], args.jerk_max_mm_per_deg3)
     if args.csv:
         write_csv(args.csv, motion.table(args.step_deg))
     return tell(args, motion.as_dict(), [motion])
@@ -51,11 +46,10 @@ def rise(args: Namespace) -> int:
 def reduce(args: Namespace) -> int:
     scene = scene_of(args)
     lift = cam_of(args, scene)
-    from camopt.study.reduce.reduction import reduce as reduction_of
-    from camopt.study.reduce.reduction import reduction_lines
+    from camopt.study.reduce import reduction as study
 
-    reduction = reduction_of(scene, lift, args.speeds, tolerance_mm=args.tolerance_mm)
-    return tell(args, reduction.as_dict(), reduction_lines(reduction))
+    reduction = study.reduce(scene, lift, args.speeds, tolerance_mm=args.tolerance_mm)
+    return tell(args, reduction.as_dict(), study.reduction_lines(reduction))
 
 
 def yield_(args: Namespace) -> int:
@@ -84,11 +78,11 @@ def what_if(args: Namespace) -> int:
     scene = scene_of(args)
     cam = cam_of(args, scene)
     changes = once_each(args.set, "--set {name}: is given twice: give one value")
-    from camopt.study.what_if import what_if as outcome_of
+    from camopt.study import what_if as study
 
     say_compilation(args)
-    outcome = outcome_of(scene, cam, changes, redesign=args.redesign, trains=args.trains)
-    return tell(args, outcome.as_dict(), [outcome])
+    content = study.what_if(scene, cam, changes, redesign=args.redesign, trains=args.trains)
+    return tell(args, content, study.what_if_lines(content))
 
 
 def sweep(args: Namespace) -> int:
@@ -143,16 +137,15 @@ def extremes(args: Namespace) -> int:
     folder = folder_of(args, scenes[0].name if args.scene else "extremes")
     from camopt.plots import save
     from camopt.plots.studies import verdict_matrix
-    from camopt.study.extremes.extremes import counts, defects
-    from camopt.study.extremes.extremes import extremes as rows_of
+    from camopt.study.extremes import extremes as study
 
-    rows = rows_of(scenes, folder, args.resume, progress=not args.quiet)
+    rows = study.extremes(scenes, folder, args.resume, progress=not args.quiet)
     for scene in scenes:
         mine = [r for r in rows if r["case"].startswith(f"{scene.name}: ")]
         save(verdict_matrix(mine, scene.name), folder / "figures", f"extremes-{scene.name}")
-    for method, by_verdict in counts(rows).items():
+    for method, by_verdict in study.counts(rows).items():
         print(f"{method:<44}" + ", ".join(f"{n} {v}" for v, n in by_verdict.items()))
-    wrong = defects(rows)
+    wrong = study.defects(rows)
     for row in wrong:
         print(f"wrong: {row['case']}, {row['method']}: {row['error_of']} off by {float(row['error']):.3g}")
     print(f"{len(rows)} rows, {len(wrong)} wrong without a warning: {folder}")

@@ -9,7 +9,7 @@ import signal
 import sys
 from argparse import Namespace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from camopt.cli.arguments import (
     SIMULATED,
@@ -22,17 +22,7 @@ from camopt.cli.arguments import (
     scene_of,
     tell,
 )
-from camopt.cli.studies import bound as bound
-from camopt.cli.studies import extremes as extremes
-from camopt.cli.studies import gradient as gradient
-from camopt.cli.studies import modes as modes
-from camopt.cli.studies import reduce as reduce
-from camopt.cli.studies import rise as rise
-from camopt.cli.studies import scenes as scenes
-from camopt.cli.studies import sweep as sweep
-from camopt.cli.studies import tradeoff as tradeoff
-from camopt.cli.studies import what_if as what_if
-from camopt.cli.studies import yield_ as yield_
+from camopt.cli.studies import bound, extremes, gradient, modes, reduce, rise, scenes, sweep, tradeoff, what_if, yield_  # noqa: F401
 from camopt.optimizer.program.chosen_duration import load_scene
 from camopt.scene import InputError, Scene, build_train
 from camopt.storage import write_csv, write_csv_rows, write_json
@@ -62,21 +52,12 @@ def optimize(args: Namespace) -> int:
         if args.accuracy != "draft":  # whose comparison hardly takes longer than the page
             write_report(folder)
 
-    result = run(
-        scene,
-        speeds=args.speeds,
-        accuracy=args.accuracy,
-        gradient=args.gradient,
-        out=folder,
-        seed=args.seed,
-        resume=args.resume,
-        progress=not args.quiet,
-        designed=designed,
-        compare=not args.no_compare,
-        wanted_yield=args.wanted_yield,
-        free=once_each(args.free, "free {name} is given twice: give one range"),
-        start=None if args.start is None else read_cam(args.start, scene),
-    )
+    names = ("speeds", "accuracy", "gradient", "seed", "resume", "wanted_yield")
+    asked: dict[str, Any] = {name: getattr(args, name) for name in names}
+    asked["free"] = once_each(args.free, "free {name} is given twice: give one range")
+    asked["start"] = None if args.start is None else read_cam(args.start, scene)
+    asked["compare"] = not args.no_compare
+    result = run(scene, out=folder, progress=not args.quiet, designed=designed, **asked)
     page = write_report(result.folder)
     print(f"run folder: {result.folder}, report: {page}")
     return result.exit_code

@@ -20,11 +20,9 @@ from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitiv
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import converge_tangents
+from camopt.scene import InputError, Scene, Train
 from camopt.scene.design import Design
-from camopt.scene.errors import InputError
 from camopt.scene.rest import is_linear
-from camopt.scene.schema import Scene
-from camopt.scene.train import Train
 from camopt.scene.units import DEG
 
 KNOT_DEG = 3.0

@@ -1,20 +1,17 @@
 """The numbers of a scene that a user can drag in the designer, and the scene with the dragged numbers, checked like a
 file."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass
 from math import floor, log10
 from typing import Any
 
+from camopt.scene import InputError, Scene, build_train
 from camopt.scene.design import Design
-from camopt.scene.errors import InputError
 from camopt.scene.faults import checked
 from camopt.scene.parameters import RATE, SceneNumber, number_of, valve_spring, with_numbers, with_spring
-from camopt.scene.schema import Scene
 from camopt.scene.table import LARGEST
 from camopt.scene.text_file import excerpt
-from camopt.scene.train import build_train
 
 NO_JUMP, KINEMATIC = "no-jump", "kinematic"
 PROGRAMS = (NO_JUMP, KINEMATIC)
@@ -89,7 +86,12 @@ def controls(scene: Scene) -> tuple[Control, ...]:
         Control("program", "Linear program", "", "Cam", NO_JUMP, choices=PROGRAMS),
         Control("margin_N", "Contact force that the program keeps", "N", "Cam", 0.0, -200.0, 200.0, 1.0),
     ]
-    shape = [_of_design(design, key) for key in DESIGN]
+    shape = []
+    for key, (label, unit, group, usual) in DESIGN.items():
+        value = getattr(design, key)
+        optional = not Design.model_fields[key].is_required() and key != "ramp_foot_deg"
+        number = usual if value is None else value
+        shape.append(Control(key, label, unit, group, value, *_about(number or usual), optional=optional, usual=number))
     reach = Control("reach_max_lift", "Maximum lift must be reached", "", "Cam", design.reach_max_lift)
     speeds = [
         Control("speed_rpm", "Speed shown", "r/min", "Speed", middle, *_ranged(low * 0.5, high * 1.2)),
@@ -101,14 +103,6 @@ def controls(scene: Scene) -> tuple[Control, ...]:
         for key, (label, unit, width) in _widths(scene).items()
     ]
     return (*view, *shape[:2], reach, *shape[2:], *speeds, *_of_train(scene), *scatter)
-
-
-def _of_design(design: Design, key: str) -> Control:
-    label, unit, group, usual = DESIGN[key]
-    value = getattr(design, key)
-    optional = not Design.model_fields[key].is_required() and key != "ramp_foot_deg"
-    number = usual if value is None else value
-    return Control(key, label, unit, group, value, *_about(number or usual), optional=optional, usual=number)
 
 
 def _of_train(scene: Scene) -> list[Control]:
@@ -153,9 +147,8 @@ def _ranged(low: float, high: float) -> tuple[float, float, float]:
     rough = (high - low) / STEPS
     power = 10.0 ** floor(log10(rough))
     step = next(power * digit for digit in (5.0, 2.0, 1.0) if power * digit <= rough * (1 + 1e-9))
-    steps = floor(low / step + 1e-9), -floor(-high / step + 1e-9)
-    first, last, width = (float(f"{number:.12g}") for number in (steps[0] * step, steps[1] * step, step))
-    return first, last, width
+    first, last = floor(low / step + 1e-9), -floor(-high / step + 1e-9)
+    return float(f"{first * step:.12g}"), float(f"{last * step:.12g}"), float(f"{step:.12g}")
 
 
 def read_values(controls: Mapping[str, Control], values: object) -> dict[str, Any]:
@@ -186,14 +179,8 @@ def _fault(control: Control, value: Any) -> str:
         return "" if isinstance(value, bool) else "expected true or false"
     if value is None:
         return "" if control.optional else "a number is needed"
-    if (
-        isinstance(value, bool)
-        or not isinstance(value, int | float)
-        or abs(value) > LARGEST
-        or not math.isfinite(value)
-    ):
-        return f"expected a number (given: {excerpt(str(value))})"
-    return ""
+    usable = isinstance(value, int | float) and not isinstance(value, bool) and abs(value) <= LARGEST
+    return "" if usable else f"expected a number (given: {excerpt(str(value))})"
 
 
 def edited_scene(scene: Scene, values: Mapping[str, Any]) -> Scene:

@@ -47,7 +47,8 @@ class RequestHandler:
         self._kinds: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
             "start": lambda _: self.session.start() | {"files": folder is not None},
             "answer": self._answer,
-            "newest": self._overtaken,
+            # whatever is being computed for an older question of the page is dropped
+            "newest": lambda message: {"state": "ok", "sequence": self._asked(message)[1]},
             "stop": self._stop,
         }
         if folder is not None:
@@ -106,10 +107,6 @@ class RequestHandler:
                 self._newest.popitem(last=False)
         return client, sequence
 
-    def _overtaken(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        """Whatever is being computed for an older question of the page is dropped; nothing is computed for this one."""
-        return {"state": "ok", "sequence": self._asked(message)[1]}
-
     def _stop(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """The slow part that is being computed is dropped."""
         self.slow.stop()
@@ -142,7 +139,10 @@ class RequestHandler:
         with self._one_at_a_time:
             design = self.session.design(values)
         if what == "scene":
-            path = save_scene(self.folder, message.get("name"), design)
+            path = self.folder / f"{_named(message.get('name'))}.toml"
+            if path.exists():
+                raise InputError(f"{path.name}: exists already: give another name")
+            write_text(path, scene_toml(design.scene))
         elif what == "run":
             path = save_run(self.folder, message.get("name"), design, self.verified(values))
         else:
@@ -160,15 +160,6 @@ def _values(message: Mapping[str, Any]) -> Mapping[str, Any]:
 def _subject(values: Mapping[str, Any]) -> str:
     """Values as a text, but for the speed that is shown: the subject of a verdict."""
     return json.dumps({k: v for k, v in sorted(values.items()) if k != "speed_rpm"})
-
-
-def save_scene(folder: Path, name: object, design: Edited) -> Path:
-    """Writes the scene to `<name>.toml`; an existing file is refused."""
-    path = folder / f"{_named(name)}.toml"
-    if path.exists():
-        raise InputError(f"{path.name}: exists already: give another name")
-    write_text(path, scene_toml(design.scene))
-    return path
 
 
 def save_run(folder: Path, name: object, design: Edited, verification: dict[str, Any] | None) -> Path:
@@ -193,12 +184,10 @@ def save_run(folder: Path, name: object, design: Edited, verification: dict[str,
         write_lift_table(path / "lift.csv", lift)
         if verification is not None:
             write_json(path / "verification.json", verification)
-        content = {
-            "versions": {"camopt": version("camopt"), "python": platform.python_version()},
-            "settings": {"command": "design", "program": cam.program},
-            "finished_utc": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        }
-        write_json(path / "provenance.json", content)
+        content = {"versions": {"camopt": version("camopt"), "python": platform.python_version()}}
+        content |= {"settings": {"command": "design", "program": cam.program}}
+        finished = {"finished_utc": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime())}
+        write_json(path / "provenance.json", content | finished)
         write_report(path)
     return path
 

@@ -23,16 +23,12 @@ from camopt.exact.engine import prepare
 from camopt.exact.settled import settled_metrics
 from camopt.highs import WATCH
 from camopt.measure.limits import broken_by_shape, motion_limits
-from camopt.measure.settling import Settled, decay_per_revolution, settle, settled_from_rest
+from camopt.measure.settling import decay_per_revolution, settle, settled_from_rest
 from camopt.plots.style import DESIGN
 from camopt.report.curves import LAWS
 from camopt.report.motion import animated, cam_entry, last_revolution_numbers
-from camopt.scene.errors import InputError, MotionRefused
-from camopt.scene.quantities import QUANTITIES
+from camopt.scene import QUANTITIES, InputError, MotionRefused, Scene, Train, build_train, state_at_rest
 from camopt.scene.response import end_state
-from camopt.scene.rest import state_at_rest
-from camopt.scene.schema import Scene
-from camopt.scene.train import Train, build_train
 from camopt.scene.units import DEG, MM
 from camopt.storage import plain
 
@@ -56,41 +52,26 @@ def motion_at(
     cam_speed = scene.cam_speed(speed_rpm)
     try:
         if sketch:
-            settled = _sketched(train, lift, cam_speed, start)
+            decay = decay_per_revolution(train, cam_speed)
+            begin = start if start is not None and len(start) == train.state_size else state_at_rest(train)
+            settled = settle(prepare(train, lift, cam_speed), begin, FEW_REVOLUTIONS, 1, 1, decay=decay)
+            settled = replace(settled, periodic=True)  # whether it settles is said at rest
         else:
             settled = settled_from_rest(prepare, train, lift, cam_speed)
     except (MotionRefused, InputError) as error:
         return {"speed_rpm": speed_rpm, "says": f"The motion is refused: {error}"}, None
-    return shown_motion(scene, train, lift, speed_rpm, settled), end_state(settled.response)
-
-
-def _sketched(train: Train, lift: Lift, cam_speed: float, start: np.ndarray | None) -> Settled:
-    decay = decay_per_revolution(train, cam_speed)
-    if start is None or len(start) != train.state_size:
-        start = state_at_rest(train)
-    settled = settle(prepare(train, lift, cam_speed), start, FEW_REVOLUTIONS, 1, 1, decay=decay)
-    return replace(settled, periodic=True)  # whether it settles is said at rest
-
-
-def shown_motion(scene: Scene, train: Train, lift: Lift, speed_rpm: float, settled: Settled) -> dict[str, Any]:
-    """What the page shows of a motion."""
-    figures = settled.metrics(lift)
+    figures, limits = settled.metrics(lift), motion_limits(scene.design)
     metrics = {name: figures.worst(name) for name in QUANTITIES}
     numbers = {"speed_rpm": speed_rpm, **last_revolution_numbers(settled, STEP_DEG)}
     entry = {"name": DESIGN, **cam_entry(DESIGN, lift, scene, STEP_DEG), "motions": [numbers]}
-    return {
+    shown = {
         "speed_rpm": speed_rpm,
         "periodic": settled.periodic,
         "metrics": metrics,
-        "used": _used(scene, metrics),
+        "used": {key: float(limit.share(np.array(metrics[limit.metric]))) for key, limit in limits.items()},
         "animation": animated(scene, train, [entry], STEP_DEG),
     }
-
-
-def _used(scene: Scene, metrics: dict[str, float]) -> dict[str, float]:
-    """By limit on the motion how much of it is used: one at the limit, more beyond it."""
-    limits = motion_limits(scene.design)
-    return {key: float(limit.share(np.array(metrics[limit.metric]))) for key, limit in limits.items()}
+    return shown, end_state(settled.response)
 
 
 def band_of(scene: Scene, train: Train, lift: Lift, wanted: Callable[[], bool] = lambda: True) -> dict[str, Any]:
@@ -196,20 +177,16 @@ class Session:
             self._designs.move_to_end(key)
             return self._designs[key]
         scene = edited_scene(self.scene, read)
-        train = self._train_of(scene)
+        made_of = (scene.valve, scene.seat, scene.mass, scene.element, scene.force)
+        if self._train is None or self._train[0] != made_of:  # else the last one, with all that is kept of it
+            self._train = made_of, build_train(scene)
+        train = self._train[1]
         with THREADS.limit(limits=1, user_api="blas"):  # small matrices: threads would only wait for each other
             cam = self._cams.largest(scene, train, margin_N, coarse)
         edited = self._designs[key if cam.coarse or cam.says else exact] = Edited(scene, train, cam)
         while len(self._designs) > REMEMBERED:
             self._designs.popitem(last=False)
         return edited
-
-    def _train_of(self, scene: Scene) -> Train:
-        """The scene's train: the last one itself where nothing of it was edited, with all that is kept of it."""
-        made_of = (scene.valve, scene.seat, scene.mass, scene.element, scene.force)
-        if self._train is None or self._train[0] != made_of:
-            self._train = made_of, build_train(scene)
-        return self._train[1]
 
     def _cam_answer(self, design: Edited, speed_rpm: float) -> dict[str, Any]:
         scene, cam = design.scene, design.cam

@@ -19,8 +19,7 @@ from camopt.optimizer.as_built.measured import track
 from camopt.optimizer.baselines.comparison import member_or_sentence
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.program.kinematic import kinematic_optimum
-from camopt.scene.errors import InputError
-from camopt.scene.schema import Scene
+from camopt.scene import InputError, Scene
 from camopt.verifier.accuracy import verify
 
 FAMILIES = {"polydyne": "Polydyne", "multi-pol": "Multi-Pol"}
@@ -95,8 +94,3 @@ PARTS: dict[str, Callable[[Scene, Any], dict[str, Any]]] = {
     "trains": partial(trains_of, count=MANY),
 }
 """By name, the slow parts of an answer."""
-VERDICTS = {
-    "draft verdict": partial(verdict_at, accuracy="draft"),
-    "verdict": partial(verdict_at, accuracy="standard"),
-}
-"""By name, the stages of a verdict: a first one that is soon there, and the one that counts."""

@@ -9,8 +9,7 @@ from camopt.cam.lift import Lift
 from camopt.designer.requests import RequestHandler
 from camopt.designer.server import module_text, style_text
 from camopt.designer.session import Session
-from camopt.scene.errors import InputError
-from camopt.scene.schema import Scene
+from camopt.scene import InputError, Scene
 
 
 class LiveWidget(anywidget.AnyWidget):

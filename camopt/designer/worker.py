@@ -7,6 +7,7 @@ import os
 import signal
 import time
 from dataclasses import dataclass, field
+from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
 from multiprocessing.context import SpawnProcess
@@ -15,17 +16,14 @@ from typing import Any
 
 from camopt.cam.lift import Lift
 from camopt.designer.cams import Cancelled
-from camopt.scene.errors import InputError
-from camopt.scene.schema import Scene
+from camopt.scene import InputError, Scene
 from camopt.storage import plain
 
 NICENESS = 15
 """Niceness of a worker, so that interactive answers get the processor first."""
-STAGES = {
-    "draft verdict": "a draft verdict by two methods",
-    "verdict": "the full verdict by all methods",
-}
-"""Stages of a verdict, by the part that is computed, and what the page calls them."""
+STAGES = {"draft": "a draft verdict by two methods", "standard": "the full verdict by all methods"}
+"""Stages of a verdict, by their accuracy, a first one that is soon there and the one that counts; what the page calls
+them."""
 
 
 class SlowProcess:
@@ -41,7 +39,7 @@ class SlowProcess:
         """One part of the answer, as JSON; other callers wait meanwhile. Raises InputError as the part does,
         and Cancelled."""
         with self._asking:
-            connection = self._started()
+            connection = self.start()
             try:
                 connection.send((part, scene, lift))
                 outcome, content = connection.recv()
@@ -53,10 +51,6 @@ class SlowProcess:
             raise RuntimeError(content)
         return content
 
-    def start(self) -> None:
-        """Start the process now, so that the first question does not wait for it."""
-        self._started()
-
     def stop(self) -> None:
         """End the process; what it was asked ends with Cancelled."""
         with self._starting:
@@ -66,7 +60,8 @@ class SlowProcess:
                 process.join()
                 process.close()
 
-    def _started(self) -> Connection:
+    def start(self) -> Connection:
+        """Starts the process, if it is not alive, so that the first question does not wait for it."""
         with self._starting:
             if self._process is None or not self._process.is_alive():
                 context = get_context("spawn")
@@ -84,8 +79,9 @@ def answer_all(connection: Connection, niceness: int) -> None:
     os.nice(niceness)
     from threadpoolctl import threadpool_limits
 
-    from camopt.designer.slow_parts import PARTS, VERDICTS
+    from camopt.designer.slow_parts import PARTS, verdict_at
 
+    answers = PARTS | {accuracy: partial(verdict_at, accuracy=accuracy) for accuracy in STAGES}
     threadpool_limits(limits=1, user_api="blas")  # small matrices, and the interactive answers need the cores
     while True:
         try:
@@ -93,7 +89,7 @@ def answer_all(connection: Connection, niceness: int) -> None:
         except (EOFError, OSError):
             return
         try:
-            outcome, content = "done", plain((PARTS | VERDICTS)[part](scene, lift))
+            outcome, content = "done", plain(answers[part](scene, lift))
         except InputError as error:
             outcome, content = "refused", str(error)
         except Exception as error:  # a defect must not end the process, and the page says what it was

@@ -1,10 +1,9 @@
 """Figures from arrays: every function returns a matplotlib Figure, `save` writes it; nothing here computes a result."""
 
+from camopt.plots.cams import DrawnMotion as DrawnMotion
+from camopt.plots.cams import last_revolution as last_revolution
 from camopt.plots.cams import profiles as profiles
-from camopt.plots.motion import DrawnMotion as DrawnMotion
-from camopt.plots.motion import last_revolution as last_revolution
-from camopt.plots.motion import valve_motion as valve_motion
-from camopt.plots.search import History as History
+from camopt.plots.cams import valve_motion as valve_motion
 from camopt.plots.search import convergence as convergence
 from camopt.plots.speeds import Sweep as Sweep
 from camopt.plots.speeds import bounce_against_speed as bounce_against_speed

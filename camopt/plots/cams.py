@@ -1,13 +1,28 @@
-"""The lift laws of cams over each other, with the design's limits."""
+"""Cams over each other: their lift laws, and speed by speed the valve's motion and the contact forces with them."""
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from camopt.plots.style import BASE, SHADE, cam_lines, draw_limit, legend_above, new_figure, quoted, styled, write
+from camopt.plots.style import (
+    BASE,
+    DESIGN,
+    SHADE,
+    cam_lines,
+    draw_limit,
+    family_of,
+    legend_above,
+    new_figure,
+    quoted,
+    styled,
+    write,
+)
 from camopt.scene.design import Design
+from camopt.scene.response import Response
+from camopt.scene.units import DEG, MM
 
 Table = Mapping[str, np.ndarray]
 CURVES = (
@@ -50,7 +65,7 @@ def _conditions(rows: Sequence[Axes], cams: Sequence[tuple[str, Table]], design:
             axes.axvline(angle, color="#999999", linewidth=0.7, zorder=1)
     _limits(rows, design)
     if design.jerk_max_mm_per_deg3 is not None:
-        _shorten(rows[3], cams, JERK_SPAN * design.jerk_max_mm_per_deg3)
+        _shorten_jerk(rows[3], cams, JERK_SPAN * design.jerk_max_mm_per_deg3)
     end = design.duration_deg / 2 + max(h / v for h, v, _ in design.ramps()) + design.ramp_foot_deg / 2 + 2
     lifted = [float(np.abs(table["cam_angle_deg"][table["lift_mm"] > 0]).max(initial=0.0)) for _, table in cams]
     end = max(end, *lifted)  # a cam longer than the design shows whole
@@ -77,10 +92,142 @@ def _limits(rows: Sequence[Axes], design: Design) -> None:
         write(rows[2], "nose: no positive acceleration", (0, 0.97), (0, 0), over=rows[2].get_xaxis_transform(), **how)
 
 
-def _shorten(axes: Axes, cams: Sequence[tuple[str, Table]], span: float) -> None:
+def _shorten_jerk(axes: Axes, cams: Sequence[tuple[str, Table]], span: float) -> None:
     """Ends the jerk axis at +-span and says which cams go beyond."""
     largest = [(name, float(np.max(np.abs(table["jerk_mm_per_deg3"])))) for name, table in cams]
     beyond = ", ".join(f"{name} to ±{jerk:.2g}" for name, jerk in largest if jerk > span)
     if beyond:
         axes.set_ylim(-span, span)
         axes.set_title(f"beyond this axis: {beyond}", fontsize=BASE - 1.5, fontweight="normal")
+
+
+MOVING_MM = 0.002
+"""A valve that is this near to its seat touch [mm] counts as at rest; the zoom of the closing ends there."""
+
+ROOM = 1.3
+"""Upper end of a force axis, as a multiple of the design's largest force."""
+NEAR = 2.0
+"""A limit on the force beyond this multiple of the design's largest is not drawn: it would flatten what is."""
+
+
+@dataclass(frozen=True)
+class DrawnMotion:
+    """One revolution of one cam at one speed, k samples from -180 to 180 deg."""
+
+    cam: str
+    speed_rpm: float  # crankshaft
+    cam_angle_deg: np.ndarray  # (k)
+    valve_mm: np.ndarray  # (k) signed distance of the valve from where its seat touches
+    contact_force_N: Mapping[str, np.ndarray]  # (k) per contact between cam and valve
+
+
+def last_revolution(cam: str, speed_rpm: float, response: Response) -> DrawnMotion:
+    """The last whole revolution of a response, in the units of the figure."""
+    middle = 2 * np.pi * (response.revolutions - 1)
+    inside = response.angle >= middle - np.pi - 1e-9  # round-off of the revolution's first angle
+    train = response.train
+    forces = {train.element_names[e]: response.force[inside, e] for e in train.cam_side}
+    return DrawnMotion(
+        cam, speed_rpm, (response.angle[inside] - middle) / DEG, response.seat_separation()[inside] / MM, forces
+    )
+
+
+@styled
+def valve_motion(motions: Sequence[DrawnMotion], design: Design) -> Figure:
+    """Draws the valve lift, a zoom of its closing and each contact force: a column per speed, cams over each other."""
+    speeds = sorted({m.speed_rpm for m in motions})
+    contacts = list(motions[0].contact_force_N)
+    figure = new_figure(max(6.4, 1.2 + 2.9 * len(speeds)), 4.3 + 1.7 * len(contacts))
+    heights = (1.1, 1.3, *(1.0 for _ in contacts))
+    rows = figure.subplots(2 + len(contacts), len(speeds), sharey="row", squeeze=False, height_ratios=heights)
+    start, end, top = _closing(motions, design)
+    lines = cam_lines(m.cam for m in motions)
+    for column, speed in enumerate(speeds):
+        here = [m for m in motions if m.speed_rpm == speed]
+        lift, zoom, *forces = rows[:, column]
+        lift.set_title(f"{speed:g} r/min")
+        for m in here:
+            line = lines[m.cam]
+            lift.plot(m.cam_angle_deg, m.valve_mm, label=m.cam, **line)
+            zoom.plot(m.cam_angle_deg, m.valve_mm, **line)
+            for axes, contact in zip(forces, contacts, strict=True):
+                axes.plot(m.cam_angle_deg, m.contact_force_N[contact], **line)
+        lift.axvspan(start, end, color="#eeeeee", zorder=0)
+        zoom.set(xlim=(start, end), ylim=(-0.2 * top, top))
+        zoom.axhline(0, color="#777777", linewidth=0.7, zorder=1)
+        _event(lift, design)
+        for axes in forces:
+            _event(axes, design)
+            axes.axhline(0, color="#777777", linewidth=0.7, zorder=1)
+        shown = {m.cam: (start <= m.cam_angle_deg) & (m.cam_angle_deg <= end) & _after_and_touched(m)[1] for m in here}
+        _shorten(zoom, {m.cam: m.valve_mm[shown[m.cam]] for m in here}, top, "mm")
+        for axes, contact in zip(forces, contacts, strict=True):
+            high = _force_top(motions, contact, design)
+            axes.set_ylim(-0.04 * high, high)
+            _shorten(axes, {m.cam: m.contact_force_N[contact] for m in here}, high, "N")
+        bounce, force = design.bounce_max_mm, design.contact_force_max_N
+        last = column == len(speeds) - 1
+        draw_limit(zoom, bounce, quoted("bounce\nat most", bounce, "mm") if last else "")
+        for axes in forces:
+            if force is not None and force < axes.get_ylim()[1]:
+                draw_limit(axes, force, quoted("at most", force, "N") if last else "")
+        forces[-1].set_xlabel("cam angle [deg]")
+    rows[0, 0].set_ylabel("valve lift [mm]")
+    rows[1, 0].set_ylabel("valve above\nseat touch [mm]")
+    for axes, contact in zip(rows[2:, 0], contacts, strict=True):
+        axes.set_ylabel(f"{contact}\nforce [N]")
+    legend_above(figure, rows[0, 0])
+    return figure
+
+
+def _event(axes: Axes, design: Design) -> None:
+    """Lets the axis show the event with its ramps; thin lines mark the ends of the duration, where jump is judged."""
+    half = design.duration_deg / 2
+    end = half + max(h / v for h, v, _ in design.ramps()) + design.ramp_foot_deg
+    axes.set_xlim(-end, end)
+    for angle in (-half, half):
+        axes.axvline(angle, color="#999999", linewidth=0.7, zorder=1)
+
+
+def _leading(motions: Sequence[DrawnMotion]) -> Sequence[DrawnMotion]:
+    """The motions that the axes are made for: those of the design and of cams outside the families, or all of them
+    where there are none.
+
+    What a cam that bounces does would flatten them.
+    """
+    return [m for m in motions if family_of(m.cam) in (DESIGN, "")] or motions
+
+
+def _force_top(motions: Sequence[DrawnMotion], contact: str, design: Design) -> float:
+    """Upper end [N] of a contact's force axis: the limit is inside where it is near."""
+    largest = max(float(np.max(m.contact_force_N[contact])) for m in _leading(motions))
+    limit = design.contact_force_max_N or 0.0
+    return ROOM * max(largest, limit if limit < NEAR * largest else 0.0, 1.0)
+
+
+def _after_and_touched(motion: DrawnMotion) -> tuple[np.ndarray, np.ndarray]:
+    """Which samples (k) lie after the revolution's greatest lift, and which of these after the valve has touched."""
+    after = motion.cam_angle_deg > motion.cam_angle_deg[np.argmax(motion.valve_mm)]
+    return after, np.cumsum(after & (motion.valve_mm <= 0)) > 0
+
+
+def _shorten(axes: Axes, values: Mapping[str, np.ndarray], top: float, unit: str) -> None:
+    """Say which cams go beyond the axis, and how far."""
+    beyond = {cam: float(np.max(v, initial=0.0)) for cam, v in values.items()}
+    words = [f"{cam} {largest:.3g}" for cam, largest in beyond.items() if largest > top]
+    if words:
+        lines = "\n".join(", ".join(words[i : i + 2]) for i in range(0, len(words), 2))
+        axes.set_title(f"beyond this axis [{unit}]: {lines}", fontsize=BASE - 2, fontweight="normal")
+
+
+def _closing(motions: Sequence[DrawnMotion], design: Design) -> tuple[float, float, float]:
+    """(first angle [deg], last angle [deg], height [mm]) of the zoom, from the duration's end or a touch before."""
+    start = design.duration_deg / 2
+    end, top = start + 15.0, 3 * (design.bounce_max_mm or 0.02)
+    for m in _leading(motions):
+        after, touched = _after_and_touched(m)
+        moving = m.cam_angle_deg[after & (m.valve_mm > MOVING_MM)]
+        end = max(end, min(180.0, moving[-1] + 4.0)) if len(moving) else end
+        start = min(start, m.cam_angle_deg[touched][0] - 3.0) if touched.any() else start
+        top = max(top, 1.2 * np.max(m.valve_mm[touched], initial=0.0))
+    return start, end, top

@@ -1,7 +1,6 @@
 """The course of an optimisation over its steps: of a search, and of a gradient ascent."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -33,21 +32,9 @@ NEAR_BOUND = 1.0
 """A bound that lies further above the steps than this multiple of their range is not drawn as a line."""
 
 
-@dataclass(frozen=True)
-class History:
-    """The n steps of an optimisation, in their order."""
-
-    stage: Sequence[str]  # (n)
-    area_ratio: np.ndarray  # (n)
-    worst_bounce_mm: np.ndarray  # (n) non-smooth, over the speeds asked; NaN where it was not measured
-    confirmed: np.ndarray  # (n) bool: the non-smooth metrics hold every limit at the speeds of the search
-    best_area_ratio: np.ndarray | None = None  # (n) of the cams kept so far; it falls where one is dropped again
-    failing_percent: np.ndarray | None = None  # (n) of the drawn trains, in a search for a yield; `confirmed` is kept
-
-
 @styled
 def convergence(
-    history: History,
+    steps: Sequence[Mapping],
     bound: float | None = None,
     no_jump: float | None = None,
     bounce_max_mm: float | None = None,
@@ -56,27 +43,26 @@ def convergence(
     """Area ratio and worst bounce of every step, filled where it holds the limits, with the certified bound as a line
     where it is near. A search for a yield has the share of failing trains in place of the bounce.
 
+    `steps` are the lines of history.jsonl, whose best area ratio falls where a cam that was kept is dropped again.
     `bound` is the area ratio that no cam of the kinematic problem exceeds, `no_jump` what the no-jump linear program
     reached under its linear model, `delivered` the area ratio of the cam that the verdict chose, and its verdict.
     """
     figure = new_figure(7.6, 5.6)
     area, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.4, 1))
-    step = np.arange(1, len(history.stage) + 1)
-    confirmed = np.asarray(history.confirmed, dtype=bool)
-    colour = cam_line(DESIGN)["color"]
-    failing = history.failing_percent
-    below = history.worst_bounce_mm if failing is None else failing
-    filled, hollow = HOLDING if failing is None else KEPT
-    for axes, values in ((area, history.area_ratio), (lower, below)):
-        values = np.asarray(values, dtype=float)
+    step, colour = np.arange(1, len(steps) + 1), cam_line(DESIGN)["color"]
+    confirmed = np.array([line["confirmed"] for line in steps], dtype=bool)
+    of_yield = any("failing" in line for line in steps)
+    below = (
+        100 * _column(steps, "failing") / _column(steps, "trains") if of_yield else _column(steps, "worst_bounce_mm")
+    )
+    filled, hollow = KEPT if of_yield else HOLDING
+    for axes, values in ((area, _column(steps, "area_ratio")), (lower, below)):
         axes.plot(step, values, color="#bbbbbb", linewidth=0.8, zorder=2)
         dots: dict = {"linestyle": "none", "marker": "o", "color": colour, "markersize": 4, "zorder": 3}
         axes.plot(step[confirmed], values[confirmed], label=filled, **dots)
         dots["markerfacecolor"] = "white"
         axes.plot(step[~confirmed], values[~confirmed], label=hollow, **dots)
-    best = history.best_area_ratio
-    if best is None:
-        best = np.fmax.accumulate(np.where(confirmed, history.area_ratio, np.nan))
+    best = _column(steps, "best_area_ratio")
     if np.isfinite(best).any():
         area.step(step, best, where="post", color=colour, linewidth=2, label="best of the search", zorder=2.5)
     if delivered is not None:
@@ -88,7 +74,7 @@ def convergence(
     area.set_ylabel("area ratio [-]")
     area.margins(y=0.12)
     area.legend(loc="best")
-    if failing is None:
+    if not of_yield:
         zero_and_decades(lower, bounce_max_mm, FINEST_MM)
         lower.set_ylabel("worst bounce [mm]")
         draw_limit(lower, bounce_max_mm, quoted("at most", bounce_max_mm, "mm"))
@@ -97,8 +83,13 @@ def convergence(
         lower.set_ylim(bottom=0.0)
     lower.set_xlabel("step")
     lower.xaxis.set_major_locator(MaxNLocator(integer=True))
-    _stages(area, lower, history.stage)
+    _stages(area, lower, [line["stage"] for line in steps])
     return figure
+
+
+def _column(steps: Sequence[Mapping], key: str) -> np.ndarray:
+    """The numbers (n) of the steps under a key, NaN where a step has none."""
+    return np.array([np.nan if line.get(key) is None else line[key] for line in steps], dtype=float)
 
 
 def _bound(area: Axes, bound: float) -> None:

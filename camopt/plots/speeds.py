@@ -38,8 +38,6 @@ class Sweep:
     speed_rpm: np.ndarray  # (k) ascending
     bounce_mm: np.ndarray  # (k)
     jump_mm: np.ndarray  # (k)
-    bounce_low_mm: np.ndarray | None = None  # (k) range over neighbouring states, speeds and lifts
-    bounce_high_mm: np.ndarray | None = None  # (k)
     starts_rpm: Mapping[str, float | None] | None = None  # by metric, where a verdict says that it passes its limit
     worst: Mapping[str, tuple[float, float | None]] = field(default_factory=dict)  # by metric: speed, value [mm]
 
@@ -134,12 +132,7 @@ def _draw(axes: Axes, sweep: Sweep, key: str, line: Mapping) -> None:
     values = np.asarray(getattr(sweep, key), dtype=float)
     few = len(values) <= 12
     axes.plot(sweep.speed_rpm, values, label=sweep.cam, marker="o" if few else "", markersize=3.5, **line)
-    if key != "bounce_mm":
-        return
-    if sweep.bounce_low_mm is not None and sweep.bounce_high_mm is not None:
-        ends, shade = (sweep.bounce_low_mm, sweep.bounce_high_mm), {"alpha": 0.2, "linewidth": 0}
-        axes.fill_between(sweep.speed_rpm, *ends, color=line["color"], label=f"{sweep.cam}: range", **shade)
     lost = np.asarray(sweep.speed_rpm)[np.isnan(values)]
-    if len(lost):
+    if key == "bounce_mm" and len(lost):
         mark = {"color": line["color"], "transform": axes.get_xaxis_transform()}
         axes.plot(lost, np.full(len(lost), 0.97), "x", label=f"{sweep.cam}: never seats", **mark)

@@ -101,7 +101,8 @@ def modes(frequency_Hz: np.ndarray, shape: np.ndarray, mass_names: Sequence[str]
         axes.axvline(0, color="#777777", linewidth=0.7, zorder=1)
         axes.hlines(place, 0, amplitude, color=colour, linewidth=1.6)
         axes.plot(amplitude, place, "o", color=colour, markersize=3.5)
-        axes.set_title(f"{i + 1}:  {_hertz(frequency_Hz[i])}", fontsize=BASE)
+        scale, unit = (1000, "kHz") if frequency_Hz[i] >= 1000 else (1, "Hz")
+        axes.set_title(f"{i + 1}:  {frequency_Hz[i] / scale:.4g} {unit}", fontsize=BASE)
         axes.set_xlim(-1.08, 1.08)
         if i + columns >= count:
             axes.tick_params(labelbottom=True)
@@ -112,10 +113,6 @@ def modes(frequency_Hz: np.ndarray, shape: np.ndarray, mass_names: Sequence[str]
     left_out = len(frequency_Hz) - count
     figure.suptitle(title + (f" (the {left_out} highest left out)" if left_out else ""), fontsize=BASE + 1, ha="center")
     return figure
-
-
-def _hertz(value: float) -> str:
-    return f"{value / 1000:.4g} kHz" if value >= 1000 else f"{value:.4g} Hz"
 
 
 @styled

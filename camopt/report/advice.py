@@ -30,7 +30,9 @@ def advice(run: RunFolder, scene: str, cam: str, assumed: Sequence[AssumedNumber
     verdict, steps = run.verdict, _Commands(run, scene, cam)
     move = steps.step("Move the limits and watch the cam.", "design", scene)
     if verdict == "confirmed":
-        return [*_before_the_grinder(run, steps, assumed), _dearest(run, steps)]
+        first = max(run.worth, key=lambda key: run.worth[key], default=None)
+        words = f"Move the limits; {label_and_unit(first)[0]} buys most area." if first else "Move the limits."
+        return [*_before_the_grinder(run, steps, assumed), steps.step(words, "design", scene)]
     if verdict == "rejected":
         return [*steps.further("Search further: the verdict broke a limit."), move]
     if verdict == "sensitive":
@@ -65,7 +67,8 @@ def _before_the_grinder(run: RunFolder, steps: "_Commands", assumed: Sequence[As
         return [steps.again(words, max(steps.accuracy, 1), ADVISED), steps.halved()]
     if steps.accuracy == 0:
         return [steps.again("This was a draft: design once more before it is ground.", 1, steps.wanted)]
-    table = steps.step(_to_the_grinder(run, share if stands in (HELD, ENOUGH) else "", assumed), *steps.table)
+    words = _to_the_grinder(run, share if stands in (HELD, ENOUGH) else "", assumed)
+    table = steps.step(words, "cam", steps.scene, "--cam", steps.cam, "--csv", "lift.csv", "--digits", 5)
     if not stands and run.scene.get("tolerance"):
         words = ("yield", steps.scene, "--cam", steps.cam, "--trains", FEW_TRAINS)
         return [steps.step("Ask how many trains as built hold.", *words), table]
@@ -99,14 +102,6 @@ def _to_the_grinder(run: RunFolder, share: str, assumed: Sequence[AssumedNumber]
     return f"Measure what the scene assumes ({'; '.join(parts)}), then take the cam to the grinder{held}."
 
 
-def _dearest(run: RunFolder, steps: "_Commands") -> dict[str, str]:
-    """To move the limits, the one first of which one per cent buys most."""
-    worth = run.worth
-    first = max(worth, key=lambda key: worth[key]) if worth else None
-    words = f"Move the limits; {label_and_unit(first)[0]} buys most area." if first else "Move the limits."
-    return steps.step(words, "design", steps.scene)
-
-
 class _Commands:
     """The commands about a run, with the words that it was given."""
 
@@ -116,12 +111,9 @@ class _Commands:
         self.accuracy = ACCURACIES.index(named) if named in ACCURACIES else 1
         self.wanted = wanted if is_number(wanted) else None
         self._nominal = run.settings.get("speeds") == "nominal"
-        self._free = _ranges(free) if isinstance(free, dict) else []
-
-    @property
-    def table(self) -> tuple[object, ...]:
-        """The words that write a cam's lift table as a grinder can read it."""
-        return "cam", self.scene, "--cam", self.cam, "--csv", "lift.csv", "--digits", 5
+        ranges = free.items() if isinstance(free, dict) else ()
+        ends = [(name, *ends) for name, ends in ranges if isinstance(ends, list) and all(map(is_number, ends))]
+        self._free = [word for name, low, high in ends for word in ("--free", f"{name}={low:g}:{high:g}")]
 
     def step(self, words: str, *command: object) -> dict[str, str]:
         """A sentence and its command."""
@@ -141,9 +133,3 @@ class _Commands:
     def halved(self, words: str = "Or see what narrower tolerances would buy.") -> dict[str, str]:
         """To ask which tolerance spoils how many trains."""
         return self.step(words, "yield", self.scene, "--cam", self.cam, "--trains", FEW_TRAINS, "--halve")
-
-
-def _ranges(free: dict) -> Sequence[str]:
-    """The numbers that a design might choose, as the options that said so."""
-    ends = {str(name): pair for name, pair in free.items() if isinstance(pair, list) and all(map(is_number, pair))}
-    return [word for name, (low, high) in ends.items() for word in ("--free", f"{name}={low:g}:{high:g}")]

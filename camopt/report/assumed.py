@@ -7,16 +7,11 @@ motion at the highest listed speed: a number ranks by how much it raises the use
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import numpy as np
-
 from camopt.cam.lift import Lift
 from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import motion_limits
-from camopt.plots.style import DESIGN
-from camopt.report.motion import RunCams
+from camopt.scene import Scene, build_train
 from camopt.scene.parameters import KEYS, SceneNumber, with_numbers
-from camopt.scene.schema import Scene
-from camopt.scene.train import build_train
 
 MOVED = 0.1
 """Share by which each number is moved: a usual error of a guess."""
@@ -49,33 +44,21 @@ def assumed_numbers(scene: Scene) -> list[SceneNumber]:
 
 
 def ranked(scene: Scene, lift: Lift) -> list[AssumedNumber]:
-    """The assumed numbers, the most influential first; empty where the scene limits no motion."""
-    limits, numbers = motion_limits(scene.design), assumed_numbers(scene)
-    if not limits or not numbers or scene.operation is None:
+    """The assumed numbers, the most influential first; empty where the scene limits no motion, and where event-exact
+    cannot compute it."""
+    limits, numbers, train = motion_limits(scene.design), assumed_numbers(scene), build_train(scene)
+    if not limits or not numbers or scene.operation is None or not train.straight:
         return []
     moved = [with_numbers(scene, {n: n.of(scene) * f}) for n in numbers for f in (1 - MOVED, 1 + MOVED)]
     speeds = [scene.cam_speed(scene.operation.speeds_rpm[-1])]
-    metrics = settled_metrics([build_train(one) for one in (scene, *moved)], [lift], speeds)
-    shares = {key: _worst(limit.share(metrics.worst(limit.metric)[:, 0])) for key, limit in limits.items()}
+    metrics = settled_metrics([train, *map(build_train, moved)], [lift], speeds)
+    shares = {key: limit.share(metrics.worst(limit.metric)[:, 0]).max(axis=1) for key, limit in limits.items()}
     rows = []
     for i, number in enumerate(numbers):
         both = {key: share[1 + 2 * i : 3 + 2 * i].max() for key, share in shares.items()}
         key = max(both, key=lambda key: both[key] - shares[key][0])
         rows.append(AssumedNumber(number.named(scene), number.of(scene), key, float(shares[key][0]), float(both[key])))
     return sorted(rows, key=lambda row: row.share - row.moved_to)
-
-
-def _worst(shares: np.ndarray) -> np.ndarray:
-    """The largest used share over the speeds (t, s); infinite where a motion has no figure."""
-    return np.where(np.isnan(shares), np.inf, shares).max(axis=1)
-
-
-def of_the_run(cams: RunCams) -> list[AssumedNumber]:
-    """The ranking of a run's scene with its design; empty where event-exact cannot compute its motion."""
-    lift = cams.lifts.get(DESIGN)
-    if cams.scene is None or lift is None or not build_train(cams.scene).straight:
-        return []
-    return ranked(cams.scene, lift)
 
 
 def first_to_measure(ranking: Sequence[AssumedNumber]) -> str:

@@ -11,8 +11,7 @@ from camopt.cam.hertz import HertzStress
 from camopt.plots.style import DESIGN, cam_line
 from camopt.report.motion import RunCams
 from camopt.report.wording import shown
-from camopt.scene import InputError
-from camopt.scene.errors import MotionRefused
+from camopt.scene import InputError, MotionRefused
 from camopt.scene.units import DEG, MM
 from camopt.study.cam_sheet import dynamic_stress, share_borne, static_stress
 

@@ -49,7 +49,13 @@ def curves(run: RunFolder, cams: RunCams) -> dict[str, Any] | None:
             for q in map(QUANTITIES.__getitem__, OVER_BAND)
         ],
         "cams": entries,
-        "search": _search(run),
+        "search": {
+            **{key: [_number(step.get(key)) for step in run.history] for key in SEARCHED},
+            "stage": [str(step.get("stage", "")) for step in run.history],
+            "confirmed": [step.get("confirmed") is True for step in run.history],
+            "bound": _number(run.design.get("area_ratio_bound")),
+            "delivered": _number(run.design.get("area_ratio")),
+        },
     }  # fmt: skip
 
 
@@ -68,7 +74,9 @@ def _cam(name: str, lift: Lift, theta: np.ndarray, verdict: dict) -> dict[str, A
         **page_line(name),
         "place": DESIGN if name == DESIGN else "within" if lawful else "beyond",
         "verdict": str(verdict.get("verdict", "not verified")),
-        **{key: _rounded(lift(theta, order) / unit) for order, (key, _, _, unit, _) in enumerate(LAWS)},
+        **{
+            key: [*map(_short, (lift(theta, order) / unit).tolist())] for order, (key, _, _, unit, _) in enumerate(LAWS)
+        },
         "band": _band(verdict.get("band")),
     }
 
@@ -81,7 +89,7 @@ def _band(band: Any) -> dict[str, list] | None:
         return None
     values = {key: curves.get(key) for key in OVER_BAND}
     stated = {key: v for key, v in values.items() if isinstance(v, list) and len(v) == len(speeds)}
-    return {"speed_rpm": speeds} | {key: [_short(v) for v in row] for key, row in stated.items()}
+    return {"speed_rpm": speeds} | {key: [*map(_short, row)] for key, row in stated.items()}
 
 
 def _limits(design: Design, keys: tuple[str, ...]) -> list[float]:
@@ -90,25 +98,8 @@ def _limits(design: Design, keys: tuple[str, ...]) -> list[float]:
     return values + [-value for value in values if keys == ("jerk_max_mm_per_deg3",)]
 
 
-def _search(run: RunFolder) -> dict[str, Any]:
-    """The steps of the search with the bound that it cannot pass, None for what a step does not state."""
-    steps: dict[str, list] = {key: [_number(step.get(key)) for step in run.history] for key in SEARCHED}
-    bound, area = (_number(run.design.get(key)) for key in ("area_ratio_bound", "area_ratio"))
-    return {
-        **steps,
-        "stage": [str(step.get("stage", "")) for step in run.history],
-        "confirmed": [step.get("confirmed") is True for step in run.history],
-        "bound": bound,
-        "delivered": area,
-    }
-
-
 def _number(value) -> float | None:
     return value if is_number(value) else None
-
-
-def _rounded(values: np.ndarray) -> list[float | None]:
-    return [_short(v) for v in values.tolist()]
 
 
 def _short(value) -> float | None:

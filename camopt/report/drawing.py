@@ -117,19 +117,26 @@ def drawing(train: Train, x: np.ndarray, room: FollowerRoom) -> dict:
     kinds, (approach, span) = _kinds(train), strokes(train, x)
     looks = ["cam" if c else "coil" if s > COIL_MM else "rod" for c, s in zip(train.cam_driven, span, strict=True)]
     half = np.array([HEIGHT[k] / 2 for k in kinds])
-    need = [_need(train, e, looks[e], approach[e], room.below) for e in range(len(train.a))]
+    need = []  # the least distance of each element's ends in the installed position
+    for look, contact, near in zip(looks, train.contact, approach, strict=True):
+        length = LENGTH["coil" if look == "coil" else "rod"] if not contact else LENGTH["contact"]
+        length += LENGTH["coil"] / 2 if contact and look == "coil" else 0.0
+        need.append(length + SCALE * (near + (room.below if look == "cam" else 0.0)))
     y = _heights(train, need, half)
     column = _columns(train, y)
     offset, lanes = _lanes(train, column, y)
     widths = [max((abs(o) for e, o in enumerate(offset) if lanes[e] == c), default=0) for c in range(max(column) + 1)]
     centre = np.cumsum([0.0, *(LANE * (a + b + 1.15) for a, b in pairwise(widths))])
-    beside = {e: room.train * SCALE for e in _about_the_cam(train)}
-    across = [float(centre[lanes[e]] + LANE * offset[e]) - beside.get(e, 0.0) for e in range(len(train.a))]
     hubs = _hubs(train)
+    carriers = [*hubs, GROUND]  # what lies between them, or is driven by the cam, stands where the cam does
+    beside = train.cam_driven | (np.isin(train.a, carriers) & np.isin(train.b, carriers))
+    across = (centre[lanes] + LANE * np.array(offset) - np.where(beside, room.train * SCALE, 0.0)).tolist()
     masses = []
     for i, (name, kind) in enumerate(zip(train.mass_names, kinds, strict=True)):
         middle = float(centre[column[i]]) - (room.train * SCALE if i in hubs else 0.0)
-        left, right = _edges(train, i, across, middle, kind)
+        own = [across[e] for e in np.flatnonzero(((train.a == i) | (train.b == i)) & ~train.cam_driven)]
+        pad = {"small": 20.0, "hub": 10.0}.get(kind, 34.0)
+        left, right = min([*own, middle]) - pad, max([*own, middle]) + pad  # over all its elements
         masses.append({"name": name, "kind": kind, "x": middle, "y": float(y[i]), "left": left, "right": right,
                        "height": 2 * float(half[i])})  # fmt: skip
     elements = []
@@ -158,14 +165,6 @@ def _hubs(train: Train) -> set[int]:
     return {int(train.a[e]) for e in np.flatnonzero(train.cam_driven)} - {GROUND}
 
 
-def _about_the_cam(train: Train) -> list[int]:
-    """Elements that stand where the cam does: driven by it, or between what carries it and the ground."""
-    carriers = _hubs(train) | {GROUND}
-    ends = zip(train.a.tolist(), train.b.tolist(), strict=True)
-    held = [a in carriers and b in carriers for a, b in ends]
-    return np.flatnonzero(np.array(held) | train.cam_driven).tolist()
-
-
 def _links(train: Train) -> np.ndarray:
     """Which masses (n, n) an element joins."""
     linked = np.zeros((len(train.mass), len(train.mass)), dtype=bool)
@@ -181,14 +180,6 @@ def _path(train: Train) -> list[int]:
     while before[way[0]] >= 0:
         way.insert(0, int(before[way[0]]))
     return way if way[0] == first else [first]
-
-
-def _need(train: Train, e: int, look: str, approach_mm: float, follower_mm: float) -> float:
-    """Least distance of an element's ends in the installed position."""
-    length = LENGTH["contact"] if train.contact[e] else LENGTH["coil" if look == "coil" else "rod"]
-    if train.contact[e] and look == "coil":
-        length += LENGTH["coil"] / 2
-    return length + SCALE * (approach_mm + (follower_mm if look == "cam" else 0.0))
 
 
 def _heights(train: Train, need: list[float], half: np.ndarray) -> np.ndarray:
@@ -245,13 +236,6 @@ def _lanes(train: Train, column: list[int], y: np.ndarray) -> tuple[list[int], l
         offset[e] = next((p for p in places if not any((*end, p) in taken for end in here)), places[-1])
         taken |= {(*end, offset[e]) for end in here}
     return offset, lane
-
-
-def _edges(train: Train, i: int, x: list[float], middle: float, kind: str) -> tuple[float, float]:
-    """Left and right edge of a mass: over all its elements."""
-    own = [x[e] for e in range(len(x)) if i in (train.a[e], train.b[e]) and not train.cam_driven[e]]
-    pad = {"small": 20.0, "hub": 10.0}.get(kind, 34.0)
-    return float(min([*own, middle]) - pad), float(max([*own, middle]) + pad)
 
 
 def _framed(masses: list[dict], elements: list[dict], room: FollowerRoom) -> dict:

@@ -17,12 +17,7 @@ from camopt.scene.units import DEG, MM
 
 KINDS = ("good", "doubt", "bad")
 """From best to worst: the banner has the worse one of its two lines."""
-BUILT = {
-    HELD: ("good", "✓"),
-    ENOUGH: ("good", "✓"),
-    NOT_ASKED: ("doubt", "!"),
-    MISSED: ("bad", "✗"),
-}
+BUILT = {HELD: ("good", "✓"), ENOUGH: ("good", "✓"), NOT_ASKED: ("doubt", "!"), MISSED: ("bad", "✗")}
 """By how the share of trains stands to what was asked: its class in the page and its mark."""
 WIDTH, HEIGHT = 300.0, 96.0
 """Size of the sketch of the lift [px]."""
@@ -46,15 +41,13 @@ def banner(run: RunFolder) -> dict[str, Any]:
 def _as_built(run: RunFolder) -> list[dict[str, str]]:
     """The line on the trains as built; none where the scene is not known."""
     record, words = run.built, as_built_words(run)
-    stands = standing(record)
     if not words:
         return []
-    if not stands:
-        unknown = {"which": "as built", "kind": "doubt", "mark": "?", "word": "not known"}
-        return [unknown | {"meaning": _sentence(words.removeprefix("not known: "))}]
-    kind, mark = BUILT[stands]
-    word = f"{100 * record['share']:.3g} % of trains"
-    meaning = f"{_sentence(share_sentence(record))} {_sentence(asked_sentence(record))}"
+    kind, mark, word = "doubt", "?", "not known"
+    meaning = _sentence(words.removeprefix("not known: "))
+    if stands := standing(record):
+        (kind, mark), word = BUILT[stands], f"{100 * record['share']:.3g} % of trains"
+        meaning = f"{_sentence(share_sentence(record))} {_sentence(asked_sentence(record))}"
     return [{"which": "as built", "kind": kind, "mark": mark, "word": word, "meaning": meaning}]
 
 

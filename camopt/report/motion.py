@@ -15,8 +15,7 @@ from camopt.plots.style import DESIGN, family_of, page_line
 from camopt.report.drawing import BASE_MM, drawing, drawn_follower, room_for
 from camopt.report.folder import RunFolder
 from camopt.report.wording import as_number, shown
-from camopt.scene import InputError, Scene, Train, build_train, load_scene
-from camopt.scene.errors import MotionRefused
+from camopt.scene import InputError, MotionRefused, Scene, Train, build_train, load_scene
 from camopt.scene.quantities import is_number
 from camopt.scene.units import DEG, MM, UM
 from camopt.study.simulate.dataset import resampled
@@ -57,24 +56,20 @@ def cams_of(folder: Path, run: RunFolder) -> RunCams:
     lifts = {}
     for name, area in recorded.items():
         try:
-            lifts[name] = _held(name, area, stored, scene)
+            if name not in stored:
+                raise InputError(f"the run folder does not hold its lift, cams/{name}.json")
+            lift = read_design(stored[name], scene)
+            assert scene.design is not None, "load_scene(..., need='design') guarantees it"
+            ratio = lift.area_ratio_in(scene.design)
+            if not is_number(area) or abs(ratio - area) > SAME_AREA:
+                raise InputError(f"its area ratio comes out as {shown(ratio, 6)}, the run recorded {shown(area, 6)}")
+            lifts[name] = lift
         except InputError as error:
             left_out.append(f"{name} is not simulated here: {error}")
             if name == DESIGN:
                 break  # other cams alone would pass for the run's motion
     verdicts = {DESIGN: run.verification} | verdicts_in(folder)
     return RunCams(scene, lifts, left_out, verdicts)
-
-
-def _held(name: str, area: float | None, stored: dict[str, Path], scene: Scene) -> Lift:
-    if name not in stored:
-        raise InputError(f"the run folder does not hold its lift, cams/{name}.json")
-    lift = read_design(stored[name], scene)
-    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
-    ratio = lift.area_ratio_in(scene.design)
-    if not is_number(area) or abs(ratio - area) > SAME_AREA:
-        raise InputError(f"its area ratio comes out as {shown(ratio, 6)}, the run recorded {shown(area, 6)}")
-    return lift
 
 
 def animation(cams: RunCams) -> tuple[dict | None, list[str]]:

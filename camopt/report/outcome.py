@@ -9,6 +9,7 @@ from camopt.measure.yield_words import (
     ideal_sentence,
     share_sentence,
     spoiling_sentences,
+    standing,
 )
 from camopt.report.edge import edge_sentences
 from camopt.report.folder import RunFolder
@@ -52,18 +53,13 @@ def outcome_rows(run: RunFolder) -> list[dict]:
         where = worst.where if worst.value is not None else f"no figure {worst.where}"
         limit, source = demanded(design, name), f"{STATED} {worst.source}"
         rows.append(_row(key, first.get(f"worst_{name}"), worst.value, limit, where, source))
-    return rows + _built_row(run)
-
-
-def _built_row(run: RunFolder) -> list[dict]:
-    """The row of the trains as built, where their share was stated."""
-    built = run.built
-    if not built:
-        return []
+    if not (built := run.built):
+        return rows
     share, low, high = (shown(100 * built[key], 3) for key in ("share", "low", "high"))
     limit = f"at least {shown(100 * built['wanted'])}" if is_number(built.get("wanted")) else ""
     words = {"label": "trains as built that hold", "unit": "%", "start": "–", "end": share, "limit": limit}
-    return [words | {"where": f"{low} to {high} of {shown(built['trains'])} trains", "source": f"{STATED} yield.share"}]
+    where = f"{low} to {high} of {shown(built['trains'])} trains"
+    return [*rows, words | {"where": where, "source": f"{STATED} yield.share"}]
 
 
 def _row(key: str, start, end, limit: str, where: str, source: str) -> dict:
@@ -79,7 +75,7 @@ def outcome_lines(run: RunFolder) -> list[str]:
         numbers = f"{row['label']:<28} {row['unit']:<7} {row['start']:>12} -> {row['end']:>12}"
         lines.append(f"{numbers}  {row['limit']:<15}  {row['where']}".rstrip())
     d = run.design
-    words = [f"{word} {d[key]:.5f}" for key, word in (("area_ratio", "area ratio"),) if is_number(d.get(key))]
+    words = [f"area ratio {d['area_ratio']:.5f}"] if is_number(d.get("area_ratio")) else []
     if is_number(d.get("area_ratio_bound")):
         gap = f" (gap {d['area_gap_percent']:.2f} %)" if is_number(d.get("area_gap_percent")) else ""
         words.append(f"certified bound {d['area_ratio_bound']:.5f}{gap}")
@@ -163,11 +159,10 @@ def yield_rows(run: RunFolder) -> list[dict]:
     built = run.built
     others = built.get("baselines")
     cams = {"design": built, **(others if isinstance(others, dict) else {})}
-    keys = ("share", "low", "high")
     return [
-        {"cam": name, "trains": one["trains"], **{key: 100 * one[key] for key in keys}}
+        {"cam": name, "trains": one["trains"], **{key: 100 * one[key] for key in ("share", "low", "high")}}
         for name, one in cams.items()
-        if isinstance(one, dict) and all(is_number(one.get(key)) for key in ("trains", *keys))
+        if isinstance(one, dict) and standing(one)
     ]
 
 

@@ -7,10 +7,9 @@ from pathlib import Path
 
 from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
-from camopt.cam.lift import Lift
 from camopt.plots.style import DESIGN, cam_line
 from camopt.report.advice import advice
-from camopt.report.assumed import MOVED, of_the_run
+from camopt.report.assumed import MOVED, ranked
 from camopt.report.cams import cards, geometry, stress
 from camopt.report.curves import curves
 from camopt.report.edge import edge_sentences
@@ -41,7 +40,6 @@ from camopt.report.wording import (
     state,
     used,
 )
-from camopt.scene.design import Design
 from camopt.scene.quantities import QUANTITIES, is_number
 from camopt.storage import write_text
 from camopt.verifier.methods import METHOD_NAMES
@@ -87,7 +85,9 @@ def _environment() -> Environment:
 
 def render(run: RunFolder, cams: RunCams) -> str:
     """The page of a run folder's data and cams; every text from the folder is escaped."""
-    limits, assumed = limit_rows(run, _shape(cams)), of_the_run(cams)
+    lift, design = cams.lifts.get(DESIGN), cams.scene.design if cams.scene else None
+    shape = None if lift is None or design is None else (lift, design)
+    limits, assumed = limit_rows(run, shape), ranked(cams.scene, lift) if cams.scene and lift else []
     return (
         _environment()
         .get_template("page.html.j2")
@@ -108,7 +108,7 @@ def render(run: RunFolder, cams: RunCams) -> str:
             groups=comparison_groups(run),
             reserve=reserve(run),
             facts=facts(run, cams),
-            sketch=_sketch(cams),
+            sketch=shape and sketch(shape[0], shape[1].duration_deg),
             steps=advice(run, f"{run.path or run.name}/scene.toml", run.path or run.name, assumed),
             edge=edge_sentences(run),
             spoiling=yield_sentences(run),
@@ -125,17 +125,6 @@ def render(run: RunFolder, cams: RunCams) -> str:
             **_moving(run, cams),
         )
     )
-
-
-def _shape(cams: RunCams) -> tuple[Lift, Design] | None:
-    """The design's cam with what it is held to."""
-    lift, design = cams.lifts.get(DESIGN), cams.scene.design if cams.scene else None
-    return (lift, design) if lift is not None and design is not None else None
-
-
-def _sketch(cams: RunCams) -> dict | None:
-    shape = _shape(cams)
-    return None if shape is None else sketch(shape[0], shape[1].duration_deg)
 
 
 def _moving(run: RunFolder, cams: RunCams) -> dict:

@@ -135,8 +135,8 @@ def _trains_anew(run: RunFolder, scene: Scene, lift: Lift, settings: dict) -> di
 def _apart(file: str, stated: Any, fresh: Any) -> list[str]:
     """Sentences on the leaves of two JSON values that differ."""
     old, new = dict(_leaves(stated)), dict(_leaves(fresh))
-    keys = [key for key in {**old, **new} if not _same(old.get(key), new.get(key))]
-    return [f"{file} {key} says {old.get(key)}, it comes out as {new.get(key)}" for key in keys]
+    pairs = [(key, old.get(key), new.get(key)) for key in {**old, **new}]
+    return [f"{file} {key} says {was}, it comes out as {now}" for key, was, now in pairs if not _same(was, now)]
 
 
 def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:

@@ -10,6 +10,7 @@ from camopt.report.folder import RunFolder, comparison_rows
 from camopt.report.outcome import broken_limits, broken_words
 from camopt.report.wording import as_number, heading
 from camopt.scene.quantities import QUANTITIES, is_number
+from camopt.study.measurements import aligned
 from camopt.verifier.methods import METHOD_NAMES
 from camopt.verifier.verdict import ORDER
 
@@ -106,12 +107,7 @@ def comparison_lines(folder: Path) -> list[str]:
         shortened = broken if len(broken) <= BROKEN_WIDTH else broken[: BROKEN_WIDTH - 3] + "..."
         numbers = ("none" if entry[key] is None else f"{entry[key]:.4f}" for key in ("area", "bounce", "jump"))
         table.append((entry["cam"], *numbers, entry["verdict"], shortened))
-    columns = [
-        [text.rjust(width) if 1 <= i <= 3 else text.ljust(width) for text in column]
-        for i, column in enumerate(zip(*table, strict=True))
-        for width in [max(map(len, column))]
-    ]
-    return ["  ".join(line).rstrip() for line in zip(*columns, strict=True)]
+    return aligned(table, "<>>><<")
 
 
 def _largest(cells: Iterable[str]) -> float | None:

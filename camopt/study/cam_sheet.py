@@ -143,7 +143,11 @@ def remarks(lift: Lift, design: Design) -> list[str]:
 def _contact(lift: Lift, touching: Contact) -> list[str]:
     """The contact's figures and faults, and the durations at the usual lifts."""
     geometry = touching.geometry
-    lines = [f"{_follower(geometry)} on a base circle of radius {geometry.base_radius_mm:g} mm"]
+    body = "pad" if geometry.roller_radius_mm is None else "roller"
+    follower = f"{geometry.follower} " + (f"with a {body}" if geometry.follower in SWINGING else "follower")
+    if (radius := geometry.contact_radius_mm) is not None:
+        follower += f" of radius {radius:g} mm"
+    lines = [f"{follower} on a base circle of radius {geometry.base_radius_mm:g} mm"]
     if geometry.assumed:
         lines.append(f"  assumed: {', '.join(geometry.assumed)}")
     for key, value in touching.figures().items():
@@ -160,15 +164,6 @@ def _contact(lift: Lift, touching: Contact) -> list[str]:
         opening, closing = (angle / DEG for angle in crossing(lift, height * MM))
         lines.append(f"  {label:<24} {opening:10.4f} to {closing:.4f} deg, {closing - opening:.4f} deg long")
     return lines + [f"  fault: {sentence}" for sentence in touching.faults()]
-
-
-def _follower(geometry: Geometry) -> str:
-    """The follower in words."""
-    radius = geometry.contact_radius_mm
-    of_radius = "" if radius is None else f" of radius {radius:g} mm"
-    if geometry.follower not in SWINGING:
-        return f"{geometry.follower} follower{of_radius}"
-    return f"{geometry.follower} with a {'pad' if geometry.roller_radius_mm is None else 'roller'}{of_radius}"
 
 
 def _stress(scene: Scene, lift: Lift, geometry: Geometry, speed_rpm: float) -> list[str]:

@@ -11,9 +11,9 @@ from tqdm import tqdm
 from camopt.optimizer.accuracy import accuracy_named
 from camopt.optimizer.free_numbers import maximise_over_parameters
 from camopt.optimizer.search.search import find_cam
-from camopt.scene.errors import InputError
+from camopt.scene import InputError, Scene
 from camopt.scene.parameters import with_spring
-from camopt.scene.schema import AS_BUILT, Scene
+from camopt.scene.schema import AS_BUILT
 from camopt.storage import check_file
 from camopt.storage.journal import Records
 

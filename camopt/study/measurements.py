@@ -33,6 +33,14 @@ def measured(journal: Records, work: Sequence[Measurement], progress: bool = Fal
     return records
 
 
+def aligned(cells: Sequence[Sequence[str]], sides: str) -> list[str]:
+    """The lines of a table, each of whose columns stands to the left (<) or to the right (>)."""
+    widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
+    how = list(zip(sides, widths, strict=True))
+    lines = ("  ".join(f"{text:{side}{width}}" for text, (side, width) in zip(row, how, strict=True)) for row in cells)
+    return [line.rstrip() for line in lines]
+
+
 REPEATS = 100
 PATIENCE = 0.4
 """Seconds after which `timed` repeats a call no more."""

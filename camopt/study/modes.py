@@ -25,9 +25,7 @@ class Modes:
 
     def as_dict(self) -> dict:
         """The content of `modes --json`."""
-        names = ("state", "frequency_Hz", "angular", "damping_ratio", "shape", "mass_names", "closed")
-        out = {name: getattr(self, name) for name in names}
-        return {"angular_rad_per_s" if k == "angular" else k: v for k, v in out.items()}
+        return {"angular_rad_per_s" if name == "angular" else name: value for name, value in vars(self).items()}
 
     def plot(self):
         """The mode shapes over the masses as a matplotlib Figure."""

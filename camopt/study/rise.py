@@ -13,8 +13,9 @@ from scipy.interpolate import PPoly
 from camopt.optimizer.program.dwell_rise import LEAST_JERK, DwellRise, least_acceleration, least_peak
 from camopt.scene.errors import InputError
 
-NAMES = {2: "acceleration", 3: "jerk", 4: "snap", 5: "crackle"}
-"""Derivatives whose peak can be the least, by their order."""
+ORDERS = {"acceleration": 2, "jerk": 3, "snap": 4, "crackle": 5}
+"""Derivatives whose peak can be the least, with their orders."""
+NAMES = {order: name for name, order in ORDERS.items()}
 COLUMNS = ("lift_mm", "velocity_mm_per_deg", "acceleration_mm_per_deg2", "jerk_mm_per_deg3")
 MOST_ROWS = 360_000
 

@@ -8,8 +8,8 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.measure.energy import energy
 from camopt.measure.periodic import periodic_state
-from camopt.scene.response import Response, Revolve
-from camopt.scene.train import Train, build_train
+from camopt.scene import Response, Train, build_train
+from camopt.scene.response import Revolve
 from camopt.scene.units import UM
 from camopt.verifier.convergence import Converged
 from camopt.verifier.verdict import Verdict, method_named

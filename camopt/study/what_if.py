@@ -1,7 +1,6 @@
 """What another number of the scene would buy: a cam before and after, and the cam that is designed for it."""
 
 from collections.abc import Mapping
-from dataclasses import dataclass
 
 from camopt.cam.lift import Lift
 from camopt.optimizer.accuracy import accuracy_named
@@ -26,36 +25,11 @@ ROWS = (
 )
 
 
-@dataclass(frozen=True)
-class WhatIf:
-    """The numbers that were changed, from and to, and what a cam comes to as given, with the change, and designed anew
-    for it where that was asked for, by the names of `outcome`."""
-
-    changed: dict[str, tuple[float, float]]
-    outcomes: dict[str, dict]
-
-    def as_dict(self) -> dict:
-        """What `what-if --json` writes."""
-        return {
-            "changed": {name: {"from": was, "to": now} for name, (was, now) in self.changed.items()},
-            **{name.replace(" ", "_"): one for name, one in self.outcomes.items()},
-        }
-
-    def __str__(self) -> str:
-        lines = [f"{name}: {was:.6g} -> {now:.6g}" for name, (was, now) in self.changed.items()]
-        width = max(len(label) for label, _, _ in ROWS)
-        lines.append(f"{'':<{width}}" + "".join(f"  {name:>15}" for name in self.outcomes))
-        for label, key, digits in ROWS:
-            values = [one[key] for one in self.outcomes.values()]
-            cells = ["–" if value is None else format(value, digits) for value in values]
-            lines.append(f"{label:<{width}}" + "".join(f"  {cell:>15}" for cell in cells))
-        return "\n".join([*lines, *(f"{name}: {one['says']}" for name, one in self.outcomes.items() if one["says"])])
-
-
 def what_if(
     scene: Scene, cam: Lift, changes: Mapping[str, tuple[bool, float]], *, redesign: bool = False, trains: int = 100
-) -> WhatIf:
-    """What `changes` buy a cam, all of them together, and with `redesign` a cam that is designed for them.
+) -> dict:
+    """What `changes` buy a cam, all of them together, and with `redesign` a cam that is designed for them: the content
+    of `what-if --json`, with the changed numbers from and to, and by the names of `outcome` what a cam comes to.
 
     `changes` are by name: NAME.KEY of a mass or an element ("*" as NAME: each that has the key), or a key of [design],
     [operation] or [geometry] as design.KEY; whether the number is a factor on the scene's own, and the number. The
@@ -63,10 +37,29 @@ def what_if(
     that make it faulty.
     """
     after, changed = changed_scene(scene, changes)
-    outcomes = {"as given": _outcome(scene, cam, trains), "with the change": _outcome(after, cam, trains)}
+    content: dict[str, dict] = {"changed": {name: {"from": was, "to": now} for name, (was, now) in changed.items()}}
+    content |= {"as_given": _outcome(scene, cam, trains), "with_the_change": _outcome(after, cam, trains)}
     if redesign:
-        outcomes["redesigned"] = _redesigned(after, trains)
-    return WhatIf(changed, outcomes)
+        effort = accuracy_named("draft")
+        try:
+            search = find_cam(after, "band", effort)
+            chosen = largest_confirmed(after, search.confirmed, "band", effort, Families(after))
+            content["redesigned"] = _outcome(after, chosen.cam.lift, trains)
+        except InputError as error:
+            content["redesigned"] = outcome("none", "none holds", str(error))
+    return content
+
+
+def what_if_lines(content: dict) -> list[str]:
+    """The numbers that were changed, then a table with a column for each cam; last, why there is none."""
+    cams = {name.replace("_", " "): one for name, one in content.items() if name != "changed"}
+    lines = [f"{name}: {one['from']:.6g} -> {one['to']:.6g}" for name, one in content["changed"].items()]
+    width = max(len(label) for label, _, _ in ROWS)
+    lines.append(f"{'':<{width}}" + "".join(f"  {name:>15}" for name in cams))
+    for label, key, digits in ROWS:
+        cells = ["–" if one[key] is None else format(one[key], digits) for one in cams.values()]
+        lines.append(f"{label:<{width}}" + "".join(f"  {cell:>15}" for cell in cells))
+    return [*lines, *(f"{name}: {one['says']}" for name, one in cams.items() if one["says"])]
 
 
 def changed_scene(
@@ -100,14 +93,3 @@ def _outcome(scene: Scene, cam: Lift, trains: int) -> dict:
         cam.family, verdict.verdict, area_ratio=cam.area_ratio_in(scene.design), area_mm_deg=cam.area / MM / DEG,
         first_jump_rpm=verdict.first_jump_rpm, first_bounce_rpm=verdict.first_bounce_rpm, yield_percent=share,
     )  # fmt: skip
-
-
-def _redesigned(scene: Scene, trains: int) -> dict:
-    """The largest confirmed cam of a draft search for the scene, or of the families."""
-    effort = accuracy_named("draft")
-    try:
-        search = find_cam(scene, "band", effort)
-        chosen = largest_confirmed(scene, search.confirmed, "band", effort, Families(scene))
-    except InputError as error:
-        return outcome("none", "none holds", str(error))
-    return _outcome(scene, chosen.cam.lift, trains)

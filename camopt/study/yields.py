@@ -26,9 +26,9 @@ from camopt.optimizer.as_built.measured import (
 )
 from camopt.optimizer.as_built.prices import PriceList, price_list
 from camopt.plots import save
+from camopt.scene import InputError, Scene
 from camopt.scene.as_built import scatter_labels, with_scatter
-from camopt.scene.errors import InputError
-from camopt.scene.schema import AS_BUILT, Scene
+from camopt.scene.schema import AS_BUILT
 from camopt.scene.toml_text import scene_toml
 from camopt.storage import plain, run_folder, run_identity, write_json, write_text
 from camopt.storage.journal import Records
@@ -138,7 +138,12 @@ def manufacturing_yield(
         if price:
             result = replace(result, prices=_prices(scene, cam, result.share, seed, progress))
         if folder is not None:
-            _write(folder, scene, result)
+            write_text(folder / "scene.toml", scene_toml(scene))
+            figures = {"used_limits": result.plot(), "blame": result.plot_blame()}
+            figures |= {"prices": result.prices.plot()} if result.prices else {}
+            for name, figure in figures.items():
+                save(figure, folder / "figures", name)
+            write_json(folder / SUMMARY, result.as_dict())
     return result
 
 
@@ -189,12 +194,3 @@ def _summary(scene: Scene, cam: Lift, seed: int, used: UsedLimits, others: dict[
         halved[label] |= {"gained": int((now & ~holds).sum()), "lost": int((holds & ~now).sum())}
     to_blame, shape = rank_correlation_shares(draws, used.worst), tuple(broken_by_shape(cam, scene.design))
     return Yield(scene.name, cam.family, seed, used, share_of(holds), counted(used), to_blame, halved, shape)
-
-
-def _write(folder: Path, scene: Scene, result: Yield) -> None:
-    write_text(folder / "scene.toml", scene_toml(scene))
-    save(result.plot(), folder / "figures", "used_limits")
-    save(result.plot_blame(), folder / "figures", "blame")
-    if result.prices:
-        save(result.prices.plot(), folder / "figures", "prices")
-    write_json(folder / SUMMARY, result.as_dict())

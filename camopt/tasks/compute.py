@@ -9,7 +9,7 @@ import json
 import os
 import signal
 import time
-from functools import cache
+from functools import cache, partial
 from hashlib import sha256
 from importlib import import_module
 from importlib.metadata import version
@@ -55,7 +55,7 @@ def compute_at_worker(filed: FiledTask, made_by: str) -> Outcome:
             f"recorded: install one version everywhere"
         )
     task = filed.task()
-    _hold_threads(_place(task))
+    _controller(_place(task)).limit(limits=1)
     return _outcome(task)
 
 
@@ -84,15 +84,7 @@ def _controller(place: str) -> ThreadpoolController:
     return ThreadpoolController()
 
 
-@cache
-def _hold_threads(place: str) -> None:
-    """Holds BLAS to one thread for the rest of this process."""
-    _controller(place).limit(limits=1)
-
-
-@cache
-def _own_version() -> str:
-    return version("camopt")
+_own_version = cache(partial(version, "camopt"))
 
 
 def rehearse(task: RehearseTask) -> dict[str, float]:

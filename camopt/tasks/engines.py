@@ -46,9 +46,8 @@ class LocalProcesses(ThreadPoolExecutor):
 
     def _computed(self, fn: Callable, *args, **kwargs) -> Outcome:
         for _ in range(MOST_DEATHS):
-            future = self._sent(fn, *args, **kwargs)
             with suppress(BrokenProcessPool):
-                return future.result()
+                return self._sent(fn, *args, **kwargs).result()
         return given_up()
 
     def _sent(self, fn: Callable, *args, **kwargs) -> Future:

@@ -1,21 +1,7 @@
 """Plans: a TOML file that says which tasks a sweep has, and the tasks themselves, one at a time.
 
-```toml
-format = 1
-verb = "yield"                    # settled | simulate | yield | rehearse (see `camopt.tasks`)
-scenes = ["motori-1"]             # built-in names or TOML files, beside this file unless they say otherwise
-cams = ["polydyne"]               # as the command line names a cam: a family, a table, a run folder
-speeds_rpm = [4000, 5000]         # crankshaft r/min; left out: each scene's listed speeds
-combine = "grid"                  # of [vary]: "grid" takes every combination, "list" the first of each, the second, ...
-
-[vary]                            # numbers of the scenes by NAME.KEY: a mass or an element, operation, design, geometry
-spring.preload_N = [240, 250, 260]
-spring.stiffness_N_per_m = [36000, 38000]
-
-[settings]                        # of the verb, see below
-trains = 1000
-```
-Settings: "simulate" has method, revolutions, step_deg; "yield" has trains, seed; "rehearse" has tasks, seconds.
+docs/sweeps.md shows one; its `[settings]` are those of the verb: "simulate" has method, revolutions, step_deg; "yield"
+has trains, seed; "rehearse" has tasks, seconds.
 """
 
 import hashlib
@@ -30,8 +16,8 @@ from typing import Annotated, Any, Literal
 from pydantic import Field, ValidationError, field_validator
 
 from camopt.cam.families.registry import FAMILIES
-from camopt.scene import builtin_scenes
-from camopt.scene.errors import InputError, did_you_mean
+from camopt.scene import InputError, builtin_scenes
+from camopt.scene.errors import did_you_mean
 from camopt.scene.load import scene_with, tuples
 from camopt.scene.table import Positive, Table
 from camopt.scene.text_file import read_text, usable_path
@@ -154,8 +140,10 @@ def load_plan(path: str | Path) -> SweepPlan:
     if not path.is_file():
         raise InputError(f"{path}: no such file: name a TOML file, as `camopt sweep --help` shows")
     data = toml_data(read_text(path, MOST_BYTES, "plan"), str(path))
-    if isinstance(data.get("vary"), dict):
-        data["vary"] = _flat(data["vary"])
+    if isinstance(vary := data.get("vary"), dict):  # `spring.preload_N = ...` is one key, quoted or not
+        inner = {name: value if isinstance(value, dict) else {"": value} for name, value in vary.items()}
+        numbers = ((name, key, one) for name, keys in inner.items() for key, one in keys.items())
+        data["vary"] = {f"{name}.{key}" if key else name: one for name, key, one in numbers}
     try:
         file = PlanFile.model_validate(tuples(data))
         settings = SETTINGS[file.verb].model_validate(file.settings)
@@ -172,12 +160,6 @@ def load_plan(path: str | Path) -> SweepPlan:
 def _key(fault: str) -> str:
     """The key of a fault that is an unknown key, else nothing that any key is like."""
     return fault.removesuffix(": unknown key").rpartition(".")[2] if fault.endswith(": unknown key") else ""
-
-
-def _flat(vary: dict[str, Any]) -> dict[str, Any]:
-    """`spring.preload_N = ...` as one key, quoted or not."""
-    inner = {name: value if isinstance(value, dict) else {"": value} for name, value in vary.items()}
-    return {f"{name}.{key}" if key else name: one for name, keys in inner.items() for key, one in keys.items()}
 
 
 def _filled_in(file: PlanFile, settings: Table, folder: Path) -> SweepPlan:

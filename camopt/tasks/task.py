@@ -16,9 +16,8 @@ from camopt.cam.families.registry import FAMILIES
 from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
 from camopt.optimizer.program.chosen_duration import chosen_duration_deg, load_scene
-from camopt.scene import Scene, builtin_scenes, scene_text
-from camopt.scene.errors import InputError
-from camopt.scene.load import parse_scene, tuples
+from camopt.scene import InputError, Scene, builtin_scenes, parse_scene, scene_text
+from camopt.scene.load import tuples
 from camopt.scene.table import Positive, Table
 from camopt.scene.text_file import excerpt
 from camopt.scene.toml_text import scene_toml

@@ -4,7 +4,6 @@ import pytest
 from camopt.cam.lift import Lift, lift_table
 from camopt.plots import (
     DrawnMotion,
-    History,
     Sweep,
     bounce_against_speed,
     cam_line,
@@ -148,9 +147,16 @@ def test_marks_of_the_verdict_stand_where_the_verdict_says():
     assert not [line for line in top.lines if line.get_marker() == "D"]
 
 
+def steps(stage, area_ratio, **columns) -> list[dict]:
+    """Lines of history.jsonl; every step holds the limits where nothing else is said."""
+    columns = {"stage": stage, "area_ratio": area_ratio} | columns
+    lines = zip(*columns.values(), strict=True)
+    return [{"worst_bounce_mm": 0.01, "confirmed": True} | dict(zip(columns, line, strict=True)) for line in lines]
+
+
 def test_convergence_shows_the_search_s_own_best_and_what_was_delivered():
     best = np.array([0.55, 0.60, 0.57])
-    history = History(["margins"] * 3, np.array([0.55, 0.60, 0.57]), np.full(3, 0.01), np.full(3, True), best)
+    history = steps(["margins"] * 3, [0.55, 0.60, 0.57], best_area_ratio=best)
     axes = convergence(history, 0.62, 0.55, 0.05, (0.57, "confirmed")).axes[0]
     lines = {line.get_label(): line for line in axes.lines}
     np.testing.assert_array_equal(lines["best of the search"].get_ydata(), best)  # it may fall
@@ -177,7 +183,7 @@ def test_bounce_against_speed_draws_values_limits_and_the_speeds_without_touch()
     speed = np.arange(5000.0, 7600.0, 100.0)
     bounce = (speed - 5000) / 1e4
     lost = np.where(speed > 7000, np.nan, bounce)
-    sweeps = [Sweep("design", speed, bounce, 2 * bounce, 0.5 * bounce, 2 * bounce), Sweep("kurz", speed, lost, bounce)]
+    sweeps = [Sweep("design", speed, bounce, 2 * bounce), Sweep("kurz", speed, lost, bounce)]
     figure = bounce_against_speed(sweeps, DESIGN, (5000, 7000), (5000, 6000))
     top, bottom = figure.axes
     np.testing.assert_array_equal(lines_of(top, "design")[0].get_ydata(), bounce)
@@ -201,14 +207,14 @@ def test_bounce_axis_is_not_lost_when_nothing_bounces():
     assert figure.axes[0].get_ylim()[1] > 0.5
 
 
-def test_convergence_accumulates_only_confirmed_steps():
-    area = np.array([0.50, 0.60, 0.52, 0.51, 0.55])
-    confirmed = np.array([True, False, True, True, True])
+def test_convergence_draws_steps_limits_and_stages():
+    area, confirmed = [0.50, 0.60, 0.52, 0.51, 0.55], [True, False, True, True, True]
     stage = ["program", "program", "margins", "margins", "margins"]
-    history = History(stage, area, np.array([np.nan, 0.3, 0.04, 0.03, 0.05]), confirmed)
-    top, bottom = convergence(history, 0.62, 0.57, 0.05).axes
-    best = next(line for line in top.lines if line.get_label() == "best of the search")
-    np.testing.assert_array_equal(best.get_ydata(), [0.50, 0.50, 0.52, 0.52, 0.55])
+    best = np.array([0.50, 0.50, 0.52, 0.52, 0.55])
+    found = {"worst_bounce_mm": [None, 0.3, 0.04, 0.03, 0.05], "confirmed": confirmed, "best_area_ratio": best}
+    top, bottom = convergence(steps(stage, area, **found), 0.62, 0.57, 0.05).axes
+    drawn = next(line for line in top.lines if line.get_label() == "best of the search")
+    np.testing.assert_array_equal(drawn.get_ydata(), best)
     assert levels(top) == {0.62, 0.57} and levels(bottom) == {0.05}
     words = [text.get_text() for text in top.texts]
     assert "program" in words and "margins" in words and any("bound" in w and "0.6200" in w for w in words)
@@ -217,15 +223,15 @@ def test_convergence_accumulates_only_confirmed_steps():
 
 
 def test_convergence_of_a_search_for_a_yield_shows_failing_trains():
-    share, none = np.array([2.0, 0.5]), np.full(2, np.nan)
-    history = History(["common margin"] * 2, np.array([0.56, 0.55]), none, np.array([False, True]), None, share)
+    found = {"worst_bounce_mm": [None, None], "confirmed": [False, True], "failing": [4, 1], "trains": [200, 200]}
+    history = steps(["common margin"] * 2, [0.56, 0.55], **found)
     lower = convergence(history, bounce_max_mm=0.05).axes[1]
     assert lower.get_ylabel() == "failing trains [%]" and not levels(lower) and lower.get_ylim()[0] == 0.0
-    np.testing.assert_array_equal(lower.lines[0].get_ydata(), share)
+    np.testing.assert_array_equal(lower.lines[0].get_ydata(), [2.0, 0.5])
 
 
 def test_convergence_of_an_unconfirmed_search_has_no_best():
-    history = History(["program"], np.array([0.5]), np.array([np.nan]), np.array([False]))
+    history = steps(["program"], [0.5], worst_bounce_mm=[None], confirmed=[False])
     assert not [line for line in convergence(history).axes[0].lines if line.get_label() == "best of the search"]
 
 
@@ -298,9 +304,7 @@ def test_names_of_short_stages_do_not_overlap():
     from matplotlib.backends.backend_agg import FigureCanvasAgg
 
     stage = ["no-jump program", "re-located angles", *["margin"] * 5, *["margins by gradient"] * 4, *["gradient"] * 6]
-    count = len(stage)
-    history = History(stage, np.full(count, 0.56), np.full(count, 0.01), np.full(count, True))
-    figure = convergence(history, 0.62, 0.56, 0.05)
+    figure = convergence(steps(stage, [0.56] * len(stage)), 0.62, 0.56, 0.05)
     renderer = FigureCanvasAgg(figure).get_renderer()
     figure.draw(renderer)
     boxes = [t.get_window_extent(renderer) for t in figure.axes[0].texts if t.get_text() in stage]
@@ -323,6 +327,5 @@ def test_numbers_of_neighbouring_marks_stand_on_different_sides():
 
 def test_names_of_late_stages_end_inside_the_figure():
     stage = [*["no-jump program"] * 2, *["margin"] * 102, *["margins by gradient"] * 4, *["gradient"] * 6]
-    history = History(stage, np.full(114, 0.56), np.full(114, 0.01), np.full(114, True))
-    sides = {text.get_text(): text.get_ha() for text in convergence(history).axes[0].texts}
+    sides = {text.get_text(): text.get_ha() for text in convergence(steps(stage, [0.56] * 114)).axes[0].texts}
     assert [sides[name] for name in dict.fromkeys(stage)] == ["left", "left", "right", "right"]

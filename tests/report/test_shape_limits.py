@@ -11,8 +11,7 @@ from camopt.report.advice import advice
 from camopt.report.assumed import AssumedNumber
 from camopt.report.edge import edge_sentences
 from camopt.report.folder import read_run_folder
-from camopt.report.limits import limit_rows, matrix, share_of
-from camopt.report.shape import reached_by_shape
+from camopt.report.limits import limit_rows, matrix, reached_by_shape, share_of
 from camopt.report.wording import share_kind, used
 from camopt.scene import load_scene
 from camopt.scene.design import Piston

@@ -15,7 +15,7 @@ from camopt.scene.notes import scene_notes
 from camopt.scene.parameters import number_of, valve_spring, with_number, with_spring
 from camopt.scene.rest import static_forces
 from camopt.study.fronts import joint_spring
-from camopt.study.identify.free_parameters import FreeParameters
+from camopt.study.identify.lift_fit import FreeParameters
 
 ROWS = [[0.0, 210], [1, 244], [2, 279], [4, 350], [6, 423], [8, 499], [10.2, 585]]
 FREE = [[0.0, 0.0], *([at + 11.5, force] for at, force in ROWS)]

@@ -124,17 +124,15 @@ class TestTheList:
     def test_every_change_alone_and_on_kodama_every_two_of_different_kinds(self):
         singles = 1 + sum(len(kind) for kind in CHANGES.values())
         assert len(list(cases(MOTOR))) == singles
-        names = [case.name for case in cases(load_scene("kodama"))]
+        names = [name for name, _ in cases(load_scene("kodama"))]
         assert len(names) == len(set(names)) == singles + 4 * 10  # two of five kinds, two changes each
-        assert {case.speed_rpm for case in cases(MOTOR)} == {300.0, 7000.0, 15_000.0}
+        assert {max(scene.operation.speeds_rpm) for _, scene in cases(MOTOR)} == {300.0, 7000.0, 15_000.0}
 
 
 @pytest.fixture
 def short(monkeypatch):
     """Two cases of one scene and the compiled methods of fixed steps."""
-    monkeypatch.setattr(
-        module, "cases", lambda scene: [c for c in cases(scene) if c.name in ("as it is", "15000 r/min")]
-    )
+    monkeypatch.setattr(module, "cases", lambda scene: [c for c in cases(scene) if c[0] in ("as it is", "15000 r/min")])
     monkeypatch.setattr(module, "SMOOTH", {})
     monkeypatch.setattr(module, "DOP853_STEPS", 0)
     monkeypatch.setattr(module, "NARROWER", {})

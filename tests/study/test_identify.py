@@ -7,9 +7,8 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.scene import InputError, load_scene
-from camopt.study.identify.free_parameters import FreeParameters
 from camopt.study.identify.identification import MeasuredLift, identify, measured_noise
-from camopt.study.identify.lift_fit import LiftFit, Series, limited_step, told_apart
+from camopt.study.identify.lift_fit import FreeParameters, LiftFit, Series, limited_step, told_apart
 from camopt.study.simulate.motion import simulate
 
 SCENE = load_scene("motori-1")

@@ -59,5 +59,5 @@ def test_single_precision_carries_memories():
 )
 def test_extremes_of_what_only_some_scenes_have(name, also):
     of_elements = ("leaks", "hardly", "slips", "forces")
-    found = {case.name for case in cases(load_scene(name)) if case.name.startswith(of_elements)}
+    found = {case for case, _ in cases(load_scene(name)) if case.startswith(of_elements)}
     assert also <= found and (also or not found)

@@ -58,27 +58,27 @@ def test_all_surge_modes_are_the_same_motion_in_other_coordinates():
 
 @pytest.mark.parametrize("scene", [KODAMA, PUSHROD], ids=lambda s: s.name)
 def test_a_reduced_spring_keeps_rate_felt_mass_and_surge(scene):
-    (chain,) = chains(scene)
-    n = len(chain.masses)
+    ((end, coils, springs),) = chains(scene)
+    n = len(coils)
     for surge in range(n):
-        small = fewer_coils(scene, [chain], surge)
+        small = fewer_coils(scene, [(end, coils, springs)], surge)
         names = [m.name for m in small.mass]
         assert len(names) == len(scene.mass) - n + surge
         # rate and rest
-        k = [e.stiffness_N_per_m or 0.0 for e in chain.springs]
+        k = [e.stiffness_N_per_m or 0.0 for e in springs]
         assert next(e for e in small.element if e.name == "static_spring_1").stiffness_N_per_m == pytest.approx(
             k[0] / len(k)
         )
-        positions = [rest_position(build_train(s))[[m.name for m in s.mass].index(chain.head)] for s in (scene, small)]
+        positions = [rest_position(build_train(s))[[m.name for m in s.mass].index(end)] for s in (scene, small)]
         assert positions[0] == pytest.approx(positions[1], rel=1e-9)
         # mass felt at the valve's end: sum of m_i (1 - i / (n + 1))^2
-        felt = sum(m.mass_kg * (1 - i / (n + 1)) ** 2 for i, m in enumerate(chain.masses, 1))
-        head = next(m.mass_kg for m in scene.mass if m.name == chain.head)
-        parts = [m.mass_kg for m in small.mass if m.name == chain.head or m.name.startswith("surge")]
+        felt = sum(m.mass_kg * (1 - i / (n + 1)) ** 2 for i, m in enumerate(coils, 1))
+        head = next(m.mass_kg for m in scene.mass if m.name == end)
+        parts = [m.mass_kg for m in small.mass if m.name == end or m.name.startswith("surge")]
         assert sum(parts) - head == pytest.approx(felt, rel=1e-9)
         # fixed-fixed surge of the uniform chain: 2 sqrt(k / m) sin(j pi / (2 n + 2))
         j = np.arange(1, surge + 1)
-        expected = 2 * np.sqrt(k[0] / chain.masses[0].mass_kg) * np.sin(j * np.pi / (2 * n + 2))
+        expected = 2 * np.sqrt(k[0] / coils[0].mass_kg) * np.sin(j * np.pi / (2 * n + 2))
         hung = [m.name for m in small.mass if m.name.startswith("surge")]
         found = [np.sqrt((e.stiffness_N_per_m or 0) / m.mass_kg) for e in small.element for m in small.mass
                  if e.name == m.name and m.name in hung]  # fmt: skip
@@ -144,8 +144,8 @@ def test_every_model_is_a_scene_that_reads_back(scene):
 def test_coils_that_may_clash_are_kept():
     text = scene_text("kodama").replace('[[element]]\nname = "bearing"', CLASH + '[[element]]\nname = "bearing"')
     scene = parse_scene(text, "clash")
-    (chain,) = chains(scene)  # what hangs below them may still be reduced
-    assert (chain.head, [m.name for m in chain.masses]) == ("spring_2", ["spring_3", "spring_4", "spring_5"])
+    ((end, coils, _),) = chains(scene)  # what hangs below them may still be reduced
+    assert (end, [m.name for m in coils]) == ("spring_2", ["spring_3", "spring_4", "spring_5"])
     assert all({"spring_1", "spring_2"} <= {m.name for m in s.scene.mass} for s in smaller_models(scene))
     assert chains(scene, frozenset({"spring_5"})) == []
 

@@ -18,7 +18,6 @@ from camopt.measure.settling import Settled, first_revolution
 from camopt.measure.sweep import SEARCH_STEP_RPM, START_RPM, SpeedCache, at_speeds, sweep
 from camopt.plots import (
     DrawnMotion,
-    History,
     Sweep,
     bounce_against_speed,
     convergence,
@@ -85,8 +84,8 @@ def draw(
         record = json.loads((folder / "design.json").read_text(encoding="utf-8"))
         bound, no_jump = record["area_ratio_bound"], record["area_ratio_no_jump"]
         delivered = (record["area_ratio"], found[DESIGN]["verdict"]) if DESIGN in found else None
-        history = read_history(folder)
-        drawn["convergence"] = convergence(history, bound, no_jump, design.bounce_max_mm, delivered)
+        steps = [json.loads(line) for line in (folder / "history.jsonl").read_text(encoding="utf-8").splitlines()]
+        drawn["convergence"] = convergence(steps, bound, no_jump, design.bounce_max_mm, delivered)
     for name, figure in drawn.items():
         save(figure, figures, name)
     return drawn
@@ -188,20 +187,3 @@ def curve(scene: Scene, name: str, lift: Lift, found: dict, top_rpm: float) -> S
     order = np.argsort(every)
     marked = worst if family_of(name) == DESIGN else {}
     return Sweep(name, every[order], *(values[key][order] for key in DRAWN), starts_rpm=starts, worst=marked)
-
-
-def read_history(folder: Path) -> History:
-    """The steps of `history.jsonl`."""
-    lines = [json.loads(line) for line in (folder / "history.jsonl").read_text(encoding="utf-8").splitlines()]
-
-    def values(key: str) -> np.ndarray:
-        return np.array([np.nan if line.get(key) is None else line[key] for line in lines], dtype=float)
-
-    return History(
-        [line["stage"] for line in lines],
-        values("area_ratio"),
-        values("worst_bounce_mm"),
-        np.array([line["confirmed"] for line in lines], dtype=bool),
-        values("best_area_ratio"),
-        100 * values("failing") / values("trains") if any("failing" in line for line in lines) else None,
-    )

@@ -1,7 +1,6 @@
 """The fixed list of extremes as data: what is changed in a scene, one change at a time and two at a time."""
 
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 from functools import partial
 from itertools import combinations, product
 
@@ -16,20 +15,6 @@ HEAVY = 30.0
 AS_IT_IS = "as it is"
 COMBINED = "kodama"
 """The scene on which every two changes of different kinds are combined."""
-
-
-@dataclass(frozen=True)
-class ExtremeCase:
-    """One extreme: its name and the changed scene."""
-
-    name: str
-    scene: Scene
-
-    @property
-    def speed_rpm(self) -> float:
-        """The crankshaft speed [r/min] of the motion, the highest that the scene lists."""
-        assert self.scene.operation is not None, "load_scene(..., need='operation') guarantees it"
-        return max(self.scene.operation.speeds_rpm)
 
 
 def contacts(scene: Scene, stiffness_N_per_m: float) -> Scene:
@@ -124,12 +109,12 @@ OF_ELEMENTS: dict[str, Changes] = {
 """Changes of what only some scenes have, by the key of an element or, for forces by the cam angle, of the scene."""
 
 
-def cases(scene: Scene) -> Iterator[ExtremeCase]:
-    """The scene as it is at its highest listed speed, then with every single change, and on COMBINED with every two."""
-    yield ExtremeCase(AS_IT_IS, scene)
+def cases(scene: Scene) -> Iterator[tuple[str, Scene]]:
+    """By name the scene as it is, then with every single change, and on COMBINED with every two."""
+    yield AS_IT_IS, scene
     has = [key for key in OF_ELEMENTS if any(getattr(one, key, None) for one in (scene, *scene.element))]
     for changes in (*CHANGES.values(), *(OF_ELEMENTS[key] for key in has)):
-        yield from (ExtremeCase(name, change(scene)) for name, change in changes.items())
+        yield from ((name, change(scene)) for name, change in changes.items())
     if scene.name == COMBINED:
         for one, other in combinations(CHANGES.values(), 2):
-            yield from (ExtremeCase(f"{a} + {b}", other[b](one[a](scene))) for a, b in product(one, other))
+            yield from ((f"{a} + {b}", other[b](one[a](scene))) for a, b in product(one, other))

@@ -12,8 +12,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.measure.settling import first_revolution
-from camopt.scene import MotionRefused, Train
-from camopt.scene.rest import state_at_rest
+from camopt.scene import MotionRefused, Train, state_at_rest
 from camopt.verifier.convergence import (
     FINEST_STEPS,
     RELATIVE,

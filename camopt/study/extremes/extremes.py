@@ -17,7 +17,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.scene import InputError, Scene, Train, build_train
 from camopt.storage import run_folder, run_identity, write_csv
 from camopt.storage.journal import Records
-from camopt.study.extremes.cases import AS_IT_IS, ExtremeCase, cases
+from camopt.study.extremes.cases import AS_IT_IS, cases
 from camopt.study.extremes.classification import (
     NOT_CONVERGED,
     RANGE,
@@ -59,20 +59,21 @@ def extremes(
     Raises InputError for a folder that exists without `resume` or cannot be written.
     """
     with run_folder(folder, run_identity("extremes", scenes), resume, [LINES]) as begun:
-        chosen = [(s, case) for s in scenes for case in cases(s) if named is None or case.name in named]
-        work = [one for scene, case in chosen for one in _measurements(scene, case)]
+        chosen = [(s, *case) for s in scenes for case in cases(s) if named is None or case[0] in named]
+        work = [one for case in chosen for one in _measurements(*case)]
         rows = measured(Records(begun / LINES, "case", "method"), work, progress)
         write_csv(begun / "extremes.csv", {name: [row[name] for row in rows] for name in COLUMNS})
     return rows
 
 
-def _measurements(scene: Scene, case: ExtremeCase) -> Iterator[Measurement]:
-    """The measurements of one case, that of the reference first.
+def _measurements(scene: Scene, case: str, changed: Scene) -> Iterator[Measurement]:
+    """The measurements of one case at its highest listed speed, that of the reference first.
 
     Where laws are curved DOP853 is the reference, and event-exact with its chords one of those that are judged.
     """
-    train = build_train(case.scene)
-    motion = train, polydyne(scene), case.scene.cam_speed(case.speed_rpm)
+    assert changed.operation is not None, "load_scene(..., need='operation') guarantees it"
+    train, cam_speed = build_train(changed), changed.cam_speed(max(changed.operation.speeds_rpm))
+    motion = train, polydyne(scene), cam_speed
 
     @cache
     def true() -> Truth | InputError:
@@ -90,44 +91,40 @@ def _measurements(scene: Scene, case: ExtremeCase) -> Iterator[Measurement]:
             prepare, *dial = arguments or (None,)
             answer = reference.answer if prepare is None else first_answer(prepare, *motion, *dial)
         except InputError as refusal:
-            return _row(str(refusal), (REFUSED, "", np.nan), False, 0.0)
-        judged = judge(answer, reference)
+            named = {"setting": str(refusal), "error": None, "error_of": "", "seconds": 0.0}
+            return named | {"converged": False, "verdict": REFUSED}
+        verdict, name, error = judge(answer, reference)
         if prepare is None:  # it is beside its own finer steps
             name, share = doubtful_figure(reference)
             verdict = WITHIN if share <= 1.0 else RANGE if reference.sensitive(name) else NOT_CONVERGED
-            judged = verdict, name, answer.error[name]
-        setting = f"{answer.steps_per_revolution} {unit}"
-        return _row(setting, judged, answer.converged, round(time.perf_counter() - begin, 3))
+            error = answer.error[name]
+        told = error if np.isfinite(error) else None if np.isnan(error) else str(error)
+        setting, seconds = f"{answer.steps_per_revolution} {unit}", round(time.perf_counter() - begin, 3)
+        named = {"setting": setting, "error": told, "error_of": name, "seconds": seconds}
+        return named | {"converged": answer.converged, "verdict": verdict}
 
     if train.straight:
-        yield (f"{scene.name}: {case.name}", REFERENCE), partial(row, "samples", None)
-    for label, method, *arguments in methods(case, train):
+        yield (f"{scene.name}: {case}", REFERENCE), partial(row, "samples", None)
+    for label, method, *arguments in methods(case, train, cam_speed):
         unit = "dial" if method in SMOOTH else "steps"
         yield (f"{scene.name}: {label}", method), partial(row, unit, tuple(arguments))
 
 
-def methods(case: ExtremeCase, train: Train) -> Iterator[tuple]:
+def methods(case: str, train: Train, cam_speed: float) -> Iterator[tuple]:
     """What a case is put to besides the reference: case, method, its `prepare`, and halvings and first steps where they
     are not those of `first_answer`. The case as it is also stands for steps past the stability limit and for layers of
     the smooth contact on their way to zero."""
-    first = first_steps(train, case.scene.cam_speed(case.speed_rpm))
-    yield from ((case.name, *method) for method in STEP_METHODS.items())
+    first = first_steps(train, cam_speed)
+    yield from ((case, *method) for method in STEP_METHODS.items())
     if not train.straight:
-        yield case.name, REFERENCE, event_exact
+        yield case, REFERENCE, event_exact
     elif first <= DOP853_STEPS:
-        yield case.name, "dop853", LOCATING["dop853"], 2, samples(first)
-    if " + " not in case.name:
-        yield from ((case.name, *method, 2, DIAL) for method in SMOOTH.items())
-    if case.name == AS_IT_IS:
+        yield case, "dop853", LOCATING["dop853"], 2, samples(first)
+    if " + " not in case:
+        yield from ((case, *method, 2, DIAL) for method in SMOOTH.items())
+    if case == AS_IT_IS:
         yield from (("steps past the limit", *method, 2, -(-first // PAST)) for method in STEP_METHODS.items())
         yield from ((label, "smooth", partial(smooth, narrower=by), 2, DIAL) for label, by in NARROWER.items())
-
-
-def _row(setting: str, judged: tuple[str, str, float], converged: bool, seconds: float) -> dict:
-    verdict, error_of, error = judged
-    told = error if np.isfinite(error) else None if np.isnan(error) else str(error)
-    return {"setting": setting, "error": told, "error_of": error_of, "seconds": seconds,
-            "converged": converged, "verdict": verdict}  # fmt: skip
 
 
 def defects(rows: list[dict]) -> list[dict]:

@@ -20,12 +20,9 @@ from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.motion import Gradient, TracedMotion
 from camopt.exact.engine import prepare as prepare_event
 from camopt.measure.metrics import measure
-from camopt.scene.quantities import QUANTITIES
+from camopt.scene import QUANTITIES, Scene, Train, build_train, state_at_rest
 from camopt.scene.response import end_state, joined
-from camopt.scene.rest import state_at_rest
-from camopt.scene.schema import Scene
 from camopt.scene.shapes import Float
-from camopt.scene.train import Train, build_train
 from camopt.smooth.contact import Layer
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.scan import DrivenSystem

@@ -1,38 +1,10 @@
 """`camopt gradient`: may the gradient be trusted here, of this cam at this speed?
 
-The question is asked metric by metric, by experiment: gradients by the heights of 20 bumps on the cam (quintic
-B-splines between the ramp tops, the ramps stay; 4 bumps where a law is curved) are compared with central differences of
-the truth at several heights. The truth is the event-exact motion, or DOP853 with located switchings where a law is
-curved: there event-exact takes chords, and a chord's slope is off by a share that falls only with their number.
-Vibration-dominated metrics reveal the chord error; the smooth path, which has the laws themselves, quantifies it. All
-motions start from one state, which is reached after up to 40 revolutions from rest, and the metrics are those of the
-next revolution. How the cam changes that state is left out.
-
-How to read it. Per metric and path:
-
-    value bias       |value of the path / true value - 1|
-    relative error   |gradient - differences| / |differences|, at the height where this is least: differences have an
-                     error too, of curvature at large heights and of rounding at small ones
-    cosine           between the same two: 1 the same direction, 0 none in common, -1 the opposite
-    cost ratio       seconds for value and gradient over seconds for the value, on the same path
-    agreement        |differences at one height - at the next| / |the latter|, at the pair of heights where it is least
-
-and the verdict, of each path and, for the metric, of the exact path, which the optimiser follows:
-
-    trust            relative error <= 1e-2, and the motion repeats itself: a step along the gradient does what it says
-    direction only   cosine >= 0.9: the gradient points the right way, its size is wrong; or the motion does not repeat
-                     itself, but the gradients of the next four revolutions have a cosine >= 0.9 with this one
-    none             neither; or the differences agree with each other at no height (agreement > 0.1: the metric is
-                     rough at every scale, as in chaotic motion, and has no gradient that a step could use); or the
-                     metric is zero all around (no bounce, no jump: nothing to improve; a least contact force of zero:
-                     a contact has parted); or it has no value (the valve never seats)
-
-Distance to grazing says how far the verdict reaches. A contact that closes at a low approach speed, or all but closes
-(gap), is near a motion with one closing more or less, where gradients of a damped contact jump. The spectral radius of
-the cycle map says how a change of the state lives on: well below 1 it is forgotten, and the gradient of one revolution
-is nearly that of the periodic motion (`periodic_value_and_gradient` has the rest); above 1 it grows. Where verdicts are
-"none" because of jump and chaos, take a cam or a speed at which contacts keep, or the mean of a metric over
-neighbouring cams.
+Gradients by the heights of bumps on the cam (quintic B-splines between the ramp tops; the ramps stay) are compared,
+metric by metric, with central differences of the truth at several heights. The truth is the event-exact motion, or
+DOP853 with located switchings where a law is curved: there event-exact takes chords, and a chord's slope is off by a
+share that falls only with their number. All motions start from one state, and how the cam changes that state is left
+out. What the report's numbers and verdicts mean is told in docs/explanation/gradients.md.
 """
 
 from itertools import pairwise
@@ -41,9 +13,7 @@ import numpy as np
 from tqdm import tqdm
 
 from camopt.cam.lift import Lift
-from camopt.scene.errors import MotionRefused
-from camopt.scene.schema import Scene
-from camopt.scene.train import build_train
+from camopt.scene import MotionRefused, Scene, build_train
 from camopt.smooth.simulate import EPS
 from camopt.study.gradient.paths import (
     METRICS,
@@ -156,7 +126,8 @@ def judge(
         best = int(np.nanargmin(errors)) if np.any(np.isfinite(errors)) and not still else -1
         least, turn = (errors[best], cosine(path.gradients[i], differences[best])) if best >= 0 else (np.nan, np.nan)
         said = "none" if rough else verdict(least, turn, repeated)
-        bias, cost = _bias(path.values[i], truth), path.cost_ratio[i]
+        value, cost = path.values[i], path.cost_ratio[i]
+        bias = abs(value / truth - 1.0) if truth != 0.0 else 0.0 if value == 0.0 else np.nan
         return {
             "value_bias": bias, "relative_error": least, "cosine": turn, "cost_ratio": cost, "verdict": said
         }, errors  # fmt: skip
@@ -209,12 +180,6 @@ def _reason(truth: float, still: bool, agreement: float, repeated: float | None)
     if repeated is None:
         return ""
     return f"the motion does not repeat itself: least cosine with its gradients in the next revolutions {repeated:.4f}"
-
-
-def _bias(value: float, truth: float) -> float:
-    if truth == 0.0:
-        return 0.0 if value == 0.0 else float("nan")
-    return abs(value / truth - 1.0)
 
 
 def report_lines(report: dict) -> list[str]:

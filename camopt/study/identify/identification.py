@@ -10,11 +10,9 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from camopt.cam.lift import Lift
-from camopt.scene.errors import InputError
-from camopt.scene.schema import Scene
+from camopt.scene import InputError, Scene
 from camopt.scene.units import DEG, MM, UM
-from camopt.study.identify.free_parameters import FreeParameters
-from camopt.study.identify.lift_fit import Fitted, LiftFit, Series, fits_from_starts
+from camopt.study.identify.lift_fit import Fitted, FreeParameters, LiftFit, Series, fits_from_starts
 
 WIDEST = np.log(2.0)
 """Half-width of an interval in the logarithm, beyond which a parameter counts as not identified: the analysis is linear
@@ -117,7 +115,10 @@ def identify(
     jacobian = fit.jacobian(fits[0].logs)
     estimate = _Estimate(fits[0].residual, jacobian, count, confidence)
     residuals = tuple(part / UM for part in np.split(fits[0].residual, fit.borders))
-    error = _jacobian_error(fit, fits[0], jacobian)
+    # how far the differences' Jacobian is from the adjoint's, along one random combination of samples
+    bar = np.random.default_rng(0).standard_normal(len(fits[0].residual))
+    apart = np.abs(fit.pulled_back(fits[0].logs, fits[0].motions, bar) - jacobian.T @ bar).max()
+    error = float(apart / (np.linalg.norm(jacobian, axis=0).max() * np.linalg.norm(bar)))
     remarks = tuple(_remarks(fits, residuals, *noise, estimate, error))
     return Identification(
         scene=parameters.moved_scene(fits[0].logs),
@@ -188,17 +189,13 @@ class _Estimate:
 
     def correlation(self, names: list[str]) -> xr.DataArray:
         scale = np.where(self.touched, np.nan, np.sqrt(np.diag(self.covariance)))
-        return xr.DataArray(
-            self.covariance / np.outer(scale, scale), {"parameter": names, "other": names}, ("parameter", "other")
-        )
+        coordinates = {"parameter": names, "other": names}
+        return xr.DataArray(self.covariance / np.outer(scale, scale), coordinates, ("parameter", "other"))
 
     def directions(self, names: list[str]) -> xr.Dataset:
-        order = np.arange(len(self.errors))[::-1]
-        variables = {
-            "relative_error": ("direction", self.errors[order]),
-            "vector": (("direction", "parameter"), self.vectors[order]),
-        }
-        return xr.Dataset(variables, {"direction": order[::-1], "parameter": names})
+        variables = {"relative_error": ("direction", self.errors[::-1])}
+        variables |= {"vector": (("direction", "parameter"), self.vectors[::-1])}
+        return xr.Dataset(variables, {"direction": np.arange(len(self.errors)), "parameter": names})
 
 
 def _table(parameters: FreeParameters, fitted: Fitted, estimate: _Estimate, sound: bool) -> xr.Dataset:
@@ -209,18 +206,10 @@ def _table(parameters: FreeParameters, fitted: Fitted, estimate: _Estimate, soun
     # a negative value keeps its sign, so its ends change places; beyond a factor of two an interval says nothing
     ends = np.sort(np.stack([value * np.exp(-width), value * np.exp(width)]), axis=0)
     ends = np.where(identified, ends, np.array([[-np.inf], [np.inf]]))
-    names = "start", "estimate", "low", "high", "relative_error", "identified"
-    columns = dict(zip(names, (start, value, *ends, estimate.error, identified), strict=True))
+    columns = {"start": start, "estimate": value, "low": ends[0], "high": ends[1]}
+    columns |= {"relative_error": estimate.error, "identified": identified}
     coords = {"parameter": [tied.name for tied in parameters.tied]}
     return xr.Dataset({name: ("parameter", column) for name, column in columns.items()}, coords)
-
-
-def _jacobian_error(fit: LiftFit, fitted: Fitted, jacobian: np.ndarray) -> float:
-    """Relative distance of the differences' Jacobian to the adjoint's, along one random combination of samples."""
-    bar = np.random.default_rng(0).standard_normal(len(fitted.residual))
-    exact, differences = fit.pulled_back(fitted.logs, fitted.motions, bar), jacobian.T @ bar
-    scale = np.linalg.norm(jacobian, axis=0).max() * np.linalg.norm(bar)
-    return float(np.abs(exact - differences).max() / scale)
 
 
 def _remarks(fits: Sequence[Fitted], residuals, noise: float, estimated: bool, estimate: _Estimate, error: float):

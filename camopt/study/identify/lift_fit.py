@@ -8,6 +8,9 @@ A fit begins with the start of the motion, goes on to more of it, and is tried f
 bounces, the sum of squares has many minima: a parameter a tenth off moves the hops by more than their length. Up to its
 closing the motion is smooth in every parameter, and what is fitted there is near enough for the rest: a homotopy in the
 data (Voss, Timmer and Kurths 2004, Int. J. Bifurcation Chaos 14, on fits by initial values).
+
+A parameter is expressed by the logarithm of a factor on its start value, which keeps masses, stiffnesses and dampings
+positive, and gives a change by one unit the same meaning for every parameter.
 """
 
 from collections.abc import Sequence
@@ -19,12 +22,13 @@ from scipy.optimize import brentq
 
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.gradient import rest_back
-from camopt.exact.adjoint.motion import Samples, TracedMotion
-from camopt.scene.errors import InputError, MotionRefused
-from camopt.scene.rest import state_at_rest
-from camopt.scene.train import Train
-from camopt.study.identify.free_parameters import FreeParameters
+from camopt.exact.adjoint.motion import ByTrain, Samples, TracedMotion
+from camopt.scene import InputError, MotionRefused, Scene, Train, build_train, state_at_rest
+from camopt.scene.parameters import Tied, matching, no_such_number
 
+TRAIN_DIFFERENCE = 1e-6
+"""Step in a logarithm with which the numbers of a train are differentiated: most are products of the factors, and the
+rows of an adjuster's plunger are quotients, so that truncation and rounding stay below 1e-9 of them."""
 DIFFERENCE = 1e-4
 """Step of the Jacobian's central differences in a logarithm: truncation and rounding stay below 1e-6 of a column."""
 LONGEST_STEP = 0.5
@@ -40,17 +44,66 @@ FARTHEST = np.log(10.0)
 """Farthest from the start values in the logarithms: beyond a factor of ten a train may take millions of steps."""
 
 
+class FreeParameters:
+    """The free parameters (p) of a scene; a point of the fit is `logs` (p), the logarithms of their factors."""
+
+    def __init__(self, scene: Scene, free: Sequence[str]):
+        """Finds the parameters named in `free` (p), each as `<name>.<key>`, such as `valve.mass_kg`.
+
+        A `*` in a name ties all that match and are not zero to one factor (`coil_*.damping_N_s_per_m`). Raises
+        InputError for a name that matches nothing, matches zeros only, matches both masses and elements, or matches
+        what another name has matched.
+        """
+        self.scene, self.train = scene, build_train(scene)
+        self.tied: list[Tied] = []
+        for name in free:
+            if not (matched := matching(scene, name)):
+                raise no_such_number(scene, name, "identify")
+            numbers = tuple(number for number in matched if number.of(scene))  # a factor leaves zero as it is
+            if not numbers:
+                raise InputError(
+                    f"identify: {name}: the fit starts at the scene's value, and that is 0 or none: set it"
+                )
+            if len({number.table for number in numbers}) > 1:
+                raise InputError(f"identify: {name}: masses and elements both match: name them apart")
+            self.tied.append(Tied(name, numbers))
+        taken = [number for tied in self.tied for number in tied.numbers]
+        if not self.tied or len(set(taken)) < len(taken):
+            raise InputError(f"identify: free = {list(free)}: name at least one parameter, and none of them twice")
+
+    def moved(self, logs: np.ndarray) -> Train:
+        """The train with every free parameter times exp of its entry in logs (p)."""
+        return build_train(self.moved_scene(logs))
+
+    def by_logs(self, logs: np.ndarray, by_train: ByTrain) -> np.ndarray:
+        """Gradients (l, p) by logs, from gradients of l numbers by the parameters of the train there.
+
+        What the train's numbers make of the logarithms is known by central differences of the scene's own arithmetic.
+        """
+        columns = []
+        for step in TRAIN_DIFFERENCE * np.eye(len(logs)):
+            up, down = self.moved(logs + step), self.moved(logs - step)
+            total = np.zeros(len(by_train.mass))
+            for name, number in up.parameters.items():
+                slope = (number - down.parameters[name]) / (2 * TRAIN_DIFFERENCE)
+                total += getattr(by_train, name).reshape(len(total), -1) @ slope.ravel()
+            columns.append(total)
+        return np.stack(columns, axis=1)
+
+    def moved_scene(self, logs: np.ndarray) -> Scene:
+        """The scene with the free parameters moved."""
+        scene = self.scene
+        for tied, log in zip(self.tied, logs, strict=True):
+            scene = tied.scaled(scene, float(np.exp(log)))
+        return scene
+
+
 class Series(NamedTuple):
     """A measured series in SI: valve position (m) [m] at angles (m) [rad] from -pi, where the motion is at rest."""
 
     cam_speed: float
     angle: np.ndarray
     valve: np.ndarray
-
-    @property
-    def revolutions(self) -> int:
-        """Whole revolutions that reach the last angle."""
-        return max(1, int(np.ceil((self.angle[-1] + np.pi) / (2 * np.pi) - 1e-12)))
 
 
 class LiftFit:
@@ -67,8 +120,11 @@ class LiftFit:
         return LiftFit(self.parameters, self.lift, parts, self.zero_known)
 
     def motions(self, train: Train) -> list[TracedMotion]:
-        start = state_at_rest(train)
-        return [TracedMotion(train, self.lift, s.cam_speed, start, s.revolutions, mechanical=True) for s in self.series]
+        """The motion of each series from rest, over the whole revolutions that reach its last angle."""
+        start, turns = state_at_rest(train), [(s.angle[-1] + np.pi) / (2 * np.pi) for s in self.series]
+        whole = [max(1, int(np.ceil(turn - 1e-12))) for turn in turns]
+        pairs = zip(self.series, whole, strict=True)
+        return [TracedMotion(train, self.lift, s.cam_speed, start, n, mechanical=True) for s, n in pairs]
 
     def residual(self, motions: Sequence[TracedMotion]) -> np.ndarray:
         """Computed less measured valve position (m) [m]; where the zero is not known, less each series' mean."""
@@ -92,24 +148,21 @@ class LiftFit:
         """bar (m) times the residuals' Jacobian at `logs`, whose motions are given, shape (p), by the exact adjoint."""
         train, total = motions[0].train, np.zeros(len(logs))
         n, e = len(train.mass), len(train.a)
-        parts = np.split(bar, self.borders)
-        for motion, series, weights in zip(
-            motions, self.series, np.split(self._centred(parts), self.borders), strict=True
-        ):
+        each = np.split(self._centred(np.split(bar, self.borders)), self.borders)
+        for motion, series, weights in zip(motions, self.series, each, strict=True):
             m = len(weights)
             x = np.zeros((1, m, n))
             x[0, :, train.valve] = weights
             bars = Samples(x, np.zeros_like(x), np.zeros((1, m)), np.zeros((1, m)), np.zeros((1, m, e)))
             slopes = motion.pull_back(series.angle, bars)
             assert slopes.by_train is not None
-            by_train = slopes.by_train + rest_back(train, slopes.by_start)
-            total += self.parameters.by_logs(logs, by_train)[0]
+            total += self.parameters.by_logs(logs, slopes.by_train + rest_back(train, slopes.by_start))[0]
         return total
 
     def jacobian(self, logs: np.ndarray) -> np.ndarray:
         """The residuals' Jacobian (m, p) [m] by the logs, by central differences."""
-        steps = DIFFERENCE * np.eye(len(logs))
-        return np.stack([(self._at(logs + h) - self._at(logs - h)) / (2 * DIFFERENCE) for h in steps], axis=1)
+        columns = [self._at(logs + h) - self._at(logs - h) for h in DIFFERENCE * np.eye(len(logs))]
+        return np.stack(columns, axis=1) / (2 * DIFFERENCE)
 
     def slopes(self, logs: np.ndarray, residual: np.ndarray) -> np.ndarray:
         """The same by forward differences from the residual there, at half the cost: good enough for a step."""

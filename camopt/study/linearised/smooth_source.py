@@ -16,7 +16,7 @@ from camopt.smooth.grid import equal_grid
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples
 from camopt.smooth.tied import Directions, parts_of_steps, periodic_slopes, settled_paths, tied_system
-from camopt.study.linearised.cases import LinearisedCase, LinearPaths
+from camopt.study.linearised.linearised import LinearisedCase, LinearPaths
 
 
 def smooth_paths(
@@ -24,14 +24,15 @@ def smooth_paths(
 ) -> list[LinearPaths]:
     """The paths of every train at the cam speeds (s) [rad/s], under a smoothing."""
     width, tie, steps = smoothing
-    systems = [tied_system(case.nominal.train) for case in cases]
+    systems = [tied_system(case.nominal[0]) for case in cases]
     parts = max(parts_of_steps(tied, float(cam_speeds.min()), steps) for tied in systems)
     grid = equal_grid(steps)
     basis = Directions(samples=jnp.asarray(np.stack([(cam.basis(grid, k)[0] @ cam.Z).T for k in (0, 1)], axis=-1)))
     event, speeds, by_train = (-cam.breaks[-1], cam.breaks[-1]), jnp.asarray(cam_speeds), []
     for case, tied in zip(cases, systems, strict=True):
-        samples = jnp.asarray(lift_samples(case.nominal.lift, steps))
-        rest = jnp.repeat(rest_state(case.nominal.train)[:, :, None], len(speeds), axis=2)
+        train, lift = case.nominal
+        samples = jnp.asarray(lift_samples(lift, steps))
+        rest = jnp.repeat(rest_state(train)[:, :, None], len(speeds), axis=2)
         motion = speeds, event, tie, Layer(width)
         start, paths = settled_paths(tied, samples, speeds, rest, *motion[1:], parts=parts)
         moved = np.abs(np.asarray(paths.end - start))[0].max(axis=0)
@@ -55,8 +56,8 @@ def _numbers(case: LinearisedCase, tied, steps: int) -> Directions:
     """How system and lift move with each free number; which contacts are closed at rest stays."""
 
     def slope(below, above, step):
-        system = jax.tree.map(lambda a, b: (b - a) / (2 * step), tied_system(below.train), tied_system(above.train))
-        samples = (lift_samples(above.lift, steps) - lift_samples(below.lift, steps)) / (2 * step)
+        system = jax.tree.map(lambda a, b: (b - a) / (2 * step), tied_system(below[0]), tied_system(above[0]))
+        samples = (lift_samples(above[1], steps) - lift_samples(below[1], steps)) / (2 * step)
         return eqx.tree_at(lambda t: t.at_rest, system, jnp.zeros_like(tied.at_rest)), jnp.asarray(samples)
 
     pairs = [slope(*sides, step) for sides, step in zip(case.beside, case.steps, strict=True)]

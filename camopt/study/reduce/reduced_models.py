@@ -23,13 +23,9 @@ MOST_SURGE_MASSES = 5
 """Number of surge masses of the largest reduced spring; a spring with more coils is also kept as it is."""
 
 
-@dataclass(frozen=True)
-class Chain:
-    """A divided spring: a row of N masses, held by bilateral springs only, from `head` to the ground."""
-
-    head: str
-    masses: tuple[Mass, ...]
-    springs: tuple[Element, ...]  # N + 1, each turned so that it stands from the head's side to the ground's
+Chain = tuple[str, list[Mass], list[Element]]
+"""A divided spring: its head, a row of N masses from there to the ground, held by bilateral springs only, and the N + 1
+springs, each turned so that it stands from the head's side to the ground's."""
 
 
 @dataclass(frozen=True)
@@ -54,11 +50,11 @@ def smaller_models(scene: Scene, keep: frozenset[str] = frozenset()) -> list[Sma
     elements. Each model is a checked scene named `<scene>-<masses>m-<surge masses>s`.
     """
     divided = chains(scene, keep)
-    coils = max((len(c.masses) for c in divided), default=0)
+    coils = max((len(masses) for _, masses, _ in divided), default=0)
     models = []
     for surge in (coils, *range(min(coils - 1, MOST_SURGE_MASSES), -1, -1)):
         current, condensed = (scene if surge == coils else fewer_coils(scene, divided, surge)), ()
-        stiff = {m.name for m in current.mass} - {m.name for c in divided for m in c.masses} - keep
+        stiff = {m.name for m in current.mass} - {m.name for _, masses, _ in divided for m in masses} - keep
         models.append(_named(scene, current, surge, condensed))
         while (name := _stiffest(current, stiff)) is not None:
             current, condensed = condense(current, name), (*condensed, name)
@@ -79,12 +75,19 @@ def _named(full: Scene, scene: Scene, surge: int, condensed: tuple[str, ...]) ->
 
 def chains(scene: Scene, keep: frozenset[str] = frozenset()) -> list[Chain]:
     """The divided springs of a scene, without those that hold a mass of `keep`."""
-    coil = {m.name: m for m in scene.mass if _is_coil(scene, m) and m.name not in keep}
+    coil = {}
+    for mass in scene.mass:
+        held = _touching(scene, mass.name)
+        bilateral = len(held) == 2 and all(e.kind == "spring" and e.law == "linear" for e in held)
+        free = mass.name != scene.valve and mass.damping_N_s_per_m == 0 and mass.force_N == 0
+        if bilateral and free and mass.name not in keep:
+            coil[mass.name] = mass
     divided = []
     for last in scene.element:
         if last.kind != "spring" or last.law != "linear" or "ground" not in last.between:
             continue
-        springs, at = [_turned(last, "ground", at_start=False)], _other(last, "ground")
+        springs = [_turned(last, "ground", at_start=False)]
+        at = springs[0].between[0]
         masses: list[Mass] = []
         while at in coil and coil[at] not in masses:
             masses.append(coil[at])
@@ -92,15 +95,8 @@ def chains(scene: Scene, keep: frozenset[str] = frozenset()) -> list[Chain]:
             springs.append(_turned(nearer, at, at_start=False))
             at = springs[-1].between[0]
         if masses and at != "ground" and at not in coil:
-            divided.append(Chain(at, tuple(masses[::-1]), tuple(springs[::-1])))
+            divided.append((at, masses[::-1], springs[::-1]))
     return divided
-
-
-def _is_coil(scene: Scene, mass: Mass) -> bool:
-    held = _touching(scene, mass.name)
-    bilateral = all(e.kind == "spring" and e.law == "linear" for e in held)
-    free = mass.name != scene.valve and mass.damping_N_s_per_m == 0 and mass.force_N == 0
-    return free and bilateral and len(held) == 2
 
 
 def fewer_coils(scene: Scene, divided: list[Chain], surge: int) -> Scene:
@@ -109,14 +105,13 @@ def fewer_coils(scene: Scene, divided: list[Chain], surge: int) -> Scene:
     Damping between a mode and the spring's end, zero in a uniform spring, is left out, and so is that between modes.
     """
     masses, elements = {m.name: m for m in scene.mass}, {e.name: e for e in scene.element}
-    for number, chain in enumerate(divided, 1):
-        for part in chain.masses:
+    for number, (end, coils, parts) in enumerate(divided, 1):
+        for part in coils:
             del masses[part.name]
-        for part in chain.springs:
+        for part in parts:
             del elements[part.name]
-        modal, residual, springs = _modal(chain, number, surge)
-        head = masses[chain.head]
-        masses[chain.head] = head.model_copy(update={"mass_kg": head.mass_kg + residual})
+        modal, residual, springs = _modal((end, coils, parts), number, surge)
+        masses[end] = masses[end].model_copy(update={"mass_kg": masses[end].mass_kg + residual})
         masses |= {m.name: m for m in modal}
         elements |= {e.name: e for e in springs}
     return scene.model_copy(update={"mass": tuple(masses.values()), "element": tuple(elements.values())})
@@ -124,9 +119,10 @@ def fewer_coils(scene: Scene, divided: list[Chain], surge: int) -> Scene:
 
 def _modal(chain: Chain, number: int, surge: int) -> tuple[list[Mass], float, list[Element]]:
     """Masses of the modes kept, mass [kg] that moves with the head, and the springs."""
-    k = np.array([_stiffness(e) for e in chain.springs])
-    c = np.array([e.damping_N_s_per_m for e in chain.springs])
-    mass = np.array([m.mass_kg for m in chain.masses])
+    head, coils, parts = chain
+    k = np.array([_stiffness(e) for e in parts])
+    c = np.array([e.damping_N_s_per_m for e in parts])
+    mass = np.array([m.mass_kg for m in coils])
     rows = np.eye(len(k), len(mass), -1) - np.eye(len(k), len(mass))  # compression by position, the head at rest
     static = np.linalg.solve(rows.T @ (k[:, None] * rows), k[0] * np.eye(len(mass))[0])  # for a unit move of the head
     stretch = rows @ static
@@ -137,13 +133,13 @@ def _modal(chain: Chain, number: int, surge: int) -> tuple[list[Mass], float, li
     damping = share * np.einsum("em,e,em->m", rows @ shapes, c, rows @ shapes)
     compliance = 1.0 / k
     rate = 1.0 / compliance.sum()
-    preload = rate * sum(_preload(e) / _stiffness(e) for e in chain.springs)
-    whole = _spring(f"static_spring_{number}", chain.head, "ground", rate, float(c @ stretch**2), float(preload))
+    preload = rate * sum(_preload(e) / _stiffness(e) for e in parts)
+    whole = _spring(f"static_spring_{number}", head, "ground", rate, float(c @ stretch**2), float(preload))
     masses, springs = [], [whole]
     for j, kg in enumerate(share, 1):
         name = f"surge_{number}_{j}"
         masses.append(Mass(name=name, mass_kg=float(kg)))
-        springs.append(_spring(name, chain.head, name, float(kg * squares[j - 1]), float(damping[j - 1]), 0.0))
+        springs.append(_spring(name, head, name, float(kg * squares[j - 1]), float(damping[j - 1]), 0.0))
     return masses, float(mass @ static**2 - share.sum()), springs
 
 
@@ -234,10 +230,6 @@ def _turned(element: Element, end: str, at_start: bool) -> Element:
 
 def _touching(scene: Scene, name: str) -> list[Element]:
     return [e for e in scene.element if name in e.between]
-
-
-def _other(element: Element, end: str) -> str:
-    return element.between[1] if element.between[0] == end else element.between[0]
 
 
 def _stiffness(element: Element) -> float:

@@ -11,9 +11,8 @@ from camopt.cam.lift import Lift
 from camopt.exact import engine
 from camopt.measure.hermite import Hermite
 from camopt.measure.settling import Settled, settle
-from camopt.scene import InputError, MotionRefused, Scene, Train, build_train
+from camopt.scene import InputError, MotionRefused, Scene, Train, build_train, state_at_rest
 from camopt.scene.response import Revolve
-from camopt.scene.rest import state_at_rest
 from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import DEG, MM
 from camopt.study.measurements import fastest
@@ -41,7 +40,7 @@ class Candidate:
     model: LeftOut
     error: dict[str, float]  # COMPARED and lift_mm; NaN where one of the two never seats
     refusal: str  # why the model was refused, "" where it was not
-    operations: int  # of a revolution at the top speed; see `counted_operations`
+    operations: int  # multiplications of a revolution at the top speed, the same on every machine
     ms: dict[str, float]  # processor time of a revolution at the top speed, by path
 
     def within(self, tolerance_mm: float) -> bool:
@@ -168,17 +167,11 @@ def reduction_lines(reduction: Reduction) -> list[str]:
     return [*lines, f"left out and watched: {', '.join(left)}"] if left else lines
 
 
-def counted_operations(train: Train, cam_speed: float) -> int:
-    """Multiplications of a revolution: its steps, which the highest frequency asks for, times what one step costs, the
-    (2n)^2 entries of the propagator and two for each element. The same on every machine, at every run."""
-    n, e = len(train.mass), len(train.a)
-    return first_steps(train, cam_speed) * ((2 * n) ** 2 + 2 * e)
-
-
 def _candidate(smaller: Smaller, idle, cam: Lift, speeds, truth: list[Settled], workers: int) -> Candidate:
     model = leave_out(smaller.scene, *idle)
     train, cam_speed = build_train(model.scene), model.scene.cam_speed(max(speeds))
-    operations = counted_operations(train, cam_speed)
+    # a step costs the (2n)^2 entries of the propagator and two for each element
+    operations = first_steps(train, cam_speed) * ((2 * len(train.mass)) ** 2 + 2 * len(train.a))
     try:
         pairs = list(zip(_settled(model, cam, speeds, workers), truth, strict=True))
         ms = path_times(model, train, cam, cam_speed)

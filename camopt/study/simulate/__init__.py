@@ -14,11 +14,5 @@ Gradients. Under `parameters` the speed may be traced too, by `jax.grad`, `jax.j
 holds JAX arrays (`.data`); a motion that the method cannot follow is NaN throughout. A traced speed is taken to be one
 of the scene's, or above: "smooth" offers steps for the lowest of these, and a slower motion may be NaN. By "event" the
 gradients are those of the exact motion, and for many motions metrics alone are cheaper by
-`camopt.smooth.exact_rule.exact_metrics`.
-
-    def seating_velocity(gap):
-        motion = camopt.simulate(scene, cam, 6000, method="smooth", parameters={"gap": gap})
-        return motion["seating_velocity_m_per_s"].data[0]
-
-    jax.grad(seating_velocity)(motion_parameters(scene, cam)["gap"])
+`camopt.smooth.exact_rule.exact_metrics`. docs/explanation/gradients.md has an example.
 """

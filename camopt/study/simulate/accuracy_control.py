@@ -15,8 +15,7 @@ import numpy as np
 from tqdm import tqdm
 
 from camopt.measure.hermite import Hermite
-from camopt.scene.errors import InputError, MotionRefused
-from camopt.scene.response import Response
+from camopt.scene import InputError, MotionRefused, Response
 from camopt.scene.units import UM
 from camopt.verifier.accuracy import effort_of, stored_curves
 
@@ -139,15 +138,15 @@ def estimate_um(answers: list[np.ndarray], method: str, revolutions: int) -> np.
     return np.maximum(FINEST_UM, margin * apart_um(answers[-1], answers[-coarser - 1 : -1], revolutions))
 
 
-def valve_position(response: Response, revolutions: int) -> np.ndarray:
-    """Valve position (revolutions * ANGLES + 1) [m]."""
+def valve_position(response: Response, revolutions: int, angles: int = ANGLES) -> np.ndarray:
+    """Valve position (revolutions * angles + 1) [m]."""
     valve = response.train.valve
-    grid = np.linspace(-np.pi, 2 * np.pi * revolutions - np.pi, revolutions * ANGLES + 1)
+    grid = np.linspace(-np.pi, 2 * np.pi * revolutions - np.pi, revolutions * angles + 1)
     curve = Hermite(response.angle, response.x[:, valve], response.v[:, valve] / response.cam_speed)
     return np.asarray(curve(grid))
 
 
 def apart_um(answer: np.ndarray, coarser: list[np.ndarray], revolutions: int) -> np.ndarray:
     """Largest difference in each revolution [um]."""
-    difference = np.max([np.abs(answer - other) for other in coarser], axis=0) / UM
+    difference = np.abs(answer - np.array(coarser)).max(axis=0) / UM
     return difference[1:].reshape(revolutions, -1).max(axis=1)

@@ -7,8 +7,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.measure.metrics import measure
-from camopt.scene import Response, Scene
-from camopt.scene.quantities import QUANTITIES
+from camopt.scene import QUANTITIES, Response, Scene
 from camopt.scene.units import MM
 
 if TYPE_CHECKING:

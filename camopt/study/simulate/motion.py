@@ -7,9 +7,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from camopt.cam.lift import Lift, lift_with
-from camopt.scene import InputError, Response, Scene, Train, build_train
+from camopt.scene import InputError, Response, Scene, Train, build_train, state_at_rest
 from camopt.scene.response import end_state, joined
-from camopt.scene.rest import state_at_rest
 from camopt.scene.smoothing import NAMES, Smoothing, smoothing
 from camopt.scene.units import DEG
 from camopt.scene.vibration import highest_rate
@@ -79,24 +78,23 @@ def simulate(
     train, cam_speed, steps, finer = _planned(scene, speed_rpm, method, revolutions, step_deg)
     how = _smoothing(method, width_um, tie, steps_per_revolution, parameters, accuracy)
     if parameters is not None:
-        _check_parameters(train, cam, method, parameters)
+        _check_parameters(scene, cam, method, parameters)
         rule = import_module(DIFFERENTIABLE[method]).differentiable_motion
         known_speed = scene.cam_speed(known_rpm(scene, speed_rpm))
         layer = {} if width_um is None else {"eps": how.width}
         shown, metrics = rule(train, cam, parameters, cam_speed, revolutions, steps, known_speed, **layer)
         return motion_dataset(scene, cam, speed_rpm, method, shown, metrics)
+    said: dict[str, Any] = {}
     if accuracy is not None:
         done = delivered(train, cam, cam_speed, method, revolutions, accuracy, progress=progress)
         response, said = done.response, done.attributes()
     elif tie is not None or steps_per_revolution is not None:
-        response, said = (
-            import_module("camopt.study.simulate.tied_motion").tied_motion(train, cam, cam_speed, revolutions, how),
-            {},
-        )
+        tied = import_module("camopt.study.simulate.tied_motion")
+        response = tied.tied_motion(train, cam, cam_speed, revolutions, how)
     elif width_um is not None:
-        response, said = dialled(train, cam, cam_speed, method, revolutions)(how.width), {}
+        response = dialled(train, cam, cam_speed, method, revolutions)(how.width)
     else:
-        response, said = _motion(train, cam, cam_speed, method, revolutions, steps * finer), {}
+        response = _motion(train, cam, cam_speed, method, revolutions, steps * finer)
         if method == "event" and not train.straight:
             said = _error_of_chords(train, cam, cam_speed, response, steps * finer)
     shown, metrics = resampled(response, steps * revolutions), recorded_metrics(response, cam)
@@ -114,22 +112,38 @@ def _smoothing(method: str, width_um, tie, steps, parameters, accuracy) -> Smoot
     return how
 
 
-def recorded(
-    scene: Scene, cam: Lift, speed_rpm: float, method: str = "event", *, revolutions: int = 2, step_deg: float = 0.1
-) -> Response:
-    """The motion that `simulate` labels, every `step_deg`, as plain arrays; InputError as of `simulate`."""
-    train, cam_speed, steps, finer = _planned(scene, speed_rpm, method, revolutions, step_deg)
+def recorded(scene: Scene, cam: Lift, speed_rpm: float, method: str = "event", *, revolutions: int = 2) -> Response:
+    """The motion that `simulate` labels by default, as plain arrays; InputError as of `simulate`."""
+    train, cam_speed, steps, finer = _planned(scene, speed_rpm, method, revolutions, 0.1)
     return resampled(_motion(train, cam, cam_speed, method, revolutions, steps * finer), steps * revolutions)
 
 
 def _planned(scene: Scene, speed_rpm, method, revolutions, step_deg) -> tuple[Train, Any, int, int]:
-    """Train, cam speed [rad/s], steps of the result in a revolution, and the method's own steps in each of these."""
-    steps = _steps_per_revolution(speed_rpm, method, revolutions, step_deg)
+    """Train, cam speed [rad/s], steps of the result in a revolution, and the method's own steps in each of these; every
+    argument that is a number or a choice is checked."""
+    methods = *verdict_methods(), "smooth"
+    if method not in methods:
+        raise InputError(f"simulate: method {method!r}: expected one of {', '.join(methods)}")
+    number = concrete(speed_rpm)
+    if number is not None and not (np.isfinite(number) and number > 0):
+        raise InputError(f"simulate: speed {speed_rpm}: a crankshaft speed above 0 r/min is needed")
+    if int(revolutions) != revolutions or not 1 <= revolutions <= 1000:
+        raise InputError(f"simulate: revolutions {revolutions}: an integer from 1 to 1000 is needed")
+    steps = round(360.0 / step_deg) if step_deg > 0 else 0
+    if not (1 <= steps <= 360_000) or abs(steps * step_deg - 360.0) > 1e-9 * steps:
+        raise InputError(f"simulate: step {step_deg} deg: a step that divides 360 deg, 0.001 or more, is needed")
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name}: simulate needs valve, seat and [operation]")
     train, known_speed = build_train(scene), scene.cam_speed(known_rpm(scene, speed_rpm))
     finer = max(1, int(np.ceil(highest_rate(train) * step_deg * DEG / known_speed / LARGEST_PHASE)))
-    _check_price(train, speed_rpm, steps * finer * revolutions)
+    kept, each = steps * finer * revolutions, 2 + 2 * len(train.mass) + len(train.a)
+    if kept * each > MOST_VALUES:
+        raise InputError(
+            f"simulate at {speed_rpm} r/min: the train's highest mode of {highest_rate(train) / 2e3 / np.pi:.3g} kHz "
+            f"turns so often in these revolutions that {kept / 1e6:.3g} million steps of {each} numbers would have to "
+            f"be kept ({8e-9 * kept * each:.2g} GB), and {8e-9 * MOST_VALUES:.2g} GB are allowed: raise the speed, ask "
+            f"for fewer revolutions, or take a smaller model (camopt reduce)"
+        )
     return train, scene.cam_speed(speed_rpm), steps, finer
 
 
@@ -150,26 +164,8 @@ def known_rpm(scene: Scene, speed_rpm) -> float:
     return min(*scene.operation.speeds_rpm, *scene.operation.band_rpm)
 
 
-def _check_price(train: Train, speed_rpm, steps: int) -> None:
-    values = steps * (2 + 2 * len(train.mass) + len(train.a))
-    if values > MOST_VALUES:
-        raise InputError(
-            f"simulate at {speed_rpm} r/min: the train's highest mode of {highest_rate(train) / 2e3 / np.pi:.3g} kHz "
-            f"turns so often in these revolutions that {steps / 1e6:.3g} million steps of {values / steps:.0f} numbers "
-            f"would have to be kept ({8e-9 * values:.2g} GB), and {8e-9 * MOST_VALUES:.2g} GB are allowed: raise the "
-            f"speed, ask for fewer revolutions, or take a smaller model (camopt reduce)"
-        )
-
-
 def delivered(
-    train: Train,
-    cam: Lift,
-    cam_speed: float,
-    method: str,
-    revolutions: int,
-    accuracy: str | float,
-    *,
-    progress: bool = False,
+    train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int, accuracy: str | float, *, progress=False
 ) -> "Delivered":
     """The motion from rest at an accuracy; see `camopt.study.simulate.accuracy_control`."""
     from camopt.study.simulate.accuracy_control import CHORDS_DIAL, MOST_VALUES, deliver
@@ -231,22 +227,19 @@ def motion_parameters(scene: Scene, cam: Lift) -> dict[str, np.ndarray]:
     three, and lift coefficients alone are refused where they do not join between the borders as they are.
     """
     import_module("camopt.smooth")  # before anything is traced: it turns on JAX's 64-bit floats
-    return _numbers(build_train(scene), cam)
-
-
-def _numbers(train: Train, cam: Lift) -> dict[str, np.ndarray]:
-    numbers = {name: number.copy() for name, number in train.parameters.items()}
+    numbers = {name: number.copy() for name, number in build_train(scene).parameters.items()}
     pieces = {"lift": cam.coefficients.copy(), "borders": cam.borders.copy()}
     return {**numbers, **pieces, "half_duration": np.asarray(cam.half_duration)}
 
 
-def _check_parameters(train: Train, cam: Lift, method: str, parameters: Mapping[str, Any]) -> None:
+def _check_parameters(scene: Scene, cam: Lift, method: str, parameters: Mapping[str, Any]) -> None:
     if method not in DIFFERENTIABLE:
         raise InputError(f"simulate: method {method!r} with parameters: needs one of {', '.join(DIFFERENTIABLE)}")
-    jax, numbers = import_module("jax"), _numbers(train, cam)
+    jax = import_module("jax")
     traced = any(isinstance(value, jax.core.Tracer) for value in parameters.values())
     if traced and not jax.config.jax_enable_x64:
         raise InputError("simulate: traced in 32-bit floats: call motion_parameters or import camopt.smooth before")
+    numbers = motion_parameters(scene, cam)
     for name, value in parameters.items():
         if name not in numbers:
             raise InputError(f"simulate: parameter {name!r}: expected one of {', '.join(numbers)}")
@@ -257,22 +250,6 @@ def _check_parameters(train: Train, cam: Lift, method: str, parameters: Mapping[
             )
     if not any(isinstance(parameters.get(name), jax.core.Tracer) for name in ("lift", "borders", "half_duration")):
         lift_with(cam, parameters)
-
-
-def _steps_per_revolution(speed_rpm, method, revolutions, step_deg) -> int:
-    """Steps of the result in a revolution; every argument of `simulate` that is a number or a choice is checked."""
-    methods = *verdict_methods(), "smooth"
-    if method not in methods:
-        raise InputError(f"simulate: method {method!r}: expected one of {', '.join(methods)}")
-    number = concrete(speed_rpm)
-    if number is not None and not (np.isfinite(number) and number > 0):
-        raise InputError(f"simulate: speed {speed_rpm}: a crankshaft speed above 0 r/min is needed")
-    if int(revolutions) != revolutions or not 1 <= revolutions <= 1000:
-        raise InputError(f"simulate: revolutions {revolutions}: an integer from 1 to 1000 is needed")
-    steps = round(360.0 / step_deg) if step_deg > 0 else 0
-    if not (1 <= steps <= 360_000) or abs(steps * step_deg - 360.0) > 1e-9 * steps:
-        raise InputError(f"simulate: step {step_deg} deg: a step that divides 360 deg, 0.001 or more, is needed")
-    return steps
 
 
 def _motion(

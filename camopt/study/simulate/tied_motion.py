@@ -4,10 +4,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.scene.errors import MotionRefused
-from camopt.scene.response import Response
+from camopt.scene import MotionRefused, Response, Train
 from camopt.scene.smoothing import Smoothing
-from camopt.scene.train import Train
 from camopt.scene.units import RPM
 from camopt.smooth.contact import Layer
 from camopt.smooth.rest import rest_state

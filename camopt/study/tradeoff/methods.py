@@ -1,26 +1,39 @@
-"""Work-precision of every method on one revolution (for `camopt tradeoff`).
+"""What `camopt tradeoff` measures: work-precision of every method on a revolution, and what each dial of the job costs.
 
-Error is that of the first revolution from rest at the lowest and the highest listed speed; time is processor time per
-revolution. Compilation and tables are in `setup_seconds`. `experiments.work_precision` has general solvers beside them,
-`experiments.tradeoff` gradients, single precision and many speeds side by side.
+The error of a method is that of the first revolution from rest at the lowest and the highest listed speed; its time is
+processor time per revolution, with compilation and tables in `setup_seconds`. `experiments.work_precision` has general
+solvers beside them, `experiments.tradeoff` gradients, single precision and many speeds side by side. A dial of the job
+is held against its finest setting: errors of bounce are those of event-exact's largest bounce, seconds are processor
+time of the whole step of the job.
 """
 
-from collections.abc import Callable, Iterator
-from functools import partial
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from functools import cache, partial
 from importlib import import_module
+from pathlib import Path
 
 import numpy as np
 
 from camopt import exact
+from camopt.cam.design_file import design_record, read_design
 from camopt.cam.lift import Lift
-from camopt.measure.hermite import Hermite
+from camopt.exact import engine
 from camopt.measure.metrics import measure
-from camopt.scene import Response, Scene, build_train
+from camopt.measure.settling import settle
+from camopt.measure.sweep import at_speeds
+from camopt.optimizer.accuracy import ACCURACIES, Accuracy
+from camopt.scene import Response, Scene, build_train, state_at_rest
 from camopt.scene.response import end_state, joined
-from camopt.scene.rest import state_at_rest
-from camopt.scene.units import MM
+from camopt.scene.units import DEG, MM, UM
 from camopt.scene.vibration import highest_rate
+from camopt.storage import write_json
 from camopt.study.measurements import REFERENCE, Measurement, timed
+from camopt.study.reduce.reduced_models import smaller_models
+from camopt.study.reduce.reduction import Candidate, reduce
+from camopt.study.simulate.accuracy_control import valve_position
+from camopt.verifier.at_speed import LIFT_NEIGHBOUR, SPEED_NEIGHBOUR, STATE_NEIGHBOUR
 from camopt.verifier.methods import METHOD_NAMES, dop853, houbolt, rkg, tmm
 
 FIGURES = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s")
@@ -38,6 +51,13 @@ LOCATED = "DOP853, located"
 SMOOTH_EPS = {"small": (), "full": (1e-6, 1e-7, 1e-8, 2e-9)}
 """Widths of the contact's layer [m], for the smooth path on its refined grid."""
 TOLERANCE_OF_EPS = 5e-3
+SETTLING_UM = {"small": (1.0, 1e-3), "full": (100.0, 10.0, 1.0, 0.1, 1e-3)}
+BAND_STEPS = {"small": (200, 100), "full": (200, 100, 50, 20, 10, 5)}
+SAMPLES = {"small": (2, 4), "full": (2, 6, 20, 100)}
+KNOTS_DEG = (4.0, 3.0, 2.0, 1.5)
+EFFORTS = "draft", "standard", "fine"
+"""Settings of the dials, the finest last."""
+JUDGED_STEP_RPM = 10
 
 
 class RevolutionCase:
@@ -67,9 +87,7 @@ class RevolutionCase:
 
 def valve_lift(motion: Response) -> np.ndarray:
     """Valve position at ANGLES + 1 angles of the first revolution [mm]."""
-    grid, valve = np.linspace(-np.pi, np.pi, ANGLES + 1), motion.train.valve
-    curve = Hermite(motion.angle, motion.x[:, valve], motion.v[:, valve] / motion.cam_speed)
-    return np.asarray(curve(grid)) / MM
+    return valve_position(motion, 1, ANGLES) / MM
 
 
 def method_work(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:
@@ -87,12 +105,9 @@ def method_work(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:
 def reference(case: RevolutionCase) -> Measurement:
     """The figures of a case as nearly true as they can be had."""
     name, prepare = (METHOD_NAMES["event"], exact.prepare) if case.train.straight else (LOCATED, dop853.prepare)
-
-    def figures() -> dict:
-        revolve = prepare(case.train, case.cam, case.cam_speed, REFERENCE_STEPS)
-        return {"figures": case.figures(case.two(revolve))}
-
-    return (case.name, REFERENCE, f"{name}, {REFERENCE_STEPS} samples"), figures
+    prepared = partial(prepare, case.train, case.cam, case.cam_speed, REFERENCE_STEPS)
+    key = case.name, REFERENCE, f"{name}, {REFERENCE_STEPS} samples"
+    return key, lambda: {"figures": case.figures(case.two(prepared()))}
 
 
 def prepared_methods(case: RevolutionCase, size: str) -> Iterator[tuple[str, str, Callable]]:
@@ -119,9 +134,112 @@ def prepared_methods(case: RevolutionCase, size: str) -> Iterator[tuple[str, str
         yield LOCATED, f"{steps} samples", partial(dop853.prepare, case.train, *motion, steps)
 
     for eps in SMOOTH_EPS[size]:
-        yield "smooth, refined grid", f"eps {eps:g} m", partial(_smooth, case, eps)
+        path, layer = import_module("camopt.smooth.simulate"), import_module("camopt.smooth.contact").Layer(eps)
+        dials = {"layer": layer, "tolerance": eps * TOLERANCE_OF_EPS}
+        yield "smooth, refined grid", f"eps {eps:g} m", partial(path.prepare, case.train, *motion, **dials)
 
 
-def _smooth(case: RevolutionCase, eps: float) -> Callable[[np.ndarray], Response]:
-    path, layer = import_module("camopt.smooth.simulate"), import_module("camopt.smooth.contact").Layer(eps)
-    return path.prepare(case.train, case.cam, case.cam_speed, layer=layer, tolerance=eps * TOLERANCE_OF_EPS)
+def job_work(scene: Scene, cam: Lift, size: str, folder: Path) -> Iterator[Measurement]:
+    """The measurements of all dials; a design that one of them finds is kept in `folder`."""
+    settled, band, perturbed = (partial(_bounce, partial(run, scene, cam)) for run in (_settled, _band, _perturbed))
+    yield from _dial("settling tolerance", "event-exact, listed speeds", "{:g} um", settled, SETTLING_UM[size])
+    yield from _dial("band step", "event-exact sweep", "{:g} r/min", band, BAND_STEPS[size])
+    yield from _dial("perturbation samples", "event-exact, highest speed", "{:g} samples", perturbed, SAMPLES[size])
+    yield from _masses(scene, cam, size)
+    if size == "full":
+        designed, designs = partial(_designed, scene), folder / "designs"
+        knots = lambda deg: designed("nominal", replace(ACCURACIES["draft"], knot_deg=deg), designs)  # noqa: E731
+        yield from _dial("knots", "search, listed speeds", "{:g} deg", knots, KNOTS_DEG)
+        effort = lambda name: designed("band", ACCURACIES[name], designs)  # noqa: E731
+        yield from _dial("search effort", "search, band", "{}", effort, EFFORTS)
+
+
+def _dial(dial: str, method: str, shown: str, run: Callable, settings: Sequence) -> Iterator[Measurement]:
+    """Settings of a dial; the last and finest is the reference."""
+    for setting in settings:
+        name = REFERENCE if setting == settings[-1] else method
+        yield (f"job: {dial}", name, shown.format(setting)), partial(run, setting)
+
+
+def _bounce(run: Callable, setting: float) -> dict:
+    """The bounce that a step of the job finds at a setting, with its processor time."""
+    begin = time.process_time()
+    bounce = run(setting)
+    return {"seconds": time.process_time() - begin, "figures": {"bounce_mm": bounce}}
+
+
+def _settled(scene: Scene, cam: Lift, um: float) -> np.ndarray:
+    """Bounce at each listed speed after settling to `um`."""
+    train, bounces = build_train(scene), []
+    assert scene.operation is not None
+    for speed in scene.operation.speeds_rpm:
+        revolve = engine.prepare(train, cam, scene.cam_speed(speed))
+        settled = settle(revolve, state_at_rest(train), most=80, position=um * UM)
+        bounces.append(settled.metrics(cam).worst("bounce_mm"))
+    return np.array(bounces)
+
+
+def _band(scene: Scene, cam: Lift, step: float) -> float:
+    """Largest bounce of the band in steps of `step` r/min."""
+    assert scene.operation is not None
+    low, high = scene.operation.band_rpm
+    return _largest_bounce(scene, cam, np.unique(np.append(np.arange(low, high, step), high)))
+
+
+def _largest_bounce(scene: Scene, cam: Lift, speeds_rpm: Sequence[float] | np.ndarray) -> float:
+    return max(row["bounce_mm"] for row in at_speeds(engine.prepare, scene, cam, speeds_rpm))
+
+
+def _perturbed(scene: Scene, cam: Lift, count: int) -> float:
+    """Largest bounce over `count` neighbouring speeds, lifts and states, those of the verdict, drawn uniformly."""
+    rng, train = np.random.default_rng(0), build_train(scene)
+    assert scene.operation is not None
+    cam_speed, rest = scene.cam_speed(max(scene.operation.speeds_rpm)), state_at_rest(train)
+    away = np.repeat(STATE_NEIGHBOUR, len(train.mass))
+    bounces = []
+    for _ in range(count):
+        speed, height = 1 + SPEED_NEIGHBOUR * rng.uniform(-1, 1), 1 + LIFT_NEIGHBOUR / cam.max_lift * rng.uniform(-1, 1)
+        near = replace(cam, coefficients=cam.coefficients * height)
+        start = rest + away * rng.uniform(-1, 1, len(away))
+        bounces.append(settle(engine.prepare(train, near, cam_speed * speed), start).metrics(near).worst("bounce_mm"))
+    return max(bounces)
+
+
+def _masses(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:
+    """Smaller models against the full one, from `reduce`; seconds: of a revolution, event-exact."""
+    assert scene.operation is not None
+    speeds = (min(scene.operation.speeds_rpm),) if size == "small" else None
+
+    @cache
+    def candidates() -> dict[str, Candidate]:
+        found = reduce(scene, cam, speeds).candidates
+        return {c.smaller.scene.name: c for c in found}
+
+    def compared(name: str) -> dict:
+        c = candidates()[name]
+        errors = {k: c.error[k] for k in ("bounce_mm", "jump_mm", "lift_mm")}
+        return {"seconds": c.ms["event"] / 1e3 if c.ms else None, "errors": errors, "failure": c.refusal}
+
+    for model in (m.scene for m in smaller_models(scene)):
+        key = "job: masses", "reduced model, event-exact", f"{len(model.mass)} masses ({model.name})"
+        yield key, partial(compared, model.name)
+
+
+def _designed(scene: Scene, speeds: str, effort: Accuracy, folder: Path) -> dict:
+    """Area of the cam that a search finds and a verdict confirms, its bounce on a grid finer than the search's."""
+    from camopt.optimizer.candidates import largest_confirmed
+    from camopt.optimizer.search.search import find_cam
+
+    begin = time.process_time()
+    search = find_cam(scene, speeds, effort)
+    seconds = time.process_time() - begin
+    assert scene.operation is not None and scene.design is not None
+    chosen = largest_confirmed(scene, search.confirmed, "nominal", ACCURACIES["draft"])
+    folder.mkdir(exist_ok=True)
+    path = folder / f"{speeds}-{effort.knot_deg:g}deg-{effort.judged_speeds}-speeds.json"
+    write_json(path, design_record(chosen.cam.lift, scene.design.max_lift_mm * MM))
+    cam = read_design(path, scene)
+    listed = scene.operation.speeds_rpm
+    bounce = _largest_bounce(scene, cam, listed) if speeds == "nominal" else _band(scene, cam, JUDGED_STEP_RPM)
+    figures = {"area_mm_deg": cam.area / MM / DEG, "bounce_mm": bounce}
+    return {"seconds": seconds, "figures": figures, "verdict": chosen.verdict.verdict}

@@ -17,7 +17,7 @@ from camopt.scene.toml_text import scene_toml
 from camopt.scene.units import MM
 from camopt.storage import check_run_folder, default_run_folder, run_folder, run_identity, write_csv, write_text
 from camopt.storage.journal import Records
-from camopt.study.measurements import COLUMNS, LINES, REFERENCE, Measurement, measured
+from camopt.study.measurements import COLUMNS, LINES, REFERENCE, Measurement, aligned, measured
 
 KNOT_DEG = 3.0
 """Knot interval of the cam that is taken where none is given."""
@@ -58,8 +58,7 @@ def tradeoff(
     """
     from camopt.plots.studies import figures
     from camopt.plots.style import save
-    from camopt.study.tradeoff.job import job_work
-    from camopt.study.tradeoff.methods import method_work
+    from camopt.study.tradeoff.methods import job_work, method_work
 
     if scene.operation is None or scene.design is None or scene.seat is None:
         raise InputError(f"scene {scene.name}: tradeoff needs valve, seat, [operation] and [design]")
@@ -130,17 +129,14 @@ def rows_of(lines: Sequence[dict]) -> list[dict]:
         if line["failure"]:
             rows.append({**shared, "error": None, "error_of": "", "converged": False})
         elif line["method"] != REFERENCE or "seconds" in line:
-            errors = _errors(line, references.get(line["case"], {})) | line.get("errors", {})
+            reference = references.get(line["case"], {})
+            figures, true = line.get("figures", {}), reference.get("figures", {})
+            errors = {name: error_of(figures[name], true[name]) for name in figures if name in true}
+            if "verdict" in line and "verdict" in reference:
+                errors["verdict"] = float(line["verdict"] != reference["verdict"])
+            errors |= line.get("errors", {})
             rows += [{**shared, "error": e, "error_of": name, "converged": e is not None} for name, e in errors.items()]
     return [{name: row[name] for name in COLUMNS} for row in rows]
-
-
-def _errors(line: dict, reference: dict) -> dict[str, float | None]:
-    figures, true = line.get("figures", {}), reference.get("figures", {})
-    errors = {name: error_of(figures[name], true[name]) for name in figures if name in true}
-    if "verdict" in line and "verdict" in reference:
-        errors["verdict"] = float(line["verdict"] != reference["verdict"])
-    return errors
 
 
 def error_of(figure, reference) -> float | None:
@@ -172,7 +168,7 @@ def _by_method(case: str, rows: Sequence[dict]) -> list[str]:
     order = sorted(best.values(), key=lambda one: one[1:3])
     cells = [("*" * (i == 0 and not beyond), *words) for i, (_, beyond, _, words) in enumerate(order)]
     said = f"A {case}, the valve's lift within {TARGET_UM:g} um, or as near as a method came; * is recommended:"
-    return [said, *aligned([("", "method", "setting", "time ms", "error um"), *cells], 3)] if cells else []
+    return [said, *aligned([("", "method", "setting", "time ms", "error um"), *cells], "<<<>>")] if cells else []
 
 
 def _by_setting(case: str, rows: Sequence[dict]) -> list[str]:
@@ -183,14 +179,4 @@ def _by_setting(case: str, rows: Sequence[dict]) -> list[str]:
         bounce = f"{1e3 * errors['bounce_mm']:.2g}" if "bounce_mm" in errors else ""
         area = f"{errors['area_mm_deg']:.2g}" if "area_mm_deg" in errors else ""
         cells.append((setting, f"{one['seconds']:.3g}", bounce, area, one["verdict"]))
-    return [f"{case.removeprefix(JOB).capitalize()}, against the finest:", *aligned(cells, 1)]
-
-
-def aligned(cells: Sequence[Sequence[str]], words: int) -> list[str]:
-    """The lines of a table: so many columns of words to the left, numbers to the right."""
-    columns = [
-        [text.ljust(width) if i < words else text.rjust(width) for text in column]
-        for i, column in enumerate(zip(*cells, strict=True))
-        for width in [max(map(len, column))]
-    ]
-    return ["  ".join(line).rstrip() for line in zip(*columns, strict=True)]
+    return [f"{case.removeprefix(JOB).capitalize()}, against the finest:", *aligned(cells, "<>>>>")]
