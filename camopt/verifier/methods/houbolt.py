@@ -28,9 +28,7 @@ from camopt.cam.lift import Lift
 from camopt.programs import compiled
 from camopt.scene.response import Response, Revolve
 from camopt.scene.train import GROUND, Train
-from camopt.verifier.methods.of_houbolt.elements import elements_of, forces, hold
-from camopt.verifier.methods.of_houbolt.explicit import explicit_form
-from camopt.verifier.methods.of_houbolt.sets import PieceSets
+from camopt.verifier.methods.of_houbolt import PieceSets, elements_of, explicit_form, forces, hold
 
 LOST = 0.1
 """Share of a mode's own decay, or of one revolution's, that the method's decay may add."""
