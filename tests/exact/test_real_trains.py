@@ -10,7 +10,7 @@ import pytest
 from camopt.cam.families.exponent import exponent
 from camopt.exact import prepare, settled_metrics
 from camopt.exact.adjoint.gradient import periodic_value_and_gradient, value_and_gradient
-from camopt.exact.adjoint.motion import SamplesWithMemory, TracedMotion
+from camopt.exact.adjoint.motion import Samples, TracedMotion
 from camopt.measure.metrics import measure
 from camopt.scene import build_train, parse_scene
 from camopt.scene.response import end_state, joined
@@ -150,7 +150,7 @@ def test_by_the_cam_and_by_samples():
     at = motion.at(angles)
     parts = {name: np.random.default_rng(1).normal(size=(1, *np.shape(part))) for name, part in vars(at).items()}
     scale = {"v": 1e-3, "lift_rate": 1e-3, "force": 1e-6}
-    bars = SamplesWithMemory(**{name: part * scale.get(name, 1.0) for name, part in parts.items()})
+    bars = Samples(**{name: part * scale.get(name, 1.0) for name, part in parts.items()})
     slopes = motion.pull_back(angles, bars)
     change = np.random.default_rng(2).normal(size=lift.coefficients.shape) * np.abs(lift.coefficients)
 

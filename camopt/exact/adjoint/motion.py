@@ -66,12 +66,6 @@ class Samples:
     lift: Float[np.ndarray | np.floating, " *m"]  # m
     lift_rate: Float[np.ndarray | np.floating, " *m"]  # m/s
     force: Float[np.ndarray, " *m e"]  # N
-
-
-@dataclass(frozen=True)
-class SamplesWithMemory(Samples):
-    """The same of a train with memories."""
-
     memory: Float[np.ndarray, " *m r"]  # m
 
 
@@ -165,8 +159,7 @@ class TracedMotion:
         rows = np.empty((len(angles), at + 2 + len(self.train.a)))
         sample(self.setting, self.trace, *self._instants(angles), rows)
         x, v, z, lift, rate, force = np.split(rows, [n, 2 * n, at, at + 1, at + 2], axis=1)
-        fields = x, v, lift[:, 0], rate[:, 0], force
-        return SamplesWithMemory(*fields, z) if self.train.memory else Samples(*fields)
+        return Samples(x, v, lift[:, 0], rate[:, 0], force, z)
 
     def pull_back(
         self,
@@ -184,11 +177,8 @@ class TracedMotion:
         count = len(ends) if ends is not None else len(bars.x) if bars is not None else 0
         packed = np.zeros((count, len(at), self.train.state_size + 2 + e))
         if bars is not None:
-            none = np.zeros((count, len(at), len(self.train.memory)))
-            memory = bars.memory if isinstance(bars, SamplesWithMemory) else none
             rise, rate = np.asarray(bars.lift)[..., None], np.asarray(bars.lift_rate)[..., None]
-            parts = bars.x, bars.v, memory, rise, rate, bars.force
-            packed[:] = np.concatenate(parts, axis=2)
+            packed[:] = np.concatenate([bars.x, bars.v, bars.memory, rise, rate, bars.force], axis=2)
         room, seeds, instants = self._room(count), self._seeds(len(at) * (1 + e)), self._instants(at)
         if ends is not None:
             room.start[:] = ends
