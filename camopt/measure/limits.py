@@ -8,10 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from camopt.cam.geometry import crossing, smallest_radii
+from camopt.cam.geometry import crossing, sign_changes, smallest_radii
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import linear_limits, radii_held_near
-from camopt.cam.waves import sign_changes
 from camopt.measure.rounded import RAMP_VELOCITY, rows_of, violated_beyond_rounding
 from camopt.scene.design import RADII, REACH, ROUNDING, Design
 from camopt.scene.errors import InputError
