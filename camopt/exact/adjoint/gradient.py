@@ -45,33 +45,6 @@ def value_and_gradient(
     return gradient
 
 
-def periodic_value_and_gradient(
-    train: Train,
-    lift: Lift,
-    cam_speed: float,
-    metrics: Sequence[str],
-    state: State,
-    *,
-    mechanical: bool = False,
-) -> tuple[Gradient, Float[np.ndarray, "state state"]]:
-    """Values and total gradients of metrics in the periodic motion through `state`, and the cycle map's Jacobian.
-
-    `state` must repeat after one revolution; its own change with cam and train is included by implicit
-    differentiation, z = P(z, p): dJ/dp = J_p + J_z (1 - P_z)^-1 P_p. Two revolutions are traced, so that windows that
-    run into the next one are whole. `by_start` is the adjoint J_z (1 - P_z)^-1, not a free gradient: the start follows.
-    """
-    cycle = TracedMotion(train, lift, cam_speed, state, 1, mechanical)
-    jacobian = cycle.pull_back(ends=np.eye(len(state))).by_start
-    gradient = TracedMotion(train, lift, cam_speed, state, 2, mechanical).gradient(metrics)
-    adjoint = np.linalg.solve((np.eye(len(state)) - jacobian).T, gradient.by_start.T).T
-    through_start = cycle.pull_back(ends=adjoint)
-    total = gradient.by_train
-    if total is not None and through_start.by_train is not None:
-        total = total + through_start.by_train
-    by_coefficients = gradient.by_coefficients + through_start.by_coefficients
-    return replace(gradient, by_coefficients=by_coefficients, by_start=adjoint, by_train=total), jacobian
-
-
 def rest_back(train: Train, by_start: Float[np.ndarray, "l state"]) -> ByTrain:
     """Gradients by the train, through the state at rest, of l numbers of a motion that starts from rest.
 

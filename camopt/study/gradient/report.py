@@ -30,9 +30,8 @@ and the verdict, of each path and, for the metric, of the exact path, which the 
 Distance to grazing says how far the verdict reaches. A contact that closes at a low approach speed, or all but closes
 (gap), is near a motion with one closing more or less, where gradients of a damped contact jump. The spectral radius of
 the cycle map says how a change of the state lives on: well below 1 it is forgotten, and the gradient of one revolution
-is nearly that of the periodic motion (`periodic_value_and_gradient` has the rest); above 1 it grows. Where verdicts are
-"none" because of jump and chaos, take a cam or a speed at which contacts keep, or the mean of a metric over
-neighbouring cams.
+is nearly that of the periodic motion; above 1 it grows. Where verdicts are "none" because of jump and chaos, take a cam
+or a speed at which contacts keep, or the mean of a metric over neighbouring cams.
 """
 
 from itertools import pairwise
