@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from camopt.measure.hermite import sign_changes, with_stationary_points
+from camopt.measure.cubics import sign_changes, with_stationary_points
 
 POINTS, CHANGES = (getattr(program, "py_func", program) for program in (with_stationary_points, sign_changes))
 """As plain Python, which these few pieces do not notice."""

@@ -12,7 +12,7 @@ from tests.mutation.mutants import ROOT
 SECONDS = 60.0
 """Processor time that the tests of one mutant may take while it is watched what they run, in which they are slower."""
 DIGITS = "tests/test_kept_digits.py"
-COMPILED = ("camopt/exact/", "camopt/verifier/methods/", "camopt/measure/hermite.py")
+COMPILED = ("camopt/exact/", "camopt/verifier/methods/", "camopt/measure/cubics.py")
 """Files whose constants are compiled into programs: what runs on import is tried as plain Python only."""
 FOLDERS = ("tests/measure", "tests/optimizer", "tests/verifier", "tests/exact")
 

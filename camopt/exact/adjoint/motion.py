@@ -135,10 +135,7 @@ class TracedMotion:
 
     def values(self, metrics: Sequence[str], revolution: int = 0) -> Float[np.ndarray, " l"]:
         """Values of metrics in a revolution. Raises InputError for an unknown metric."""
-        numbers, values = metric_numbers(self.train, metrics), np.empty((len(metrics), 2))
-        seeds = self._seeds(OBSERVATIONS * len(metrics))
-        evaluate(self.setting, self.trace, seeds, numbers, np.ones(len(metrics)), revolution, values)
-        return values[:, 0]
+        return self._evaluated(self.setting, metrics, revolution)
 
     def by_half_duration(self, metrics: Sequence[str], revolution: int = 0) -> Float[np.ndarray, " l"]:
         """Gradients [unit per rad] of metrics by half the duration, between whose ends contacts are judged.
@@ -146,12 +143,16 @@ class TracedMotion:
         The motion does not change with it: a central difference of the metrics of this same trace, whose instants are
         located to round-off.
         """
-        numbers, pair = metric_numbers(self.train, metrics), np.empty((2, len(metrics), 2))
+        halves = (self.lift.half_duration + WINDOW_STEP, self.lift.half_duration - WINDOW_STEP)
+        settings = (self.setting._replace(half_duration=float(half)) for half in halves)
+        long, short = (self._evaluated(setting, metrics, revolution) for setting in settings)
+        return (long - short) / (2 * WINDOW_STEP)
+
+    def _evaluated(self, setting: Setting, metrics: Sequence[str], revolution: int) -> Float[np.ndarray, " l"]:
+        numbers, values = metric_numbers(self.train, metrics), np.empty((len(metrics), 2))
         seeds = self._seeds(OBSERVATIONS * len(metrics))
-        for values, half in zip(pair, self.lift.half_duration + WINDOW_STEP * np.array([1.0, -1.0]), strict=True):
-            setting = self.setting._replace(half_duration=float(half))
-            evaluate(setting, self.trace, seeds, numbers, np.ones(len(metrics)), revolution, values)
-        return (pair[0, :, 0] - pair[1, :, 0]) / (2 * WINDOW_STEP)
+        evaluate(setting, self.trace, seeds, numbers, np.ones(len(metrics)), revolution, values)
+        return values[:, 0]
 
     def at(self, angles: Float[np.ndarray, " m"]) -> Samples:
         """The motion at m angles [rad], the trace starting at -pi; where a force jumps, its value before the jump."""
