@@ -23,7 +23,7 @@ from camopt.exact.kernel.revolution import DONE, TABLES_FULL, Setting
 from camopt.exact.kernel.trace import NO_TRACE
 from camopt.exact.settled import run as stages
 from camopt.exact.settled.figures import NAMES
-from camopt.exact.settled.lift_pieces import WIDTH, LiftKey, compress_lift
+from camopt.exact.settled.lift_pieces import WIDTH, compress_lift
 from camopt.scene import settled
 from camopt.scene.errors import InputError
 from camopt.scene.settled import SettledMetrics
@@ -129,7 +129,7 @@ def _nothing(t: int, c: int, speeds: np.ndarray, width: int) -> SettledMetrics:
 
 def _cams(lifts: Sequence[Lift], forcing: tuple[Forcing, ...]) -> stages.Cams:
     """The cams on few pieces, one after the other, with the forces by the cam angle."""
-    few = [compress_lift(LiftKey(lift)) for lift in lifts]
+    few = [compress_lift(lift) for lift in lifts]
     inputs = [Inputs(forcing, borders) for borders, _ in few]
     pieces = [cut.pieces(coefficients) for cut, (_, coefficients) in zip(inputs, few, strict=True)]
     return stages.Cams(
