@@ -123,7 +123,7 @@ def energy(response: Response, lift: Lift) -> Energy:
     start = np.flatnonzero(np.diff(time) > 0)
     h = np.diff(time)[start]
     given = _given_forces(response)
-    acceleration = _acceleration(response, given)
+    acceleration = (t.mass_force + given - t.mass_damping * response.v - response.force @ t.incidence) / t.mass
     totals = np.zeros((3, len(t.a))), np.zeros((2, len(t.mass)))
     for node, weight in zip(NODES, WEIGHTS, strict=True):
         x, v = _quintic(response.x, response.v, acceleration, start, h, node)
@@ -179,18 +179,6 @@ def _given_forces(response: Response) -> Float[np.ndarray, "k n"]:
     for forcing in response.train.forcing:
         total[:, forcing.on] += forcing.at(response.angle)
     return total
-
-
-def _acceleration(response: Response, given: Float[np.ndarray, "k n"]) -> Float[np.ndarray, "k n"]:
-    """Accelerations that follow from the recorded forces and the given ones [m/s^2]."""
-    t = response.train
-    total = t.mass_force - t.mass_damping * response.v + given
-    for e in range(len(t.a)):
-        if t.a[e] >= 0:
-            total[:, t.a[e]] -= response.force[:, e]
-        if t.b[e] >= 0:
-            total[:, t.b[e]] += response.force[:, e]
-    return total / t.mass
 
 
 def _quintic(x, v, a, start, h, u: float) -> tuple[Float[np.ndarray, "m n"], Float[np.ndarray, "m n"]]:

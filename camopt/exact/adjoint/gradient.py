@@ -12,7 +12,7 @@ from camopt.exact.affine.lines import rest_of
 from camopt.exact.kernel.arrays import train_arrays
 from camopt.exact.kernel.elements import classify
 from camopt.scene.shapes import Float, State
-from camopt.scene.train import GROUND, Train
+from camopt.scene.train import Train
 
 
 def value_and_gradient(
@@ -57,10 +57,7 @@ def rest_back(train: Train, by_start: Float[np.ndarray, "l state"]) -> ByTrain:
     classify(arrays, 1.0, np.concatenate([state, np.zeros(2)]), status)
     pieces, memory = arrays.first[:-1] + status, list(train.memory)
     d, carries = train.compression(state[:n], 0.0), np.where(arrays.memory < 0, 1.0, 0.0)
-    rows = np.eye(n + 1)[:, :n]  # the last row, which the index -1 reads, is the ground
-    assert GROUND == -1
-    rows = rows[train.a] - rows[train.b]
-    slope, by_memory = carries * arrays.law[pieces, 1], by_start[:, 2 * n :]
+    rows, slope, by_memory = train.incidence, carries * arrays.law[pieces, 1], by_start[:, 2 * n :]
     push = np.linalg.solve((rows.T * slope) @ rows, (by_start[:, :n] + by_memory @ rows[memory]).T).T
     on, bars = push @ rows.T * carries, room_for_bars(arrays, (0, 0), len(push), True)
     bars.mass[:, 2] = push
