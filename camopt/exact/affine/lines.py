@@ -54,7 +54,8 @@ def chords(kind: int, stiffness, preload, exponent: float, rows: np.ndarray, cou
     """Rows (compression [m], force [N]) of about `count` chords of a curved law, laws of contacts up to CHORD_FORCE and
     with more chords beyond it; `rows` are its stiffness table."""
     if kind in OF_CONTACTS:
-        beyond = (1.0 + 1.0 / count) ** (2 * np.arange(1, _beyond(count) + 1))
+        more = int(np.ceil(np.log(REACH) / (4.0 * np.log1p(1.0 / count))))  # chords beyond CHORD_FORCE
+        beyond = (1.0 + 1.0 / count) ** (2 * np.arange(1, more + 1))
         share = np.concatenate([np.arange(count + 1) / count, beyond])
         law = OF_CONTACTS[kind](stiffness, exponent)
         touch = law.depth(preload) if np.real(preload) > 0.0 else 0.0
@@ -64,11 +65,6 @@ def chords(kind: int, stiffness, preload, exponent: float, rows: np.ndarray, cou
     beyond = (d[-1] - d[0]) if len(d) > 1 else 1e-3
     d = np.concatenate([[d[0] - beyond], d, [d[-1] + beyond]])
     return np.stack([d, preload + integral(rows, d) - integral(rows, np.zeros(1))], axis=1)
-
-
-def _beyond(count: int) -> int:
-    """Chords of a law of contacts beyond the force up to which `count` are laid."""
-    return int(np.ceil(np.log(REACH) / (4.0 * np.log1p(1.0 / count))))
 
 
 def knots(rows: np.ndarray, count: int) -> np.ndarray:
