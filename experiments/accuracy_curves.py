@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 import camopt.verifier
-from camopt.exact import engine
+from camopt.exact import engine, settled_metrics
 from camopt.measure.settling import settle
 from camopt.measure.sweep import at_speeds
 from camopt.scene import MotionRefused, build_train
@@ -85,7 +85,7 @@ def of_bands(cases: list[DrawnCase], steps) -> list[list[float]]:
         assert case.scene.operation is not None
         low, high = case.scene.operation.band_rpm
         speeds = np.arange(low, high + 1, steps[0])
-        found = at_speeds(engine.prepare, case.scene, case.lift, speeds)
+        found = at_speeds(settled_metrics, case.scene, case.lift, speeds)
         bounce = np.nan_to_num([row["bounce_mm"] for row in found], nan=np.inf)
         worst = [bounce[:: step // steps[0]].max() for step in steps]
         if np.isfinite(worst[0]):

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.optimize import differential_evolution
 
 from camopt.cam.families.polydyne import polydyne
-from camopt.exact import prepare
+from camopt.exact import settled_metrics
 from camopt.measure.limits import broken_by_shape
 from camopt.measure.sweep import at_speeds
 from camopt.scene import InputError, load_scene
@@ -72,7 +72,7 @@ def figures(scene, exponents: tuple[int, ...], design_speed_rpm: float) -> dict:
         return named
     if set(broken_by_shape(lift, scene.design)) - {"jerk_max_mm_per_deg3"}:
         return named
-    rows = at_speeds(prepare, scene, lift, scene.operation.speeds_rpm)
+    rows = at_speeds(settled_metrics, scene, lift, scene.operation.speeds_rpm)
     worst = {k: max(row[k] for row in rows) for k in ("bounce_mm", "jump_mm", "seating_velocity_m_per_s")}
     jerk = float(np.abs(lift.extremes(3)).max()) / MM * DEG**3
     area = lift.area_ratio(scene.design.max_lift_mm * MM)

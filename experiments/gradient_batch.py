@@ -34,20 +34,12 @@ from camopt.smooth.exact_rule import exact_metrics
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import (
-    BATCH_EPS,
-    EPS,
-    batch_motion,
-    lift_samples,
-    prepare,
-    response_arrays,
-    stage_lifts,
-    touch_layer,
-)
+from camopt.smooth.simulate import EPS, lift_samples, prepare, response_arrays, touch_layer
 from camopt.smooth.system import build_system
 from camopt.study.measurements import fastest
 from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, problem
 from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.smooth_batch import BATCH_EPS, batch_motion, stage_lifts
 
 SIZES = {"small": (2, 3, (5000.0, 6000.0)), "full": (64, 20, (5000.0, 6000.0, 6500.0, 7000.0))}
 """Cams, bumps, speeds."""

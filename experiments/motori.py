@@ -9,7 +9,7 @@ import numpy as np
 
 from camopt.cam.families.kurz import kurz
 from camopt.cam.lift import Lift
-from camopt.exact import prepare
+from camopt.exact import prepare, settled_metrics
 from camopt.measure.settling import Settled, settle
 from camopt.measure.sweep import at_speeds
 from camopt.scene import MotionRefused, Scene, build_train, load_scene
@@ -146,7 +146,7 @@ def span(scene: Scene, size: str) -> dict[str, list[float]]:
     assert scene.operation is not None, "the built-in scenes have one"
     first, last, pitch = SPAN[size]
     speeds = np.arange(first, last + pitch / 2, pitch)
-    rows = at_speeds(prepare, scene, cam_of(scene), speeds / scene.operation.cam_per_crank)
+    rows = at_speeds(settled_metrics, scene, cam_of(scene), speeds / scene.operation.cam_per_crank)
     return {"cam_speed_rpm": speeds.tolist()} | {name: [row[name] for row in rows] for name in TABLE}
 
 

@@ -24,7 +24,7 @@ from camopt.cam.families.registry import FAMILIES
 from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
 from camopt.cli.parser import main as camopt_command
-from camopt.exact import prepare
+from camopt.exact import settled_metrics
 from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.measure.sweep import at_speeds
 from camopt.scene import InputError, MotionRefused, Scene
@@ -96,7 +96,7 @@ def largest_share(scene: Scene, cam: Lift) -> float:
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "a drawn scene has both"
     try:
-        rows = at_speeds(prepare, scene, cam, operation.speeds_rpm)
+        rows = at_speeds(settled_metrics, scene, cam, operation.speeds_rpm)
     except MotionRefused:
         return float("inf")
     limits = motion_limits(design).values()

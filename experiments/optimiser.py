@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from camopt.exact import prepare
+from camopt.exact import settled_metrics
 from camopt.measure.sweep import at_speeds
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.bound.certificate import area_ratio_bound, control_is_limited
@@ -77,7 +77,7 @@ def row(name: str, scene: Scene, speeds: str, size: str) -> dict:
     lift, operation = found.lift, scene.operation
     low, high = operation.band_rpm
     grid = operation.speeds_rpm if speeds == "nominal" else np.arange(low, high + 1, GRID_RPM)
-    at = at_speeds(prepare, scene, lift, grid)
+    at = at_speeds(settled_metrics, scene, lift, grid)
     certified = control_is_limited(scene.design)
     bends = np.sign(np.round(lift(np.linspace(-1, 1, 4001) * lift.half_duration, 2), 9))
     return {

@@ -1,6 +1,5 @@
 """Event-exact motion (numba, no JAX): the reference against which the project measures trains."""
 
-from camopt.exact.affine.lines import chord_error as chord_error
 from camopt.exact.affine.lines import with_chords as with_chords
 from camopt.exact.engine import prepare as prepare
 from camopt.exact.settled import settled_metrics as settled_metrics

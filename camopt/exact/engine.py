@@ -174,8 +174,6 @@ def _step(train: Train, period: float, steps_per_revolution: int | None) -> tupl
     if steps_per_revolution is None:
         return default, 1
     wanted = max(1, int(np.ceil(period / steps_per_revolution / default * (1 - 1e-12))))
-    finer = -(
-        -wanted // MOST_AT_ONCE
-    )  # more samples than requested, where a whole span of steps does not reach the next
+    finer = -(-wanted // MOST_AT_ONCE)  # more samples than asked for, where a span of steps does not reach the next
     per_sample = -(-wanted // finer)
     return period / steps_per_revolution / (finer * per_sample), per_sample

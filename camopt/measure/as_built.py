@@ -100,8 +100,7 @@ def grinding_error(lift: Lift, seed: Seed, peak: float = PEAK, harmonics: tuple[
     """The error [m] of one ground cam, whose largest value is `peak` [m]; the same seed gives the same error.
 
     It fades out over the ramps, or over its shortest wave where that is longer, so that the base circle stays the base
-    circle. Raises InputError for a lift without a
-    base circle, and for one that does not rise from it.
+    circle. Raises InputError for a lift without a base circle, and for one that does not rise from it.
     """
     foot, half = lift.opening_foot, lift.half_duration
     if foot == -np.pi or foot == np.pi:

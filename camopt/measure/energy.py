@@ -122,8 +122,10 @@ def energy(response: Response, lift: Lift) -> Energy:
     t, time, elastic = response.train, response.time, Elastic(response.train)
     start = np.flatnonzero(np.diff(time) > 0)
     h = np.diff(time)[start]
-    given = _given_forces(response)
-    acceleration = _acceleration(response, given)
+    given = np.zeros_like(response.x)  # forces on the masses by the cam angle [N]
+    for forcing in t.forcing:
+        given[:, forcing.on] += forcing.at(response.angle)
+    acceleration = (t.mass_force + given - t.mass_damping * response.v - response.force @ t.incidence) / t.mass
     totals = np.zeros((3, len(t.a))), np.zeros((2, len(t.mass)))
     for node, weight in zip(NODES, WEIGHTS, strict=True):
         x, v = _quintic(response.x, response.v, acceleration, start, h, node)
@@ -171,26 +173,6 @@ def _leaking(response: Response, law: Elastic, place: tuple, d: np.ndarray, e: i
     between = z[start] + u * (first + u * (3 * rise - 2 * first - last + u * (first + last - 2 * rise)))
     pushes = (f[start] > 0.0) | (f[start + 1] > 0.0)
     return np.where(pushes, law.kept(d[:, e], between, e), 0.0) ** 2 / leak
-
-
-def _given_forces(response: Response) -> Float[np.ndarray, "k n"]:
-    """Forces on the masses by the cam angle [N]."""
-    total = np.zeros_like(response.x)
-    for forcing in response.train.forcing:
-        total[:, forcing.on] += forcing.at(response.angle)
-    return total
-
-
-def _acceleration(response: Response, given: Float[np.ndarray, "k n"]) -> Float[np.ndarray, "k n"]:
-    """Accelerations that follow from the recorded forces and the given ones [m/s^2]."""
-    t = response.train
-    total = t.mass_force - t.mass_damping * response.v + given
-    for e in range(len(t.a)):
-        if t.a[e] >= 0:
-            total[:, t.a[e]] -= response.force[:, e]
-        if t.b[e] >= 0:
-            total[:, t.b[e]] += response.force[:, e]
-    return total / t.mass
 
 
 def _quintic(x, v, a, start, h, u: float) -> tuple[Float[np.ndarray, "m n"], Float[np.ndarray, "m n"]]:

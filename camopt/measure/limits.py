@@ -8,10 +8,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from camopt.cam.geometry import crossing, smallest_radii
+from camopt.cam.geometry import crossing, sign_changes, smallest_radii
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import linear_limits, radii_held_near
-from camopt.cam.waves import sign_changes
 from camopt.measure.rounded import RAMP_VELOCITY, rows_of, violated_beyond_rounding
 from camopt.scene.design import RADII, REACH, ROUNDING, Design
 from camopt.scene.errors import InputError
@@ -234,11 +233,8 @@ def steps_at(lift: Lift, design: Design, order: int, within: float = np.inf) -> 
 
     Where the scene's ramps have no foot, the velocity may jump by that of the ramp as the lift leaves and meets zero.
     """
-    widths = np.diff(lift.borders)
-    powers = np.arange(lift.coefficients.shape[1])
-    falling = np.array([np.prod(np.arange(k, k - order, -1)) for k in powers]) * (powers >= order)
-    before = np.sum(falling * lift.coefficients * widths[:, None] ** np.maximum(powers - order, 0), axis=1)
-    after = falling[order] * lift.coefficients[:, order] if order < len(powers) else np.zeros(len(widths))
+    ends = np.stack([lift.borders[:-1], lift.borders[1:]])
+    after, before = lift.of_piece(np.arange(len(lift.coefficients)), ends, order)
     steps = np.abs(after - np.roll(before, 1))  # at the start of every piece
     allowed = np.full(len(steps), STEP_ROUNDING * np.abs(lift.extremes(order)).max())
     if order == 1 and design.ramp_foot_deg == 0:

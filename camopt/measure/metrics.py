@@ -11,7 +11,6 @@ from camopt.measure.hermite import Hermite
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.response import Response
 from camopt.scene.shapes import Float
-from camopt.scene.train import GROUND
 from camopt.scene.units import DEG, MM
 
 TURN = 2 * np.pi
@@ -44,11 +43,15 @@ class _Curves:
         self.shortening = response.memory[:, oil].sum(axis=1) if oil else None
         self.forces = response.force[:, list(train.cam_side)]
         rate = lift(angle, 1)
-        s, s_rate = response.seat_separation(), response.v[:, train.valve] / speed
+        slope = response.v / speed
+        s, s_rate = response.seat_separation(), slope[:, train.valve]
         self.seat = Hermite(angle, s, s_rate)
         self.above_lash = Hermite(angle, response.lift - train.lash, rate)
         self.excess = Hermite(angle, s - response.lift + train.lash, s_rate - rate)
-        self.gaps = [Hermite(angle, *_gap(response, e, rate)) for e in train.cam_side]
+        self.gaps = [
+            Hermite(angle, response.gap(e), -(slope @ train.incidence[e] + train.cam_driven[e] * rate))
+            for e in train.cam_side
+        ]
 
     def revolution(self, nose: float) -> dict[str, float]:
         """Metrics of the revolution whose nose is at the angle `nose` [rad], in the units of their names."""
@@ -98,16 +101,6 @@ class _Curves:
         seated = np.concatenate([[start], lifted.ravel(), [end]]).reshape(-1, 2)
         best = [self.excess.maximum(*span) for span in lifted]
         return max(best + [self.seat.maximum(*span) for span in seated])
-
-
-def _gap(response: Response, e: int, lift_slope: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Signed gap of contact e [m], positive when apart, and its derivative by angle [m/rad]."""
-    t = response.train
-    ends = [(response.x[:, i], response.v[:, i] / response.cam_speed) if i != GROUND else (0.0, 0.0) for i in
-            (t.a[e], t.b[e])]  # fmt: skip
-    (xa, va), (xb, vb) = ends
-    gap = xb - xa - t.cam_driven[e] * response.lift + t.gap[e] + t.touch_compression[e]
-    return gap, vb - va - t.cam_driven[e] * lift_slope
 
 
 def _force_extremes(angle: np.ndarray, force: np.ndarray, low: float, high: float) -> tuple[float, float]:

@@ -11,7 +11,6 @@ For damped trains plain iteration is as fast; use this only when surge decays sl
 nanometres. The radius alone costs 2n + r revolutions, and where contacts bounce the kinks of G stop both accelerations.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -36,9 +35,6 @@ LARGEST_RADIUS = 1 - 1e-3
 """Spectral radius below which a fixed point counts as stable. Finite differences do not tell closer ones from one."""
 SMALLEST_DIRECTION = 1e-8
 """Relative singular value below which a direction of the mixed states is round-off."""
-
-Jacobian = Callable[[np.ndarray], np.ndarray]
-"""Derivative (2n + r, 2n + r) of the cycle map at a state (2n + r), in SI units."""
 
 
 @dataclass(frozen=True)
@@ -88,29 +84,22 @@ class _Cycle:
         return np.stack(columns, axis=1)
 
 
-def periodic_state(
-    revolve: Revolve, state: State, jacobian: Jacobian | None = None, *, memories: int = 0
-) -> PeriodicState:
+def periodic_state(revolve: Revolve, state: State, *, memories: int = 0) -> PeriodicState:
     """The periodic state of a method's revolution, looked for from `state` (2n + r: [m], [m/s], [m]).
 
-    `jacobian` gives the derivative of the cycle map. Without it, finite differences cost 2n + r revolutions a time.
-    `memories` is r, the number of elements with a memory. The state found stands to 0.1 nm and 0.1 um/s over a
+    The derivative of the cycle map costs 2n + r revolutions a time; `memories` is r, the number of elements with a
+    memory. The state found stands to 0.1 nm and 0.1 um/s over a
     revolution. Raises MotionRefused where the plain motion has no bound.
     """
     cycle = _Cycle(revolve, (len(state) - memories) // 2, memories)
-    ratio = cycle.scale[None, :] / cycle.scale[:, None]
-
-    def derivative(y: np.ndarray, after: np.ndarray) -> np.ndarray:
-        return cycle.jacobian(y, after) if jacobian is None else jacobian(y * cycle.scale) * ratio
-
     y = state / cycle.scale
     for _ in range(PLAIN):
         y = cycle(y)
     plain = y
     y, after = _anderson(cycle, y)
-    y, after = _newton(cycle, derivative, y, after)
+    y, after = _newton(cycle, y, after)
     reached, residual = cycle.count, _size(after - y)
-    multipliers = np.linalg.eigvals(derivative(y, after)) if residual < ACCURACY else np.empty(0)
+    multipliers = np.linalg.eigvals(cycle.jacobian(y, after)) if residual < ACCURACY else np.empty(0)
     if len(multipliers) and np.abs(multipliers).max() < LARGEST_RADIUS:
         found = y * cycle.scale
         return PeriodicState(True, found, residual, multipliers, cycle.count, reached, found, found)
@@ -160,13 +149,13 @@ def _mixed(states: Float[np.ndarray, "m state"], images: Float[np.ndarray, "m st
     return images[-1] - np.diff(images, axis=0).T @ share
 
 
-def _newton(cycle: _Cycle, derivative, y: State, after: State) -> tuple[State, State]:
+def _newton(cycle: _Cycle, y: State, after: State) -> tuple[State, State]:
     """The state and its image after Newton's method on G(y) - y, which goes on while it halves the change."""
     for _ in range(MOST_NEWTON):
         if _size(after - y) < ACCURACY:
             break
         try:
-            new = y - np.linalg.solve(derivative(y, after) - np.eye(len(y)), after - y)
+            new = y - np.linalg.solve(cycle.jacobian(y, after) - np.eye(len(y)), after - y)
             image = cycle(new)
         except (MotionRefused, np.linalg.LinAlgError):  # friction that never slides is periodic wherever it sticks
             break

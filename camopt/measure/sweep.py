@@ -1,21 +1,18 @@
 """A band of speeds by one cheap method: the worst speed of each metric, and where bounce and jump start."""
 
-from collections.abc import Callable, Iterable
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.measure.resonance import Resonance
-from camopt.measure.settling import settled_from_rest
-from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES
-from camopt.scene.response import Revolve
 from camopt.scene.schema import Scene
 from camopt.scene.settled import SettledMetrics
 from camopt.scene.shapes import Float
-from camopt.scene.train import Train, build_train
+from camopt.scene.train import build_train
 
 STARTS_MM = 0.05
 """Bounce or jump that counts as started where the scene sets no limit."""
@@ -30,10 +27,6 @@ PEAKS = 3
 """Local maxima of each limited metric that are refined, the worst first."""
 COARSELY = 10.0, 1
 """FINEST_RPM and PEAKS of a coarse refinement."""
-
-AtSpeed = Callable[[Train, Lift, float], Revolve]
-"""The sweeping method: train, lift, cam speed [rad/s]."""
-
 
 SettledMany = Callable[..., SettledMetrics]
 """A method that measures settled motions of trains and lifts at cam speeds [rad/s] together:
@@ -97,62 +90,26 @@ class Band:
 
 
 def at_speeds(
-    prepare: AtSpeed,
-    scene: Scene,
-    lift: Lift,
-    speeds_rpm: Iterable[float],
-    workers: int = 2,
-    many: SettledMany | None = None,
+    many: SettledMany, scene: Scene, lift: Lift, speeds_rpm: Sequence[float] | np.ndarray
 ) -> list[dict[str, float]]:
-    """Worst figures of the settled motion at each speed [r/min]: metric name -> value.
-
-    The speeds are dealt to threads; each has its own copy of the train, because methods keep tables by train. Where the
-    method can measure many settled motions together, `many` does so instead.
-    """
-    speeds = list(speeds_rpm)
-    train = build_train(scene)
-    if many is not None:
-        settled = many([train], [lift], [scene.cam_speed(s) for s in speeds], workers=workers)
-        worst = {name: settled.worst(name)[0, 0] for name in QUANTITIES}
-        return [{name: float(values[i]) for name, values in worst.items()} for i in range(len(speeds))]
-
-    def deal(worker: int) -> list[dict[str, float]]:
-        own = replace(train)
-        return [_figures(prepare, own, lift, scene.cam_speed(s)) for s in speeds[worker::workers]]
-
-    with ThreadPoolExecutor(workers) as pool:
-        hands = list(pool.map(deal, range(workers)))
-    return [hands[i % workers][i // workers] for i in range(len(speeds))]
-
-
-def _figures(prepare: AtSpeed, train: Train, lift: Lift, cam_speed: float) -> dict[str, float]:
-    try:
-        figures = settled_from_rest(prepare, train, lift, cam_speed).metrics(lift)
-    except MotionRefused:
-        return dict.fromkeys(QUANTITIES, np.nan)  # ranks as the worst, so that the verdict judges it
-    return {name: figures.worst(name) for name in QUANTITIES}
+    """Worst figures of the settled motion at each speed [r/min]: metric name -> value, NaN where it is refused."""
+    settled = many([build_train(scene)], [lift], [scene.cam_speed(s) for s in speeds_rpm])
+    worst = {name: settled.worst(name)[0, 0] for name in QUANTITIES}
+    return [{name: float(values[i]) for name, values in worst.items()} for i in range(len(speeds_rpm))]
 
 
 class SpeedCache:
-    """The metrics of one cam at the speeds computed so far by one method; no speed is computed twice.
+    """The metrics of one cam at the speeds computed so far by `many`, of event-exact; no speed is computed twice.
 
     The same speeds serve the band, its refinement and the search for the starts of jump and bounce: a peak that one of
     them finds is used by all.
     """
 
-    def __init__(
-        self,
-        prepare: AtSpeed,
-        scene: Scene,
-        lift: Lift,
-        workers: int = 2,
-        method: str = "event",
-        many: SettledMany | None = None,
-    ):
+    def __init__(self, many: SettledMany, scene: Scene, lift: Lift):
         assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
-        self.ends, self.method = scene.operation.band_rpm, method
+        self.ends = scene.operation.band_rpm
         self.metrics: dict[float, dict[str, float]] = {}
-        self._compute = lambda speeds: at_speeds(prepare, scene, lift, speeds, workers, many)
+        self._compute = partial(at_speeds, many, scene, lift)
 
     def __call__(self, speeds_rpm: Iterable[float]) -> list[dict[str, float]]:
         """Metrics at these speeds [r/min]."""
@@ -167,7 +124,7 @@ class SpeedCache:
         low, high = self.ends
         speeds = [s for s in sorted(self.metrics) if low <= s <= high]
         figures = {name: np.array([self.metrics[s][name] for s in speeds]) for name in QUANTITIES}
-        return Band(low, high, step_rpm, np.array(speeds), figures, (self.method,) * len(speeds))
+        return Band(low, high, step_rpm, np.array(speeds), figures, ("event",) * len(speeds))
 
 
 def sweep(

@@ -37,16 +37,16 @@ class Response:
 
     def seat_separation(self) -> np.ndarray:
         """Signed distance s of the valve from where its seat touches [m], shape (k); positive is open."""
-        return -self._margin(self.train.seat)
+        return self.gap(self.train.seat)
 
     def separation(self, element: int) -> np.ndarray:
         """Separation of a contact [m], shape (k): zero while it touches."""
-        return np.maximum(0.0, -self._margin(element))
+        return np.maximum(0.0, self.gap(element))
 
-    def _margin(self, e: int) -> np.ndarray:
-        """Compression beyond the touch [m], shape (k)."""
+    def gap(self, e: int) -> np.ndarray:
+        """Signed separation of a contact from where it touches [m], shape (k): negative where it is compressed."""
         t = self.train
-        return self.x @ t.incidence[e] + t.cam_driven[e] * self.lift - t.gap[e] - t.touch_compression[e]
+        return -(self.x @ t.incidence[e] + t.cam_driven[e] * self.lift - t.gap[e] - t.touch_compression[e])
 
 
 Revolve = Callable[[np.ndarray], Response]

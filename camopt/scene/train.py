@@ -73,10 +73,8 @@ class Train:
     @cached_property
     def incidence(self) -> np.ndarray:
         """Derivative of every compression by the positions, shape (e, n)."""
-        rows, every = np.zeros((len(self.a), len(self.mass) + 1)), np.arange(len(self.a))  # the last column: the ground
-        rows[every, self.a] += 1.0
-        rows[every, self.b] -= 1.0
-        return rows[:, :-1]
+        ends = np.eye(len(self.mass) + 1)[:, :-1]  # the last row, which the index -1 reads: the ground
+        return ends[self.a] - ends[self.b]
 
     @property
     def straight(self) -> bool:

@@ -13,6 +13,7 @@ import os
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from math import prod
 from typing import Any
 
 import jax
@@ -22,7 +23,7 @@ from jax.custom_derivatives import SymbolicZero
 
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.metrics import METRICS
-from camopt.exact.adjoint.motion import Samples, SamplesWithMemory, TracedMotion, metric_numbers
+from camopt.exact.adjoint.motion import Samples, TracedMotion, metric_numbers
 from camopt.scene.errors import InputError
 from camopt.scene.response import Response
 from camopt.scene.shapes import Float
@@ -60,52 +61,40 @@ def exact_metrics(
     """
     motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, spacing)
     metric_numbers(train, metrics)
-    asked = _AskedMetrics(motion, tuple(metrics), revolution)
     rows = np.zeros(len(metrics))
+
+    def found(given: Arrays) -> np.ndarray:
+        traced = motion.trace(given, ())
+        return np.full_like(rows, np.nan) if traced is None else traced.values(metrics, revolution)
+
+    def with_slopes(given: Arrays, names: tuple[str, ...]) -> tuple[np.ndarray, Arrays]:
+        traced = motion.trace(given, names)
+        if traced is None:
+            return np.full_like(rows, np.nan), {n: np.full((len(rows), *given[n].shape), np.nan) for n in names}
+        values, swept = traced.swept(metrics, revolution)
+        moving = values[:, 0] * of_velocity(metrics)
+        by_window = traced.by_half_duration(metrics, revolution) if "half_duration" in names else None
+        slopes = motion.by_names(names, given, traced, swept, moving, by_window)
+        for slope in slopes.values():
+            slope[np.isnan(values[:, 0])] = np.nan
+        return values[:, 0], slopes
 
     @jax.custom_vjp
     def values(variables):
-        return host_call(asked.values, rows, variables)
+        return host_call(found, rows, variables)
 
     def forward(variables):
         given, names = _perturbed(variables)
         slopes = {name: np.zeros((len(rows), *given[name].shape)) for name in names}
-        return host_call(lambda g: asked.values_and_slopes(g, names), (rows, slopes), given)
+        return host_call(lambda g: with_slopes(g, names), (rows, slopes), given)
 
     def backward(slopes, bar):
         zero = isinstance(bar, SymbolicZero)
-        found = {} if zero else {name: weighted(bar, slope) for name, slope in slopes.items()}
-        return ({name: found.get(name) for name in variables},)
+        weighed = {} if zero else {name: weighted(bar, slope) for name, slope in slopes.items()}
+        return ({name: weighed.get(name) for name in variables},)
 
     values.defvjp(forward, backward, symbolic_zeros=True)
     return values(variables)
-
-
-@dataclass(frozen=True)
-class _AskedMetrics:
-    """Metrics of one revolution of a varying motion, and their slopes; NaN where the motion cannot be followed."""
-
-    motion: Varying
-    metrics: tuple[str, ...]
-    revolution: int
-
-    def values(self, given: Arrays) -> np.ndarray:
-        """The l values at the given numbers."""
-        traced = self.motion.trace(given, ())
-        return np.full(len(self.metrics), np.nan) if traced is None else traced.values(self.metrics, self.revolution)
-
-    def values_and_slopes(self, given: Arrays, names: tuple[str, ...]) -> tuple[np.ndarray, Arrays]:
-        """The l values, and by name their slopes (l, ...) by the given numbers."""
-        traced, count = self.motion.trace(given, names), len(self.metrics)
-        if traced is None:
-            return np.full(count, np.nan), {n: np.full((count, *given[n].shape), np.nan) for n in names}
-        found, swept = traced.swept(self.metrics, self.revolution)
-        moving = found[:, 0] * of_velocity(self.metrics)
-        by_window = traced.by_half_duration(self.metrics, self.revolution) if "half_duration" in names else None
-        slopes = self.motion.by_names(names, given, traced, swept, moving, by_window)
-        for slope in slopes.values():
-            slope[np.isnan(found[:, 0])] = np.nan
-        return found[:, 0], slopes
 
 
 def differentiable_motion(
@@ -145,7 +134,7 @@ def differentiable_motion(
 
     moved.defvjp(forward, backward, symbolic_zeros=True)
     found, values = moved(variables)
-    record = {name: found[name] for name in ("lift", "x", "v", "force", "memory") if name in found}
+    record = {name: found[name] for name in ("lift", "x", "v", "force", "memory")}
     response = Response(train, cam_speed, angle, **record)
     return response, dict(zip(names, values, strict=True))
 
@@ -163,14 +152,8 @@ class _Recorded:
     def shape(self):
         """A tree of zeros like a record."""
         n, e, r = len(self.motion.train.mass), len(self.motion.train.a), len(self.motion.train.memory)
-        samples = self._samples(*(np.zeros((len(self.angle), *shape)) for shape in ((n,), (n,), (), (), (e,), (r,))))
+        samples = Samples(*(np.zeros((len(self.angle), *shape)) for shape in ((n,), (n,), (), (), (e,), (r,))))
         return vars(samples), np.zeros((len(self.metrics), self.measured))
-
-    def _samples(self, x, v, lift, lift_rate, force, memory=None) -> Samples:
-        """Samples with or without memories, as the train has them."""
-        if self.motion.train.memory and memory is not None:
-            return SamplesWithMemory(x, v, lift, lift_rate, force, memory)
-        return Samples(x, v, lift, lift_rate, force)
 
     def record(self, given: Arrays):
         """The samples by name, and the metrics (l, measured); NaN where the motion cannot be followed."""
@@ -197,11 +180,8 @@ class _Recorded:
         if any(np.any(bar) for bar in by_samples.values()):
             found = vars(traced.at(self.angle))
             moving = sum(float(np.sum(by_samples[k] * found[k])) for k in ("v", "lift_rate"))
-            yield (
-                traced.pull_back(self.angle, self._samples(**{k: bar[None] for k, bar in by_samples.items()})),
-                moving,
-                0.0,
-            )
+            weights = Samples(**{name: bar[None] for name, bar in by_samples.items()})
+            yield traced.pull_back(self.angle, weights), moving, 0.0
         speeds = of_velocity(self.metrics)
         for r in range(self.measured):
             bar = by_metrics[:, r]
@@ -236,12 +216,12 @@ def host_call(function: Callable, result: Any, *args: Any) -> Any:
         leaves, tree = jax.tree.flatten(args)
         arrays = [np.array(leaf, dtype=float) for leaf in leaves]  # writable: compiled for such
         batch = arrays[0].shape[: arrays[0].ndim - ranks[0]]
-        rows = [a.reshape(-1, *a.shape[len(batch) :]) for a in arrays]
+        count = prod(batch)
+        rows = [a.reshape(count, *a.shape[len(batch) :]) for a in arrays]
 
         def one(i: int):
             return function(*jax.tree.unflatten(tree, [row[i] for row in rows]))
 
-        count = len(rows[0])
         if count == 1:
             found = [one(0)]
         else:

@@ -46,7 +46,7 @@ class ElasticLaws(eqx.Module):
             pressed = preload[h] > 0
             shift = law.depth(jnp.where(pressed, preload[h], 1.0))
             touch = touch.at[h].set(jnp.where(pressed, -shift, 0.0))
-        for e in self._progressive():
+        for e in self._of(PROGRESSIVE):
             touch = touch.at[e].set(_compression(self.table[e], -preload[e]))
         for e in self._of(TABLE):
             touch = touch.at[e].set(_zero_of_lines(self.table[e]))
@@ -59,12 +59,12 @@ class ElasticLaws(eqx.Module):
             pressed = u[h] > 0.0  # apart, a power's second slope, which rates of forces take, is no number
             force = force.at[h].set(jnp.where(pressed, law.elastic(jnp.where(pressed, u[h], 1.0)), 0.0))
         force = force.at[np.array(self.memory, dtype=int)].set(0.0)
-        if not self._progressive() and not self._of(TABLE):
+        if not self._of(PROGRESSIVE) and not self._of(TABLE):
             return force
         d = u + self.touch(stiffness, preload)
         for e in self._of(TABLE):
             force = force.at[e].set(_on_lines(self.table[e], d[e], layer))
-        for e in self._progressive():
+        for e in self._of(PROGRESSIVE):
             zero = jnp.zeros((), u.dtype)
             force = force.at[e].set(preload[e] + _integral(self.table[e], d[e]) - _integral(self.table[e], zero))
         return force
@@ -113,9 +113,6 @@ class ElasticLaws(eqx.Module):
         for kind in sorted(set(self.kind) & set(OF_CONTACTS)):
             h = np.array(self._of(kind))
             yield h, OF_CONTACTS[kind](stiffness[h], np.array(self.exponent, stiffness.dtype)[h])
-
-    def _progressive(self) -> list[int]:
-        return self._of(PROGRESSIVE)
 
     def _of(self, law: int) -> list[int]:
         return [e for e, kind in enumerate(self.kind) if kind == law]

@@ -6,8 +6,6 @@ derivative of one side: at a tie of samples that of the first, at a tie of conta
 and bounce with zero), half of each.
 """
 
-from typing import NamedTuple
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -24,15 +22,6 @@ from camopt.smooth.interpolation import (
     time_to_fall,
 )
 from camopt.smooth.system import Array, System, SystemState
-
-
-class Closing(NamedTuple):
-    """How the valve came down in one revolution."""
-
-    opened: jax.Array  # bool: the valve left its seat
-    touches: jax.Array  # bool
-    angle: jax.Array  # rad, of the touch
-    velocity: jax.Array  # m/s, negative: closing
 
 
 def margins(system: System, motion: SystemState) -> Float[Array, "k e"]:
@@ -65,8 +54,10 @@ def valve_acceleration(system: System, motion: SystemState) -> Float[Array, " k"
     return (load - drag - on_valve) / system.mass[valve]
 
 
-def closing(system: System, motion: SystemState, cam_speed, revolution: int, layer: jax.Array | float = 0.0) -> Closing:
-    """The touch: first angle after the revolution's greatest valve lift at which the seat pushes.
+def closing(system: System, motion: SystemState, cam_speed, revolution: int, layer: jax.Array | float = 0.0) -> tuple:
+    """Whether the valve left its seat, whether the seat pushes again, and angle [rad] and velocity [m/s] of the touch.
+
+    The touch is the first angle after the revolution's greatest valve lift at which the seat pushes.
 
     `layer` [m] is the distance s where the seat starts to push: half of eps for the compact ramp, 0 without smoothing.
     """
@@ -79,7 +70,7 @@ def closing(system: System, motion: SystemState, cam_speed, revolution: int, lay
     acceleration = valve_acceleration(system, motion)[j]  # the motion before the touch, not through it
     t = time_to_fall((s[j], v[j], 0.5 * acceleration), layer, (motion.angle[i] - motion.angle[j]) / cam_speed)
     opened = ~(s[top] <= layer)  # a motion that is NaN has no value; it did not stay shut
-    return Closing(opened, jnp.any(pushes), motion.angle[j] + t * cam_speed, v[j] + t * acceleration)
+    return opened, jnp.any(pushes), motion.angle[j] + t * cam_speed, v[j] + t * acceleration
 
 
 def in_revolution(angle, revolution: int):
@@ -140,30 +131,30 @@ def closed_metrics(
     The window ends with the record where the record ends first. Without a touch the values are NaN, or 0 where
     the valve never opened; in both cases gradients are zero.
     """
-    touch = closing(system, motion, cam_speed, revolution, layer)
-    shorter = leaked(system, motion, touch.angle, opening_foot, revolution)
+    opened, touches, touch, velocity = closing(system, motion, cam_speed, revolution, layer)
+    shorter = leaked(system, motion, touch, opening_foot, revolution)
     nominal = nominal_closing(system, motion, revolution, shorter)
     s, v = seat_distance(system, motion)
     end = 2 * jnp.pi * (revolution + 1) + opening_foot
-    before_end, begin = motion.angle <= end, jnp.minimum(touch.angle, nominal)
+    before_end, begin = motion.angle <= end, jnp.minimum(touch, nominal)
     window = (motion.angle >= begin) & before_end
-    hop = jnp.where(nominal < touch.angle, at_angle(motion.angle, s, nominal, v / cam_speed), 0.0)
+    hop = jnp.where(nominal < touch, at_angle(motion.angle, s, nominal, v / cam_speed), 0.0)
     crest = greatest(motion.angle, s, v / cam_speed, (begin, end))
     highest = jnp.maximum(jnp.maximum(0.0, hop), crest)
     bounce = jnp.where(highest > layer, highest, 0.0)  # a valve in the layer has not left its seat
-    after = (motion.angle >= touch.angle) & before_end
+    after = (motion.angle >= touch) & before_end
     _, square = step_integral(motion.angle, s, v / cam_speed, after[1:] & after[:-1])
     falls = (s[:-1] > layer) & (s[1:] <= layer) & window[1:]
     share = (s[:-1] - layer) / jnp.where(falls, s[:-1] - s[1:], 1.0)
     impact = jnp.max(jnp.where(falls, -(v[:-1] + share * jnp.diff(v)), 0.0))
     values = {
         "bounce_mm": bounce / MM,
-        "seating_velocity_m_per_s": jnp.abs(touch.velocity),
-        "impact_velocity_m_per_s": jnp.maximum(impact, jnp.abs(touch.velocity)),
+        "seating_velocity_m_per_s": jnp.abs(velocity),
+        "impact_velocity_m_per_s": jnp.maximum(impact, jnp.abs(velocity)),
         "closed_integral_m2_rad": square,
     }
-    null = jnp.where(touch.opened, jnp.nan, 0.0)
-    return {name: jnp.where(touch.opened & touch.touches, value, null) for name, value in values.items()}
+    null = jnp.where(opened, jnp.nan, 0.0)
+    return {name: jnp.where(opened & touches, value, null) for name, value in values.items()}
 
 
 def revolution_metrics(

@@ -5,8 +5,6 @@ rest is found as the minimum of the elastic energy, which is convex, by Newton's
 it overshoots; the NumPy side does the same for nonlinear laws.
 """
 
-from typing import NamedTuple
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -25,14 +23,6 @@ rounding."""
 GROUNDING = 1e-12
 """Stiffness to ground that a Newton step adds, relative to the train's largest stiffness: with it, a step can cross
 contacts that are open."""
-
-
-class RestSearch(NamedTuple):
-    """Where the search for rest stands."""
-
-    x: Float[Array, " n"]  # m
-    unbalanced: Float[Array, " n"]  # N
-    steps: jax.Array
 
 
 def balance(system: System, x: Float[Array, " n"]) -> tuple[Float[Array, " n"], Float[Array, "n n"]]:
@@ -64,26 +54,28 @@ def rest_positions(system: System) -> Float[Array, " n"]:
     largest = jnp.maximum(jnp.max(jnp.abs(frozen.preload)), jnp.max(jnp.abs(frozen.mass_force)))
     slack = max(SLACK, 100 * float(jnp.finfo(frozen.mass.dtype).eps)) * jnp.maximum(largest, 1.0)
 
-    def more(at: RestSearch):
-        return (jnp.max(jnp.abs(at.unbalanced)) > slack) & (at.steps < MOST_CONTACT_SETS)
+    def more(search):
+        _, unbalanced, steps = search
+        return (jnp.max(jnp.abs(unbalanced)) > slack) & (steps < MOST_CONTACT_SETS)
 
-    def improve(at: RestSearch) -> RestSearch:
-        step = newton_step(balance(frozen, at.x)[1], at.unbalanced, ground)
-        gain = jnp.abs(at.unbalanced @ step)
+    def improve(search):
+        x, unbalanced, steps = search
+        step = newton_step(balance(frozen, x)[1], unbalanced, ground)
+        gain = jnp.abs(unbalanced @ step)
 
         def overshoots(halving):
             share, count = halving
-            return (balance(frozen, at.x + share * step)[0] @ step < -0.1 * gain) & (count < MOST_HALVINGS)
+            return (balance(frozen, x + share * step)[0] @ step < -0.1 * gain) & (count < MOST_HALVINGS)
 
         share, _ = jax.lax.while_loop(overshoots, lambda h: (0.5 * h[0], h[1] + 1), (jnp.ones_like(gain), 0))
-        x = at.x + share * step
-        return RestSearch(x, balance(frozen, x)[0], at.steps + 1)
+        x = x + share * step
+        return x, balance(frozen, x)[0], steps + 1
 
     x = jnp.zeros_like(frozen.mass)
-    found = jax.lax.while_loop(more, improve, RestSearch(x, balance(frozen, x)[0], jnp.asarray(0)))
-    stiffness = jax.lax.stop_gradient(balance(frozen, found.x)[1])
-    x = found.x + newton_step(stiffness, balance(system, found.x)[0], 0.0)
-    return jnp.where(jnp.max(jnp.abs(found.unbalanced)) <= slack, x, jnp.nan)
+    x, unbalanced, _ = jax.lax.while_loop(more, improve, (x, balance(frozen, x)[0], jnp.asarray(0)))
+    stiffness = jax.lax.stop_gradient(balance(frozen, x)[1])
+    rest = x + newton_step(stiffness, balance(system, x)[0], 0.0)
+    return jnp.where(jnp.max(jnp.abs(unbalanced)) <= slack, rest, jnp.nan)
 
 
 def rest_of(system: System) -> Float[Array, "2 n"]:

@@ -13,8 +13,8 @@ from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
 from camopt.smooth.contact import RAMPS, Layer
 from camopt.smooth.grid import equal_grid, refined_grid
-from camopt.smooth.scan import DrivenSystem, forces_at, integrate, integrate_stages, lift_at, stage_angles
-from camopt.smooth.system import System, SystemState, build_system, stacked
+from camopt.smooth.scan import DrivenSystem, forces_at, integrate, lift_at
+from camopt.smooth.system import SystemState, build_system, stacked
 
 EPS = 2e-9
 """Default width of the contact's layer [m]. A width of 1e-7 makes gradients of bouncing motions of `kodama` wrong by up
@@ -30,9 +30,6 @@ STEPS = 5120
 MOST_GRID_STEPS = 2**17
 """A motion that needs more steps per revolution than this is refused."""
 LIFT_SAMPLES = 2880
-BATCH_EPS = 1e-6
-"""Width of the contact's layer [m] that some two thousand equal steps follow within 1e-3 mm; see
-`experiments.gradient_batch` for what it does to the gradients."""
 
 
 def lift_samples(lift: Lift, steps: int = LIFT_SAMPLES) -> np.ndarray:
@@ -79,37 +76,6 @@ def response_arrays(
     turns = 2 * jnp.pi * jnp.arange(revolutions, dtype=y0.dtype)[:, None]
     motion = motion._replace(angle=motion.angle + turns)
     return jax.tree.map(lambda q: q.reshape(-1, *q.shape[2:]), motion)
-
-
-def stage_lifts(lift: Lift, steps: int) -> np.ndarray:
-    """Lift [m] and its angle derivative [m/rad] at the stages of `steps` equal steps from -pi: (2, steps, 6).
-
-    They are linear in the lift: those of L0 + sum_j z_j B_j are those of L0 plus the sum of z_j times those of B_j.
-    """
-    theta = np.asarray(stage_angles(jnp.asarray(equal_grid(steps))))
-    return np.stack([lift(theta), lift(theta, 1)])
-
-
-def batch_motion(system: System, stages, cam_speed, y0, eps=BATCH_EPS) -> SystemState:
-    """One revolution from the states y0 (2, n) or (2, n, b) of b motions, as a `SystemState` with the
-    batch first, (b, k, ...).
-
-    `stages` (2, steps, 6, b) holds what `stage_lifts` gives for every cam; `cam_speed` (b) is in rad/s. The motion is
-    differentiable in every array and has the precision of `stages`. One program is compiled per topology and shapes.
-    """
-    steps, width, layer = stages.shape[1], stages.shape[3], Layer(eps)
-    angle = jnp.asarray(equal_grid(steps), stages.dtype)
-    speed = jnp.reshape(cam_speed, (1, 1, width))
-    h = jnp.diff(angle)[:, None, None, None] / speed[None]
-    start = y0 if y0.ndim == 3 else jnp.broadcast_to(y0[..., None], (*y0.shape, width))
-    push = system.push(stage_angles(angle))
-    states = integrate_stages(system, h, (stages[0], stages[1] * speed, push), start, layer)
-    # a step's first stage stands at its start; lift and lift rate are the same at both ends of a revolution
-    lift, lift_dtheta = jnp.concatenate([stages[:, :, 0], stages[:, :1, 0]], axis=1)
-    force = jax.vmap(lambda y, l, l_dt: system.force(y, l, l_dt, layer))(states, lift, lift_dtheta * speed[0])
-    parts = jax.tree.map(lambda q: jnp.moveaxis(q, -1, 0), (*system.parts(states), force))
-    x, v, memory, force = parts
-    return SystemState(jnp.broadcast_to(angle, (width, steps + 1)), lift.T, x, v, force, memory=memory)
 
 
 STATIC = ("revolutions", "steps", "refine")

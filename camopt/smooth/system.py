@@ -38,11 +38,8 @@ class Topology(NamedTuple):
 
     def incidence(self, masses: int) -> Float[Array, "e n"]:
         """Matrix D with d = D x + cam_driven * lift - gap."""
-        rows = np.zeros((len(self.a), masses + 1))  # the last column is the ground
-        for e, (a, b) in enumerate(zip(self.a, self.b, strict=True)):
-            rows[e, a] += 1.0
-            rows[e, b] -= 1.0
-        return rows[:, :masses]
+        ends = np.eye(masses + 1)[:, :masses]  # the last row, which the index -1 reads: the ground
+        return ends[list(self.a)] - ends[list(self.b)]
 
 
 class SystemState(NamedTuple):

@@ -3,10 +3,9 @@
 import numpy as np
 
 from camopt.cam.contact import Contact
-from camopt.cam.geometry import DURATION_LIFTS_MM, contact, crossing
+from camopt.cam.geometry import DURATION_LIFTS_MM, contact, crossing, sign_changes
 from camopt.cam.hertz import HertzStress, contact_width, film_ratio, hertz_stress
 from camopt.cam.lift import Lift
-from camopt.cam.waves import sign_changes
 from camopt.measure.limits import broken_by_shape, drawing_excess, steps_at
 from camopt.measure.moving_average import moving_average
 from camopt.scene import Scene

@@ -23,7 +23,6 @@ from camopt.verifier.convergence import WANDERING_REVOLUTIONS, Prepare, Toleranc
 from camopt.verifier.methods import INDEPENDENT, verdict_methods
 from camopt.verifier.record import VerificationRecord, accuracy_record, band_record, outside_sentence
 from camopt.verifier.spot_checks import (
-    WORKERS,
     Verdicts,
     at_every,
     can_spot_check,
@@ -223,11 +222,7 @@ def _swept_band(
     limited: the search for the starts may find a worse speed than the sweep.
     """
     many = _settled_metrics() if refined else partial(_settled_metrics(), most=WANDERING_REVOLUTIONS)
-
-    def prepare(train: Train, lift: Lift, cam_speed: float) -> Revolve:
-        return event_exact(train, lift, cam_speed, first_steps(train, cam_speed))
-
-    swept, limited = SpeedCache(prepare, scene, lift, WORKERS, "event", many), limited_metrics(scene.design)
+    swept, limited = SpeedCache(many, scene, lift), limited_metrics(scene.design)
     missed, left_out = resonances(scene, lift, step_rpm)
     sweep(swept, step_rpm, limited if refined else (), missed, coarsely=coarsely)
     limits = {limit.metric: limit.value for limit in motion_limits(scene.design).values()}

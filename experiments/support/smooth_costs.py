@@ -21,12 +21,13 @@ from camopt.smooth.contact import Layer
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import batch_motion, lift_samples, prepare, response_arrays, stage_lifts, touch_layer
+from camopt.smooth.simulate import lift_samples, prepare, response_arrays, touch_layer
 from camopt.smooth.system import SystemState, build_system, stacked
 from camopt.study.measurements import REFERENCE, Measurement, fastest, timed
 from camopt.study.tradeoff.methods import REFERENCE_STEPS, TOLERANCE_OF_EPS, RevolutionCase, valve_lift
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import METHOD_NAMES, rkg
+from experiments.support.smooth_batch import batch_motion, stage_lifts
 
 EQUAL_EPS = (1e-5, 1e-6, 1e-7)
 BATCH_EPS = (1e-6, 1e-7)

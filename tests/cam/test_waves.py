@@ -6,8 +6,8 @@ from pydantic import ValidationError
 
 from camopt import load_scene, multi_pol, polydyne
 from camopt.cam.families.free import free_cam
+from camopt.cam.geometry import sign_changes
 from camopt.cam.lift import Lift
-from camopt.cam.waves import sign_changes
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.bound.limit_terms import left_out

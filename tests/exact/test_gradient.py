@@ -19,7 +19,7 @@ from tests.exact.gradient_problems import by_train, cam_with_bumps, differences,
 CASES = [("polydyne", 6500), ("design", 6000)]
 MORE = [(cam, rpm) for cam in ("polydyne", "design") for rpm in (5000, 6000, 6500)]
 COEFFICIENT_STEPS = 1e-5, 1e-6, 1e-7, 1e-8  # mm/deg^2, beside 0.015
-FLOORS = 1e-5, 1e-2, 1e-5, 1e-2, 10.0
+FLOORS = 1e-5, 1e-2, 1e-5, 1e-2, 10.0, 1e-5
 """Smallest size of positions [m], velocities [m/s], lift, its velocity and forces [N] that samples are weighed by."""
 PARAMETER_STEPS = 10.0 ** np.arange(-2.5, -7.0, -0.5)  # relative
 

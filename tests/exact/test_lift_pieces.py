@@ -5,7 +5,7 @@ import pytest
 from numpy.polynomial import Polynomial
 
 from camopt.cam.lift import Lift
-from camopt.exact.settled.lift_pieces import NODES, WIDEST, WIDTH, LiftKey, _constants, compress_lift
+from camopt.exact.settled.lift_pieces import NODES, WIDEST, WIDTH, _constants, compress_lift
 
 
 def test_the_fit_gives_every_polynomial_of_its_degree_back():
@@ -37,7 +37,7 @@ def test_pieces_become_one_until_no_two_neighbours_fit_into_the_widest(count, ci
     flank = np.stack([height * (4.0 - edges[:-1] ** 2), -2.0 * height * edges[:-1], np.full(count, -height)], axis=1)
     borders = np.concatenate([np.linspace(-np.pi, -2.0, circle + 1)[:-1], edges, [2.5, np.pi]])
     lift = Lift(borders, np.concatenate([np.zeros((circle, 3)), flank, np.zeros((2, 3))]), 2.0)
-    few, coefficients = compress_lift(LiftKey(lift))
+    few, coefficients = compress_lift(lift)
     still = ~np.any(coefficients, axis=1)
     assert still.tolist() == [True, *[False] * (len(still) - 2), True]
     inside = few[1:-1]

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from camopt.exact.affine.lines import chords
+from camopt.exact.affine.lines import CHORD_FORCE, chords
 from camopt.scene.laws import HERTZ
 
 
@@ -11,8 +11,8 @@ from camopt.scene.laws import HERTZ
 def test_chords_of_a_preloaded_point_contact_end_on_its_law(preload):
     """F = k u^m, of which u counts from the touch; pressed in by nothing, the contact has its preload."""
     stiffness, m = 2.0e9, 1.5
-    d, force = chords(HERTZ, stiffness, preload, m, np.empty((0, 2)), 8, 3000.0).T
+    d, force = chords(HERTZ, stiffness, preload, m, np.empty((0, 2)), 8).T
     touch = np.interp(0.0, force, d)
     assert force == pytest.approx(stiffness * np.maximum(d - touch, 0.0) ** m, rel=1e-12, abs=1e-9)
     assert stiffness * max(0.0, -touch) ** m == pytest.approx(preload, rel=1e-12)
-    assert (force[0], force[8]) == (0.0, pytest.approx(3000.0)) and force[-1] >= 20 * 3000.0
+    assert (force[0], force[8]) == (0.0, pytest.approx(CHORD_FORCE)) and force[-1] >= 20 * CHORD_FORCE

@@ -9,8 +9,8 @@ import pytest
 
 from camopt.cam.families.exponent import exponent
 from camopt.exact import prepare, settled_metrics
-from camopt.exact.adjoint.gradient import periodic_value_and_gradient, value_and_gradient
-from camopt.exact.adjoint.motion import SamplesWithMemory, TracedMotion
+from camopt.exact.adjoint.gradient import value_and_gradient
+from camopt.exact.adjoint.motion import Samples, TracedMotion
 from camopt.measure.metrics import measure
 from camopt.scene import build_train, parse_scene
 from camopt.scene.response import end_state, joined
@@ -150,7 +150,7 @@ def test_by_the_cam_and_by_samples():
     at = motion.at(angles)
     parts = {name: np.random.default_rng(1).normal(size=(1, *np.shape(part))) for name, part in vars(at).items()}
     scale = {"v": 1e-3, "lift_rate": 1e-3, "force": 1e-6}
-    bars = SamplesWithMemory(**{name: part * scale.get(name, 1.0) for name, part in parts.items()})
+    bars = Samples(**{name: part * scale.get(name, 1.0) for name, part in parts.items()})
     slopes = motion.pull_back(angles, bars)
     change = np.random.default_rng(2).normal(size=lift.coefficients.shape) * np.abs(lift.coefficients)
 
@@ -168,7 +168,7 @@ def test_a_periodic_motion_carries_its_memories():
     train, lift = real()
     speed, state = SCENE.cam_speed(SLOW), state_at_rest(train)
     for _ in range(8):
-        _, jacobian = periodic_value_and_gradient(train, lift, speed, METRICS[-1:], state)
+        jacobian = TracedMotion(train, lift, speed, state).pull_back(ends=np.eye(len(state))).by_start
         after = prepare(train, lift, speed).advance(state)
         state = state + np.linalg.lstsq(np.eye(len(state)) - jacobian, after - state, rcond=1e-9)[0]
     assert np.abs(prepare(train, lift, speed).advance(state) - state).max() < 1e-9

@@ -11,7 +11,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.exact import prepare
 from camopt.exact.settled import ERRORS, settled_metrics
-from camopt.exact.settled.lift_pieces import LIFT_ERROR, SLOPE_ERROR, LiftKey, compress_lift
+from camopt.exact.settled.lift_pieces import LIFT_ERROR, SLOPE_ERROR, compress_lift
 from camopt.measure.settling import settled_from_rest
 from camopt.scene import build_train, load_scene
 from camopt.scene.errors import InputError
@@ -117,7 +117,7 @@ def ground(lift: Lift, pieces: int = 400) -> Lift:
 @pytest.mark.parametrize("of", [lambda lift: lift, ground], ids=["polydyne", "ground"])
 def test_few_pieces_follow_the_lift(of):
     lift = of(polydyne(load_scene("kodama")))
-    borders, coefficients = compress_lift(LiftKey(lift))
+    borders, coefficients = compress_lift(lift)
     few = replace(lift, borders=borders, coefficients=coefficients)
     angles = np.linspace(-np.pi, np.pi, 30_001)
     assert np.abs(few(angles) - lift(angles)).max() < 2 * LIFT_ERROR

@@ -6,7 +6,7 @@ import tomli_w
 
 import camopt
 from camopt.cam.read import read_cam
-from camopt.exact import prepare
+from camopt.exact import settled_metrics
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import broken_by_shape
 from camopt.measure.sweep import at_speeds
@@ -97,7 +97,8 @@ def test_a_scaled_train_moves_as_before_in_its_own_scale(name):
     for scene in (before, grown):
         cam = read_cam("multi-pol", scene)
         assert cam.area_ratio_in(scene.design) == pytest.approx(0.6, abs=0.1)
-        figures.append(at_speeds(prepare, scene, read_cam("polydyne", scene), scene.operation.speeds_rpm[:1])[0])
+        polydyne, speeds = read_cam("polydyne", scene), scene.operation.speeds_rpm[:1]
+        figures += at_speeds(settled_metrics, scene, polydyne, speeds)
     speed = grown.operation.speeds_rpm[0] / before.operation.speeds_rpm[0]
     for key, factor in (("jump_mm", length), ("bounce_mm", length), ("seating_velocity_m_per_s", length * speed)):
         assert figures[1][key] == pytest.approx(factor * figures[0][key], rel=1e-3, abs=1e-4 * factor)

@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.polydyne import polydyne
-from camopt.exact import engine
+from camopt.exact import settled_metrics
 from camopt.measure import sweep as module
 from camopt.measure.resonance import Resonance
 from camopt.measure.sweep import SpeedCache, first_exceeding, sweep
 from camopt.scene import QUANTITIES, load_scene
-from camopt.scene.units import RPM
 
 SCENE = load_scene("kodama")
 
@@ -19,11 +18,10 @@ def known(monkeypatch):
     """Figures as functions of the crankshaft speed; returns the table to fill."""
     table = {}
 
-    def figures(prepare, train, lift, cam_speed):
-        rpm = cam_speed / RPM / 0.5
-        return {name: table.get(name, lambda _: 1.0)(rpm) for name in QUANTITIES}
+    def figures(many, scene, lift, speeds_rpm):
+        return [{name: table.get(name, lambda _: 1.0)(rpm) for name in QUANTITIES} for rpm in speeds_rpm]
 
-    monkeypatch.setattr(module, "_figures", figures)
+    monkeypatch.setattr(module, "at_speeds", figures)
     return table
 
 
@@ -85,12 +83,12 @@ def test_the_search_for_starts_and_the_band_know_the_same_speeds(known):
     assert 6418 < sweep(swept, 100.0).worst("bounce_mm")[0] < 6424
 
 
-def test_threads_deal_every_speed_to_its_place():
+def test_every_speed_has_its_own_figures_at_its_place():
     lift = polydyne(SCENE)
     speeds = [5000.0, 5200.0, 5100.0]
-    together = module.at_speeds(engine.prepare, SCENE, lift, speeds, workers=2)
+    together = module.at_speeds(settled_metrics, SCENE, lift, speeds)
     for speed, row in zip(speeds, together, strict=True):
-        assert module.at_speeds(engine.prepare, SCENE, lift, [speed], workers=1) == [row]
+        assert module.at_speeds(settled_metrics, SCENE, lift, [speed]) == [row]
     assert together[0]["seating_velocity_m_per_s"] != together[1]["seating_velocity_m_per_s"]
 
 

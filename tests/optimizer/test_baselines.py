@@ -10,10 +10,10 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.families.registry import FAMILIES
 from camopt.exact import prepare
 from camopt.measure.limits import broken_by_shape, shape_excess
-from camopt.measure.sweep import at_speeds
+from camopt.measure.settling import settled_from_rest
 from camopt.optimizer.baselines import largest_member as baselines
 from camopt.optimizer.baselines.largest_member import MemberMotion, family_space, largest_area_member
-from camopt.scene import InputError, load_scene
+from camopt.scene import InputError, build_train, load_scene
 from camopt.scene.units import MM, MM_PER_DEG2
 
 KODAMA = load_scene("kodama")
@@ -84,9 +84,10 @@ class TestSearch:
         found = largest_area_member(KODAMA, "trapezoid", bounce_max_mm=0.03, **slow)
         assert found.holds
         assert broken_by_shape(found.lift, FREED) == []
-        rows = at_speeds(prepare, KODAMA, found.lift, SLOW)
-        assert max(row["bounce_mm"] for row in rows) == pytest.approx(found.figures["bounce_mm"], abs=1e-9)
-        assert max(row["jump_mm"] for row in rows) == pytest.approx(found.figures["jump_mm"], abs=1e-9)
+        train, lift = build_train(KODAMA), found.lift
+        slowly = [settled_from_rest(prepare, train, lift, KODAMA.cam_speed(s)).metrics(lift) for s in SLOW]
+        for name in ("bounce_mm", "jump_mm"):
+            assert max(one.worst(name) for one in slowly) == pytest.approx(found.figures[name], abs=1e-9)
         assert found.figures["bounce_mm"] <= 0.03
         free = largest_area_member(KODAMA, "trapezoid", **slow)
         assert free.holds

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.families.registry import FAMILIES
 from camopt.cam.read import read_cam
-from camopt.exact import prepare
+from camopt.exact import settled_metrics
 from camopt.measure.limits import broken_by_shape, steepest_jerk, steps_at
 from camopt.measure.sweep import at_speeds
 from camopt.optimizer.accuracy import ACCURACIES
@@ -208,7 +208,7 @@ def test_without_a_band_the_figure_refines_its_own_curve(narrow):
     assert drawn.starts_rpm is None and not drawn.worst
     inside = np.where(drawn.speed_rpm <= 6900.0, drawn.jump_mm, 0.0)
     largest = drawn.speed_rpm[np.argmax(inside)]
-    near = at_speeds(prepare, narrow, lift, np.clip(largest + np.array([-2.0, 2.0]), 6600.0, 6900.0))
+    near = at_speeds(settled_metrics, narrow, lift, np.clip(largest + np.array([-2.0, 2.0]), 6600.0, 6900.0))
     assert max(row["jump_mm"] for row in near) < 1.02 * inside.max()  # no higher peak beside the drawn one
 
 

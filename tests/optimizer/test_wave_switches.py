@@ -8,7 +8,7 @@ import pytest
 
 from camopt.cam.families.free import free_cam
 from camopt.cam.families.shape_rows import cells
-from camopt.cam.waves import sign_changes
+from camopt.cam.geometry import sign_changes
 from camopt.highs import Infeasible
 from camopt.optimizer.program.kinematic import first_working, kinematic_optimum, spline_rows
 from camopt.optimizer.program.linear_program import least_relaxation

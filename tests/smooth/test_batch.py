@@ -13,8 +13,9 @@ from camopt.smooth.contact import Layer
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import batch_motion, compiled_response, lift_samples, stage_lifts, touch_layer
+from camopt.smooth.simulate import compiled_response, lift_samples, touch_layer
 from camopt.smooth.system import build_system
+from experiments.support.smooth_batch import batch_motion, stage_lifts
 from tests.smooth.trains import motori
 
 SCENE, TRAIN, LIFT = motori()

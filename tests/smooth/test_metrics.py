@@ -76,8 +76,8 @@ def test_the_touch_shifts_with_the_valve():
 
     def touch(height):
         raised = coarse._replace(x=coarse.x.at[last, valve].add(height))
-        found = closing(system, raised, speed, 0)
-        return jnp.stack([found.angle / speed, found.velocity])
+        _, _, angle, velocity = closing(system, raised, speed, 0)
+        return jnp.stack([angle / speed, velocity])
 
     (angle, velocity), slope = np.asarray(touch(0.0)), np.asarray(jax.jacfwd(touch)(0.0))
     assert angle * speed == pytest.approx(response.angle[touch_sample], abs=1e-6)

@@ -18,7 +18,7 @@ from camopt.scene.train import build_train
 from camopt.smooth.contact import Layer
 from camopt.smooth.low_storage import IMAGINARY_LIMIT, LowStorage
 from camopt.smooth.rest import rest_state
-from camopt.smooth.simulate import batch_motion, lift_samples, stage_lifts
+from camopt.smooth.simulate import lift_samples
 from camopt.smooth.tied import (
     LARGEST_PHASE,
     STEPS,
@@ -27,6 +27,7 @@ from camopt.smooth.tied import (
     tied_paths,
     tied_system,
 )
+from experiments.support.smooth_batch import batch_motion, stage_lifts
 
 HALF = np.deg2rad(72.0)
 

@@ -38,13 +38,13 @@ def test_imports_point_down(path):
 
 
 def test_every_method_has_a_file_and_every_file_a_method():
-    files = {f"camopt.verifier.methods.{p.stem}" for p in METHODS.glob("*.py")} - {"camopt.verifier.methods.__init__"}
-    assert files == set(INDEPENDENT.values())
+    files = {p.stem for p in METHODS.rglob("*.py") if not p.stem.startswith("of_")} - {"__init__"}
+    assert {f"camopt.verifier.methods.{name}" for name in files} == set(INDEPENDENT.values())
 
 
 def files_of(method: str) -> list[Path]:
-    """The file of a method, and those of a folder of its own, which is named for it."""
-    return [METHODS / f"{method}.py", *(METHODS / f"of_{method}").glob("*.py")]
+    """The file of a method, and the one beside it that is named for it."""
+    return [METHODS / f"{method}.py", *METHODS.glob(f"of_{method}.py")]
 
 
 @pytest.mark.parametrize("method", INDEPENDENT)
@@ -59,8 +59,8 @@ def test_methods_share_only_train_lift_and_response(method):
     assert ours <= shared | data | refusals | compilation
 
 
-def test_every_folder_beside_the_methods_belongs_to_one():
-    assert {p.parent.name for p in METHODS.glob("*/*.py")} <= {f"of_{method}" for method in INDEPENDENT}
+def test_every_file_beside_the_methods_belongs_to_one():
+    assert {p.stem for p in METHODS.glob("of_*.py")} <= {f"of_{method}" for method in INDEPENDENT}
 
 
 def test_the_reader_of_imports_sees_them():

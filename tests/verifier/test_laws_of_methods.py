@@ -6,8 +6,7 @@ import pytest
 from camopt.scene import InputError
 from camopt.scene.laws import HERTZ, PROGRESSIVE
 from camopt.scene.train import GROUND
-from camopt.verifier.methods.of_houbolt.elements import _of_table
-from camopt.verifier.methods.of_houbolt.sets import PieceSets
+from camopt.verifier.methods.of_houbolt import PieceSets, _of_table
 from camopt.verifier.methods.rkg import _elastic, _work
 from tests.verifier.trains import train
 

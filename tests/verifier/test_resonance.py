@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.polydyne import polydyne
-from camopt.exact import engine
+from camopt.exact import engine, settled_metrics
 from camopt.measure.resonance import _pairs, resonances
 from camopt.measure.settling import decay_per_revolution, settle, settled_from_rest
 from camopt.measure.sweep import at_speeds
@@ -48,7 +48,7 @@ def test_the_response_is_largest_where_the_resonance_is_said_to_be():
     lift = polydyne(scene)
     (one,), _ = resonances(scene, lift, 20.0)
     speeds = one.speed_rpm + one.half_width_rpm * np.array([-3.0, -2.0, -1.0, -0.5, 0.0, 0.5, 1.0, 2.0, 3.0])
-    lowest = [row["contact_force_min_N"] for row in at_speeds(engine.prepare, scene, lift, speeds)]
+    lowest = [row["contact_force_min_N"] for row in at_speeds(settled_metrics, scene, lift, speeds)]
     assert abs(int(np.argmin(lowest)) - 4) <= 1
     gone = max(lowest[0], lowest[-1]) - np.array(lowest)  # how much the resonance takes off the least force
     assert gone[4] > 2 * max(gone[0], gone[-1])
@@ -58,7 +58,7 @@ def test_a_cam_that_bounces_between_the_speeds_of_the_grid_is_not_confirmed():
     """Between 6149 and 6163 r/min alone the valve bounces by more than is allowed: steps of 60 r/min confirmed it."""
     scene = coil_scene(**BOUNCE_ALONE)
     lift = polydyne(scene)
-    plain = at_speeds(engine.prepare, scene, lift, np.arange(6065.0, 6246.0, 60.0))
+    plain = at_speeds(settled_metrics, scene, lift, np.arange(6065.0, 6246.0, 60.0))
     assert max(row["bounce_mm"] for row in plain) < 0.05  # steps of 60 r/min alone see nothing
     result = verdict_on(scene, lift, (6065.0,), ("event", "rkg"), band_step_rpm=60.0, tolerances=Tolerances(halvings=4))
     assert result.verdict != "confirmed"

@@ -38,11 +38,9 @@ def equivalent_train(train: Train) -> tuple[float, float, float]:
     way = np.isin(np.arange(len(train.a)), train.cam_side)
     closed = ~train.contact | (train.preload > 0) | way  # a spring may be declared as a preloaded contact
     closed[train.seat] = False
-    pull = np.zeros(len(train.mass) + 1)  # the last entry takes what pulls at the ground
-    for e in np.flatnonzero(train.cam_driven & closed):
-        pull[[train.a[e], train.b[e]]] += train.stiffness[e] * np.array([-1.0, 1.0])
-    total, lifted = _condensed(train, closed, pull[:-1])
-    spring, _ = _condensed(train, closed & ~way, pull[:-1])
+    pull = -(train.stiffness * (train.cam_driven & closed)) @ train.incidence
+    total, lifted = _condensed(train, closed, pull)
+    spring, _ = _condensed(train, closed & ~way, pull)
     if total - spring <= LEAST_SHARE * total or lifted[train.valve] <= LEAST_SHARE:
         raise InputError(
             f"polydyne: the train has no equivalent of one mass, because a slow cam does not lift "

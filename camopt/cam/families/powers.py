@@ -47,12 +47,10 @@ def event_pieces(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Borders [rad] and pieces of the symmetric cam ramp_height + a y + b y'' between the ramp tops.
 
-    `dynamic` holds a [] and b [rad^2].
-
-
-    y = y_max (1 + sum_i C_i x^p_i) has the value and four derivatives `flank_end` (5) [m/rad^k] at x = 1; the cam rises
-    by `rise` [m] from the ramp top to the nose. `shares` of the half duration are the borders of a flank's pieces, by
-    default `piece_shares`. The arrays are NumPy's or JAX's, but `shares`: x^p has no derivative by x at 0 for JAX.
+    `dynamic` holds a [] and b [rad^2]. The law y = y_max (1 + sum_i C_i x^p_i) has the value and four derivatives
+    `flank_end` (5) [m/rad^k] at x = 1; the cam rises by `rise` [m] from the ramp top to the nose. `shares` of the half
+    duration are the borders of a flank's pieces, by default `piece_shares`. The arrays are NumPy's or JAX's, but
+    `shares`: x^p has no derivative by x at 0 for JAX.
     """
     (a, b), xp = dynamic, powers.__array_namespace__()
     shares = piece_shares(powers) if shares is None else shares

@@ -12,7 +12,7 @@ from camopt.exact.affine.lines import rest_of
 from camopt.exact.kernel.arrays import train_arrays
 from camopt.exact.kernel.elements import classify
 from camopt.scene.shapes import Float, State
-from camopt.scene.train import GROUND, Train
+from camopt.scene.train import Train
 
 
 def value_and_gradient(
@@ -45,33 +45,6 @@ def value_and_gradient(
     return gradient
 
 
-def periodic_value_and_gradient(
-    train: Train,
-    lift: Lift,
-    cam_speed: float,
-    metrics: Sequence[str],
-    state: State,
-    *,
-    mechanical: bool = False,
-) -> tuple[Gradient, Float[np.ndarray, "state state"]]:
-    """Values and total gradients of metrics in the periodic motion through `state`, and the cycle map's Jacobian.
-
-    `state` must repeat after one revolution; its own change with cam and train is included by implicit
-    differentiation, z = P(z, p): dJ/dp = J_p + J_z (1 - P_z)^-1 P_p. Two revolutions are traced, so that windows that
-    run into the next one are whole. `by_start` is the adjoint J_z (1 - P_z)^-1, not a free gradient: the start follows.
-    """
-    cycle = TracedMotion(train, lift, cam_speed, state, 1, mechanical)
-    jacobian = cycle.pull_back(ends=np.eye(len(state))).by_start
-    gradient = TracedMotion(train, lift, cam_speed, state, 2, mechanical).gradient(metrics)
-    adjoint = np.linalg.solve((np.eye(len(state)) - jacobian).T, gradient.by_start.T).T
-    through_start = cycle.pull_back(ends=adjoint)
-    total = gradient.by_train
-    if total is not None and through_start.by_train is not None:
-        total = total + through_start.by_train
-    by_coefficients = gradient.by_coefficients + through_start.by_coefficients
-    return replace(gradient, by_coefficients=by_coefficients, by_start=adjoint, by_train=total), jacobian
-
-
 def rest_back(train: Train, by_start: Float[np.ndarray, "l state"]) -> ByTrain:
     """Gradients by the train, through the state at rest, of l numbers of a motion that starts from rest.
 
@@ -84,10 +57,7 @@ def rest_back(train: Train, by_start: Float[np.ndarray, "l state"]) -> ByTrain:
     classify(arrays, 1.0, np.concatenate([state, np.zeros(2)]), status)
     pieces, memory = arrays.first[:-1] + status, list(train.memory)
     d, carries = train.compression(state[:n], 0.0), np.where(arrays.memory < 0, 1.0, 0.0)
-    rows = np.eye(n + 1)[:, :n]  # the last row, which the index -1 reads, is the ground
-    assert GROUND == -1
-    rows = rows[train.a] - rows[train.b]
-    slope, by_memory = carries * arrays.law[pieces, 1], by_start[:, 2 * n :]
+    rows, slope, by_memory = train.incidence, carries * arrays.law[pieces, 1], by_start[:, 2 * n :]
     push = np.linalg.solve((rows.T * slope) @ rows, (by_start[:, :n] + by_memory @ rows[memory]).T).T
     on, bars = push @ rows.T * carries, room_for_bars(arrays, (0, 0), len(push), True)
     bars.mass[:, 2] = push

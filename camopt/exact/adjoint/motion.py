@@ -66,12 +66,6 @@ class Samples:
     lift: Float[np.ndarray | np.floating, " *m"]  # m
     lift_rate: Float[np.ndarray | np.floating, " *m"]  # m/s
     force: Float[np.ndarray, " *m e"]  # N
-
-
-@dataclass(frozen=True)
-class SamplesWithMemory(Samples):
-    """The same of a train with memories."""
-
     memory: Float[np.ndarray, " *m r"]  # m
 
 
@@ -141,10 +135,7 @@ class TracedMotion:
 
     def values(self, metrics: Sequence[str], revolution: int = 0) -> Float[np.ndarray, " l"]:
         """Values of metrics in a revolution. Raises InputError for an unknown metric."""
-        numbers, values = metric_numbers(self.train, metrics), np.empty((len(metrics), 2))
-        seeds = self._seeds(OBSERVATIONS * len(metrics))
-        evaluate(self.setting, self.trace, seeds, numbers, np.ones(len(metrics)), revolution, values)
-        return values[:, 0]
+        return self._evaluated(self.setting, metrics, revolution)
 
     def by_half_duration(self, metrics: Sequence[str], revolution: int = 0) -> Float[np.ndarray, " l"]:
         """Gradients [unit per rad] of metrics by half the duration, between whose ends contacts are judged.
@@ -152,12 +143,16 @@ class TracedMotion:
         The motion does not change with it: a central difference of the metrics of this same trace, whose instants are
         located to round-off.
         """
-        numbers, pair = metric_numbers(self.train, metrics), np.empty((2, len(metrics), 2))
+        halves = (self.lift.half_duration + WINDOW_STEP, self.lift.half_duration - WINDOW_STEP)
+        settings = (self.setting._replace(half_duration=float(half)) for half in halves)
+        long, short = (self._evaluated(setting, metrics, revolution) for setting in settings)
+        return (long - short) / (2 * WINDOW_STEP)
+
+    def _evaluated(self, setting: Setting, metrics: Sequence[str], revolution: int) -> Float[np.ndarray, " l"]:
+        numbers, values = metric_numbers(self.train, metrics), np.empty((len(metrics), 2))
         seeds = self._seeds(OBSERVATIONS * len(metrics))
-        for values, half in zip(pair, self.lift.half_duration + WINDOW_STEP * np.array([1.0, -1.0]), strict=True):
-            setting = self.setting._replace(half_duration=float(half))
-            evaluate(setting, self.trace, seeds, numbers, np.ones(len(metrics)), revolution, values)
-        return (pair[0, :, 0] - pair[1, :, 0]) / (2 * WINDOW_STEP)
+        evaluate(setting, self.trace, seeds, numbers, np.ones(len(metrics)), revolution, values)
+        return values[:, 0]
 
     def at(self, angles: Float[np.ndarray, " m"]) -> Samples:
         """The motion at m angles [rad], the trace starting at -pi; where a force jumps, its value before the jump."""
@@ -165,8 +160,7 @@ class TracedMotion:
         rows = np.empty((len(angles), at + 2 + len(self.train.a)))
         sample(self.setting, self.trace, *self._instants(angles), rows)
         x, v, z, lift, rate, force = np.split(rows, [n, 2 * n, at, at + 1, at + 2], axis=1)
-        fields = x, v, lift[:, 0], rate[:, 0], force
-        return SamplesWithMemory(*fields, z) if self.train.memory else Samples(*fields)
+        return Samples(x, v, lift[:, 0], rate[:, 0], force, z)
 
     def pull_back(
         self,
@@ -184,11 +178,8 @@ class TracedMotion:
         count = len(ends) if ends is not None else len(bars.x) if bars is not None else 0
         packed = np.zeros((count, len(at), self.train.state_size + 2 + e))
         if bars is not None:
-            none = np.zeros((count, len(at), len(self.train.memory)))
-            memory = bars.memory if isinstance(bars, SamplesWithMemory) else none
             rise, rate = np.asarray(bars.lift)[..., None], np.asarray(bars.lift_rate)[..., None]
-            parts = bars.x, bars.v, memory, rise, rate, bars.force
-            packed[:] = np.concatenate(parts, axis=2)
+            packed[:] = np.concatenate([bars.x, bars.v, bars.memory, rise, rate, bars.force], axis=2)
         room, seeds, instants = self._room(count), self._seeds(len(at) * (1 + e)), self._instants(at)
         if ends is not None:
             room.start[:] = ends

@@ -18,7 +18,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from camopt.scene.laws import CURVED, LINEAR, OF_CONTACTS, PROGRESSIVE, TABLE
+from camopt.scene.laws import CURVED, LINEAR, OF_CONTACTS, TABLE
 from camopt.scene.parts import last_slope, lengthened
 from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
@@ -27,8 +27,6 @@ CHORDS = 16
 """Chords of a curved law, unless the caller wants others (`with_chords`)."""
 CHORD_FORCE = 5000.0
 """Force [N] up to which the chords of a law of contacts miss it by the same."""
-LOOKS = 101
-"""Depths at which a chord is held against its law: the largest error between two of them is missed by 1e-4 of it."""
 REACH = 20.0
 """Multiple of that force up to which chords are laid at all."""
 
@@ -46,31 +44,27 @@ def lines(kind: int, stiffness, preload, exponent: float, rows: np.ndarray) -> L
     if kind == LINEAR:
         return Lines(np.array([[preload, stiffness]]), np.empty(0), np.zeros(1))
     if kind in CURVED:
-        rows = chords(kind, stiffness, preload, exponent, rows, CHORDS, CHORD_FORCE)
+        rows = chords(kind, stiffness, preload, exponent, rows, CHORDS)
     d, p = rows.T
     slope = np.diff(p) / np.diff(d)
     return Lines(np.stack([p[:-1] - slope * d[:-1], slope], axis=1), d[1:-1], 0.5 * (p[:-1] + p[1:]))
 
 
-def chords(kind: int, stiffness, preload, exponent: float, rows: np.ndarray, count: int, force: float) -> np.ndarray:
-    """Rows (compression [m], force [N]) of about `count` chords of a curved law, laws of contacts up to a `force` [N]
-    and with more chords beyond it; `rows` are its stiffness table."""
+def chords(kind: int, stiffness, preload, exponent: float, rows: np.ndarray, count: int) -> np.ndarray:
+    """Rows (compression [m], force [N]) of about `count` chords of a curved law, laws of contacts up to CHORD_FORCE and
+    with more chords beyond it; `rows` are its stiffness table."""
     if kind in OF_CONTACTS:
-        beyond = (1.0 + 1.0 / count) ** (2 * np.arange(1, _beyond(count) + 1))
+        more = int(np.ceil(np.log(REACH) / (4.0 * np.log1p(1.0 / count))))  # chords beyond CHORD_FORCE
+        beyond = (1.0 + 1.0 / count) ** (2 * np.arange(1, more + 1))
         share = np.concatenate([np.arange(count + 1) / count, beyond])
         law = OF_CONTACTS[kind](stiffness, exponent)
         touch = law.depth(preload) if np.real(preload) > 0.0 else 0.0
-        u = law.depth(force * share**2)
-        return np.stack([u - touch, force * share**2 + 0.0 * u], axis=1)
+        u = law.depth(CHORD_FORCE * share**2)
+        return np.stack([u - touch, CHORD_FORCE * share**2 + 0.0 * u], axis=1)
     d = knots(rows, count)
     beyond = (d[-1] - d[0]) if len(d) > 1 else 1e-3
     d = np.concatenate([[d[0] - beyond], d, [d[-1] + beyond]])
     return np.stack([d, preload + integral(rows, d) - integral(rows, np.zeros(1))], axis=1)
-
-
-def _beyond(count: int) -> int:
-    """Chords of a law of contacts beyond the force up to which `count` are laid."""
-    return int(np.ceil(np.log(REACH) / (4.0 * np.log1p(1.0 / count))))
 
 
 def knots(rows: np.ndarray, count: int) -> np.ndarray:
@@ -101,8 +95,8 @@ def integral(rows: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 
 @lru_cache(maxsize=64)
-def with_chords(train: Train, count: int = CHORDS, force: float = CHORD_FORCE) -> Train:
-    """The train with `count` chords in place of every curved law, laws of contacts up to a `force` [N] and more beyond.
+def with_chords(train: Train, count: int = CHORDS) -> Train:
+    """The train with `count` chords in place of every curved law, of laws of contacts with more beyond CHORD_FORCE.
 
     Event-exact puts the default number of chords in by itself; this train carries another number of them.
     """
@@ -113,7 +107,7 @@ def with_chords(train: Train, count: int = CHORDS, force: float = CHORD_FORCE) -
     for e, kind in enumerate(laws.kind):
         rows = laws.table[e, : laws.rows[e]]
         if kind in CURVED:
-            rows = chords(kind, laws.coefficient[e], train.preload[e], laws.exponent[e], rows, count, force)
+            rows = chords(kind, laws.coefficient[e], train.preload[e], laws.exponent[e], rows, count)
         tables.append(rows)
     own = np.array([len(rows) for rows in tables])
     kinds = np.where(np.isin(laws.kind, CURVED), TABLE, laws.kind)
@@ -124,22 +118,3 @@ def with_chords(train: Train, count: int = CHORDS, force: float = CHORD_FORCE) -
 def rest_of(train: Train) -> np.ndarray:
     """State (2n + r) at rest of the train as event-exact moves it, with chords in place of curved laws."""
     return state_at_rest(with_chords(train))
-
-
-def chord_error(train: Train, count: int = CHORDS, force: float = CHORD_FORCE) -> np.ndarray:
-    """Largest error [N] of each element's force (e) under `count` chords, for laws of contacts up to a `force` [N]."""
-    error, laws = np.zeros(len(train.a)), train.laws
-    if laws is None:
-        return error
-    for e in range(len(error)):
-        kind, rows = laws.kind[e], laws.table[e, : laws.rows[e]]
-        if kind in OF_CONTACTS:
-            law = laws.contact_law(e)
-            p = force * (np.arange(count + 1) / count) ** 2
-            ends = law.depth(p)
-            u, chord = (np.linspace(q[:-1], q[1:], LOOKS) for q in (ends, p))
-            error[e] = np.abs(law.elastic(u) - chord).max()
-        elif kind == PROGRESSIVE:
-            bent = np.abs(np.diff(rows[:, 1])) * np.diff(rows[:, 0]) / 8.0
-            error[e] = np.max(bent / chords_per_row(rows, count) ** 2, initial=0.0)
-    return error

@@ -7,6 +7,7 @@ The polynomials take over value and slope of the lift at both their ends; betwee
 """
 
 from functools import lru_cache
+from math import comb
 
 import numpy as np
 
@@ -26,9 +27,8 @@ NODES = -np.cos(np.pi * np.arange(17) / 16)
 
 
 @lru_cache(maxsize=256)
-def compress_lift(lift_id: "LiftKey") -> tuple[np.ndarray, np.ndarray]:
+def compress_lift(lift: Lift) -> tuple[np.ndarray, np.ndarray]:
     """Borders (p + 1) [rad] and coefficients (p, WIDTH) [m/rad^k] of a lift law; base circle stays base circle."""
-    lift = lift_id.lift
     borders, flat = lift.borders, ~np.any(lift.coefficients, axis=1)
     begin, end, still = borders[:-1], borders[1:], flat
     begin, end, still = _halved(lift, begin, end, still)
@@ -40,19 +40,6 @@ def compress_lift(lift_id: "LiftKey") -> tuple[np.ndarray, np.ndarray]:
     coefficients = _fitted(lift, begin, end)[0]
     coefficients[still] = 0.0
     return np.append(begin, end[-1]), coefficients
-
-
-class LiftKey:
-    """A lift as the key of a cache: by identity, since its arrays are not compared."""
-
-    def __init__(self, lift: Lift):
-        self.lift = lift
-
-    def __hash__(self) -> int:
-        return id(self.lift)
-
-    def __eq__(self, other: object) -> bool:
-        return isinstance(other, LiftKey) and other.lift is self.lift
 
 
 def _halved(lift: Lift, begin, end, still):
@@ -113,12 +100,8 @@ def _constants() -> tuple[np.ndarray, ...]:
     for k in range(WIDTH - 4):
         shapes[k, k : k + 5] = bubble
     fit = np.linalg.pinv((shapes @ powers).T).T @ shapes
-    to_start = np.array([[_binomial(k, j) * (-1.0) ** (k - j) for j in range(WIDTH)] for k in range(WIDTH)])
+    to_start = np.array([[comb(k, j) * (-1.0) ** (k - j) for j in range(WIDTH)] for k in range(WIDTH)])
     return powers, slopes, hermite, hermite @ powers, fit, to_start
-
-
-def _binomial(k: int, j: int) -> float:
-    return float(np.prod([(k - i) / (i + 1) for i in range(j)])) if j <= k else 0.0
 
 
 POWERS, SLOPES, HERMITE, HERMITE_AT, FIT, TO_START = _constants()

@@ -6,9 +6,10 @@ within `ERRORS`: the lift on few pieces, metrics at located extremes in place of
 where the slowest mode needs more than 40 revolutions, these are run and not looked for by a search.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -22,7 +23,7 @@ from camopt.exact.kernel.revolution import DONE, TABLES_FULL, Setting
 from camopt.exact.kernel.trace import NO_TRACE
 from camopt.exact.settled import run as stages
 from camopt.exact.settled.figures import NAMES
-from camopt.exact.settled.lift_pieces import WIDTH, LiftKey, compress_lift
+from camopt.exact.settled.lift_pieces import WIDTH, compress_lift
 from camopt.scene import settled
 from camopt.scene.errors import InputError
 from camopt.scene.settled import SettledMetrics
@@ -78,28 +79,24 @@ def settled_metrics(
     metrics = _nothing(len(trains), len(lifts), speeds, trains[0].state_size)
     begin = None if starts is None else np.broadcast_to(starts, metrics.states.shape)
 
-    def one_job(job: Job) -> None:
+    def run_job(job: Job) -> None:
         _run(job, cams[trains[job.t].forcing], (measured, aperiodic))
         job.write(metrics)
 
-    def one_train(t: int) -> list[Job]:
+    def run_train(t: int, by: Callable = map) -> None:
         start = None if begin is None else begin[t]
         parts = 1 if len(trains) >= workers else PARTS * workers
-        return _jobs(trains, t, len(lifts), speeds, start, (decay, most, kept and len(trains) == 1), parts)
-
-    def all_of(t: int) -> None:
-        for job in one_train(t):
-            one_job(job)
+        jobs = _jobs(trains, t, len(lifts), speeds, start, (decay, most, kept and len(trains) == 1), parts)
+        list(by(run_job, jobs))
 
     if workers == 1:  # without the price of threads, which is that of a few motions
-        for t in range(len(trains)):
-            all_of(t)
+        list(map(run_train, range(len(trains))))
         return metrics
     with ThreadPoolExecutor(workers) as pool:
         if len(trains) >= workers:
-            list(pool.map(all_of, range(len(trains))))
+            list(pool.map(run_train, range(len(trains))))
         else:
-            list(pool.map(one_job, [job for t in range(len(trains)) for job in one_train(t)]))
+            list(map(partial(run_train, by=pool.map), range(len(trains))))
     return metrics
 
 
@@ -132,7 +129,7 @@ def _nothing(t: int, c: int, speeds: np.ndarray, width: int) -> SettledMetrics:
 
 def _cams(lifts: Sequence[Lift], forcing: tuple[Forcing, ...]) -> stages.Cams:
     """The cams on few pieces, one after the other, with the forces by the cam angle."""
-    few = [compress_lift(LiftKey(lift)) for lift in lifts]
+    few = [compress_lift(lift) for lift in lifts]
     inputs = [Inputs(forcing, borders) for borders, _ in few]
     pieces = [cut.pieces(coefficients) for cut, (_, coefficients) in zip(inputs, few, strict=True)]
     return stages.Cams(

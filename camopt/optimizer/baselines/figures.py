@@ -176,12 +176,12 @@ def curve(scene: Scene, name: str, lift: Lift, found: dict, top_rpm: float) -> S
     else:
         assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
         step = np.ptp(scene.operation.band_rpm) / FIGURE_SPEEDS
-        swept = sweep(SpeedCache(prepare, scene, lift, many=settled_metrics), float(step), DRAWN)
+        swept = sweep(SpeedCache(settled_metrics, scene, lift), float(step), DRAWN)
         speeds, inside, worst, starts = swept.speeds_rpm, swept.figures, {}, None
     beside = np.setdiff1d(_beside_the_band(scene, found, top_rpm), speeds)
     briefly = band is not None and band.get("refined") is False  # as the verdict's own sweep looked
     many = partial(settled_metrics, most=WANDERING_REVOLUTIONS) if briefly else settled_metrics
-    rows = at_speeds(prepare, scene, lift, beside, many=many)
+    rows = at_speeds(many, scene, lift, beside)
     values = {key: np.concatenate([inside[key], [row[key] for row in rows]]) for key in DRAWN}
     every = np.concatenate([speeds, beside])
     order = np.argsort(every)

@@ -13,8 +13,8 @@ import numpy as np
 
 from camopt.cam.families.free import FreeCam
 from camopt.cam.families.shape_rows import cells, sign_rows
+from camopt.cam.geometry import sign_changes
 from camopt.cam.lift import Lift
-from camopt.cam.waves import sign_changes
 from camopt.highs import Infeasible
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import elastic_shape, kinematic_optimum

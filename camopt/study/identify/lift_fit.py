@@ -153,7 +153,8 @@ class LiftFit:
             m = len(weights)
             x = np.zeros((1, m, n))
             x[0, :, train.valve] = weights
-            bars = Samples(x, np.zeros_like(x), np.zeros((1, m)), np.zeros((1, m)), np.zeros((1, m, e)))
+            none, memory = np.zeros((1, m)), np.zeros((1, m, len(train.memory)))
+            bars = Samples(x, np.zeros_like(x), none, none, np.zeros((1, m, e)), memory)
             slopes = motion.pull_back(series.angle, bars)
             assert slopes.by_train is not None
             total += self.parameters.by_logs(logs, slopes.by_train + rest_back(train, slopes.by_start))[0]

@@ -21,8 +21,7 @@ from camopt.cam.design_file import design_record, read_design
 from camopt.cam.lift import Lift
 from camopt.exact import engine
 from camopt.measure.metrics import measure
-from camopt.measure.settling import settle
-from camopt.measure.sweep import at_speeds
+from camopt.measure.settling import settle, settled_from_rest
 from camopt.optimizer.accuracy import ACCURACIES, Accuracy
 from camopt.scene import Response, Scene, build_train, state_at_rest
 from camopt.scene.response import end_state, joined
@@ -187,7 +186,8 @@ def _band(scene: Scene, cam: Lift, step: float) -> float:
 
 
 def _largest_bounce(scene: Scene, cam: Lift, speeds_rpm: Sequence[float] | np.ndarray) -> float:
-    return max(row["bounce_mm"] for row in at_speeds(engine.prepare, scene, cam, speeds_rpm))
+    train, speeds = build_train(scene), map(scene.cam_speed, speeds_rpm)
+    return max(settled_from_rest(engine.prepare, train, cam, s).metrics(cam).worst("bounce_mm") for s in speeds)
 
 
 def _perturbed(scene: Scene, cam: Lift, count: int) -> float:

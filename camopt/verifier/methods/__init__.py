@@ -1,7 +1,7 @@
 """The independent methods, one file each: own assembly, own contact law, nothing shared but train, lift law and record.
 
 Nothing of camopt is imported but what they share: the method's own assembly is the point. docs/how-to/add-a-method.md
-adds one; what of a method is too long for one file stands in a folder `of_<method>` beside it.
+adds one; what of a method is too long for one file stands in a file `of_<method>` beside it.
 """
 
 INDEPENDENT = {

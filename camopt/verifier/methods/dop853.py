@@ -2,7 +2,7 @@
 
 Between switchings the motion is smooth; each ends an integration and starts the next one. A contact is apart, pushing,
 or pressed without force; a table is on one of its rows; oil pushes, waits for its valve or is filled; friction sticks
-or slides (`of_dop853.pieces` says where each gives way to the next). An integration also ends where a force that is
+or slides (`of_dop853` says where each gives way to the next). An integration also ends where a force that is
 given by the cam angle has a corner.
 
 The method takes every law of a scene. The steps per revolution decide how often the motion is recorded and how often it
@@ -21,7 +21,7 @@ from camopt.cam.lift import Lift
 from camopt.scene.errors import MotionRefused
 from camopt.scene.response import Response, Revolve
 from camopt.scene.train import Train
-from camopt.verifier.methods.of_dop853.pieces import (
+from camopt.verifier.methods.of_dop853 import (
     APART,
     CONTACT,
     HUNT_CROSSLEY,
@@ -49,7 +49,7 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     `cam_speed` [rad/s]. The response has steps_per_revolution + 1 samples and two at every switching, before and after
     it. Raises MotionRefused for endless switching, or where no step meets the permitted error.
     """
-    train.require_kinds("DOP853", HUNT_CROSSLEY, "camopt/verifier/methods/of_dop853/pieces.py")
+    train.require_kinds("DOP853", HUNT_CROSSLEY, "camopt/verifier/methods/of_dop853.py")
     motion = _Motion(train, lift, cam_speed)
     grid = np.linspace(0.0, 2 * np.pi / cam_speed, steps_per_revolution + 1)
     stops = motion.stops(grid[-1])
@@ -98,11 +98,15 @@ class _Motion:
         corners = {float((angle + np.pi) / self.cam_speed) for f in self.forcing for angle in f.angle}
         return [*sorted(t for t in corners if 0.0 < t < end), end]
 
-    def surfaces(self, y: np.ndarray, lift, lift_rate, acting: Acting) -> tuple[np.ndarray, ...]:
-        """What of the elements decides where they switch, in states y (2n + r, m); rows as of `pieces.U` to SLACK."""
+    def compressions(self, y: np.ndarray, lift, lift_rate) -> tuple[np.ndarray, np.ndarray]:
+        """Compressions (e, m) [m] and their rates (e, m) [m/s] in states y (2n + r, m)."""
         n = len(self.mass)
         d = self.rows @ y[:n] + self.driven * lift - self.gap
-        rate = self.rows @ y[n : 2 * n] + self.driven * lift_rate
+        return d, self.rows @ y[n : 2 * n] + self.driven * lift_rate
+
+    def surfaces(self, y: np.ndarray, lift, lift_rate, acting: Acting) -> tuple[np.ndarray, ...]:
+        """What of the elements decides where they switch, in states y (2n + r, m); rows `of_dop853.U` to SLACK."""
+        n, (d, rate) = len(self.mass), self.compressions(y, lift, lift_rate)
         elastic = self.laws.force(d, y[2 * n :], acting)
         force = elastic + (self.damping + self.laws.dissipation * elastic) * rate
         return d - self.laws.touch, force, d, rate, d[self.memory] - y[2 * n :]
@@ -129,10 +133,9 @@ class _Motion:
 
     def phases(self, y: np.ndarray) -> Phases:
         """Every phase in a state (2n + r) at -180 degrees."""
-        n, cam = len(self.mass), self.cam(0.0)
-        d = (self.rows @ y[:n])[:, None] + self.driven * cam[0] - self.gap
-        rate = (self.rows @ y[n : 2 * n])[:, None] + self.driven * cam[1]
-        others = self.laws.first_phases(d[:, 0], rate[:, 0], y[2 * n :])
+        cam = self.cam(0.0)
+        d, rate = self.compressions(y[:, None], *cam)
+        others = self.laws.first_phases(d[:, 0], rate[:, 0], y[2 * len(self.mass) :])
         u, f, *_ = self.surfaces(y[:, None], *cam, self.laws.acting(others))
         found = {(int(e), CONTACT): APART if u[e] <= 0 else PUSHING if f[e] > 0 else PRESSED for e in self.contacts}
         return found | others
@@ -147,7 +150,7 @@ class _Motion:
         watched = self.laws.switchings(phases, error * FLOORS[0], error * FLOORS[1])
         load, ramp = self.given(t, stop)
         if memory:
-            d = self.surfaces(y[:, None], *self.cam(t), acting)[2]
+            d, _ = self.compressions(y[:, None], *self.cam(t))
             y = np.append(y[: 2 * n], self.laws.followed(d[:, 0], y[2 * n :], phases))
 
         floors: Any = error * self.floors  # SciPy takes an array here, its stubs do not say so

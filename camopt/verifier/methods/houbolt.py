@@ -20,17 +20,13 @@ of its text. Order 2, and not the form that "always converges": omega h must sta
 sqrt((20/3 zeta)^2 + 4) - 20/3 zeta (a root of the difference equation reaches -1), that is 2 without damping.
 """
 
-from typing import NamedTuple
-
 import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.programs import compiled
 from camopt.scene.response import Response, Revolve
 from camopt.scene.train import GROUND, Train
-from camopt.verifier.methods.of_houbolt.elements import elements_of, forces, hold
-from camopt.verifier.methods.of_houbolt.explicit import explicit_form
-from camopt.verifier.methods.of_houbolt.sets import PieceSets
+from camopt.verifier.methods.of_houbolt import PieceSets, elements_of, explicit_form, forces, hold
 
 LOST = 0.1
 """Share of a mode's own decay, or of one revolution's, that the method's decay may add."""
@@ -78,7 +74,7 @@ def prepare(
         force, z = np.zeros((steps + 1, len(train.a))), np.zeros((steps + 1, len(train.memory)))
         x[1], v[0], held = state[:n], state[n : 2 * n], np.array(state[2 * n :], dtype=float)
         forces(x[1], v[0], cam[0], at_once, held, force[0], z[0])
-        motion = _Revolution(x, v, force, z)
+        motion = x, v, force, z
         step, key = 2, _start(first, motion, cam, h)
         while step <= steps:
             step, key = _march(step, key, motion, cam, h, later.arrays())
@@ -113,19 +109,10 @@ def enough_steps(train: Train, cam_speed: float) -> int:
 prepare.enough_steps = enough_steps  # pyright: ignore[reportFunctionMemberAccess]
 
 
-class _Revolution(NamedTuple):
-    """The revolution that is being written, a row a sample; x has one or two fictitious rows before the start."""
-
-    x: np.ndarray
-    v: np.ndarray
-    force: np.ndarray
-    z: np.ndarray
-
-
-def _start(sets: PieceSets, motion: _Revolution, cam, h: float) -> int:
+def _start(sets: PieceSets, motion: tuple[np.ndarray, ...], cam, h: float) -> int:
     """First step by linear acceleration; fills x[0] (fictitious), x[2], v[1], and forces and memories of the new point.
 
-    Returns the number of its set of pieces.
+    `motion` is (x, v, force, z), a row a sample. Returns the number of its set of pieces.
     """
     t, elements, (x, v, force, z) = sets.train, sets.elements, motion
     given = np.zeros((2, len(t.mass)))

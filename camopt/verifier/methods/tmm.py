@@ -23,7 +23,7 @@ from camopt.programs import compiled
 from camopt.scene.errors import InputError
 from camopt.scene.response import Response, Revolve
 from camopt.scene.train import GROUND, Train
-from camopt.verifier.methods.of_tmm.transition import Memories, exact, printed
+from camopt.verifier.methods.of_tmm import Memories, exact, printed
 
 MAY_PULL = {"force": False, "displacement": True}
 """By separation criterion: whether a compressed contact stays closed while its force is below zero."""

@@ -1,1 +1,0 @@
-"""What DOP853 alone reads: its own writing of the laws."""

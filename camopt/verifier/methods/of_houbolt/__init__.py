@@ -1,1 +1,0 @@
-"""What Houbolt's method alone reads: its elements, the matrices of their pieces, and MOTORI's explicit form."""

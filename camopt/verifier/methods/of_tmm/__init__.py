@@ -1,1 +1,0 @@
-"""What the transition matrix method alone reads: the matrices of one step."""

@@ -1,0 +1,46 @@
+"""Many smoothed motions side by side on equal steps, the axis of the batch last."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.cam.lift import Lift
+from camopt.smooth.contact import Layer
+from camopt.smooth.grid import equal_grid
+from camopt.smooth.scan import integrate_stages, stage_angles
+from camopt.smooth.system import System, SystemState
+
+BATCH_EPS = 1e-6
+"""Width of the contact's layer [m] that some two thousand equal steps follow within 1e-3 mm; see
+`experiments.gradient_batch` for what it does to the gradients."""
+
+
+def stage_lifts(lift: Lift, steps: int) -> np.ndarray:
+    """Lift [m] and its angle derivative [m/rad] at the stages of `steps` equal steps from -pi: (2, steps, 6).
+
+    They are linear in the lift: those of L0 + sum_j z_j B_j are those of L0 plus the sum of z_j times those of B_j.
+    """
+    theta = np.asarray(stage_angles(jnp.asarray(equal_grid(steps))))
+    return np.stack([lift(theta), lift(theta, 1)])
+
+
+def batch_motion(system: System, stages, cam_speed, y0, eps=BATCH_EPS) -> SystemState:
+    """One revolution from the states y0 (2, n) or (2, n, b) of b motions, as a `SystemState` with the
+    batch first, (b, k, ...).
+
+    `stages` (2, steps, 6, b) holds what `stage_lifts` gives for every cam; `cam_speed` (b) is in rad/s. The motion is
+    differentiable in every array and has the precision of `stages`. One program is compiled per topology and shapes.
+    """
+    steps, width, layer = stages.shape[1], stages.shape[3], Layer(eps)
+    angle = jnp.asarray(equal_grid(steps), stages.dtype)
+    speed = jnp.reshape(cam_speed, (1, 1, width))
+    h = jnp.diff(angle)[:, None, None, None] / speed[None]
+    start = y0 if y0.ndim == 3 else jnp.broadcast_to(y0[..., None], (*y0.shape, width))
+    push = system.push(stage_angles(angle))
+    states = integrate_stages(system, h, (stages[0], stages[1] * speed, push), start, layer)
+    # a step's first stage stands at its start; lift and lift rate are the same at both ends of a revolution
+    lift, lift_dtheta = jnp.concatenate([stages[:, :, 0], stages[:, :1, 0]], axis=1)
+    force = jax.vmap(lambda y, l, l_dt: system.force(y, l, l_dt, layer))(states, lift, lift_dtheta * speed[0])
+    parts = jax.tree.map(lambda q: jnp.moveaxis(q, -1, 0), (*system.parts(states), force))
+    x, v, memory, force = parts
+    return SystemState(jnp.broadcast_to(angle, (width, steps + 1)), lift.T, x, v, force, memory=memory)
