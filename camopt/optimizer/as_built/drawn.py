@@ -91,9 +91,10 @@ class TrainEnsemble:
     def settle(self, lift: Lift) -> None:
         """Lets every train that is drawn from now on begin where the train as designed settles with this cam, if it
         holds the limits there."""
-        found = settled_metrics([build_train(self.scene)], [lift], self._cam_speeds.ravel().tolist())
-        used, before = self._used(found), self._nominal
-        self._nominal = next_starts(found.states[0, 0], used, before.reshape(-1, before.shape[-1])).reshape(before.shape)
+        train = build_train(self.scene)
+        found = settled_metrics([train], [lift], self._cam_speeds.ravel().tolist())
+        starts = next_starts(found.states[0, 0], self._used(found), state_at_rest(train))
+        self._nominal = starts.reshape(self._nominal.shape)
 
     def draw(self, count: int, unsure: np.ndarray | None = None) -> None:
         """Draws trains until there are so many; they count as near their limits at the speeds that are `unsure` (s:

@@ -8,19 +8,23 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from camopt.cam.families.polydyne import polydyne
 from camopt.cli.parser import main
 from camopt.measure.limits import broken_by_shape
 from camopt.measure.yields import UsedLimits, share_of
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.as_built import levels
 from camopt.optimizer.as_built.checks import check_wanted
-from camopt.optimizer.as_built.drawn import FOLDER, TrainEnsemble, TrainsLog
+from camopt.optimizer.as_built.drawn import FOLDER, SPEEDS, STAGGER, TrainEnsemble, TrainsLog
 from camopt.optimizer.as_built.levels import CHANCE, YieldSearch
 from camopt.optimizer.as_built.search import AT_TOP, UNSEEN_SEED, opening_limits, yield_search
 from camopt.optimizer.as_built.statement import YieldStatement, sampled
+from camopt.optimizer.search.judge import Judge
 from camopt.optimizer.step_files import HISTORY
 from camopt.scene import InputError, load_scene, parse_scene
 from camopt.scene.errors import NoCamFound
+from camopt.scene.rest import state_at_rest
+from camopt.scene.train import build_train
 from tests.scene.test_load import EXAMPLE
 
 SCATTER = '\n[[tolerance]]\nof = "spring.preload_N"\nrelative = 0.05\n[grinding]\nerror_um = 2.0\nharmonics = [2, 40]\n'
@@ -70,6 +74,19 @@ class Levels:
 
 
 ONE = np.ones((1, 1))
+
+
+def test_drawn_trains_begin_at_rest_where_the_train_as_designed_breaks_a_limit():
+    """An adjuster that pumped up with one cam would hold the valve off its seat with every smaller one too."""
+    scene = load_scene("kodama")
+    drawn, speeds = TrainEnsemble(scene, 0), np.linspace(*scene.operation.band_rpm, STAGGER * SPEEDS)
+    drawn.settle(polydyne(scene))
+    drawn.draw(STAGGER)
+    at_rest = (drawn.states == state_at_rest(build_train(scene))).all(axis=2).T.ravel()
+    judged = Judge(scene, speeds)(polydyne(scene))
+    breaks = judged.share.max(axis=0) > 1.0
+    breaks[-STAGGER:] = breaks[-1]  # all of them have the top of the band
+    assert 0 < breaks.sum() < len(breaks) and np.array_equal(at_rest, breaks)
 
 
 @pytest.mark.parametrize("first", [0.65, 0.1, 1.4])
