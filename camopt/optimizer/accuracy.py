@@ -30,7 +30,7 @@ class Accuracy:
 
 
 ACCURACIES = {
-    "draft": Accuracy(2.5, 9, 93, 2, 12, EFFORTS["draft"], False, 500, 400, 200, 10, 11, (0.5,), False),
+    "draft": Accuracy(2.75, 9, 93, 2, 12, EFFORTS["draft"], False, 500, 400, 200, 10, 11, (0.5,), False),
     "standard": Accuracy(1.75, 17, 373, 8, 24, EFFORTS["standard"], True, 600, 1500, 1000, 40, 11, (0.15, 0.5)),
     "fine": Accuracy(1.5, 33, 745, 16, 40, EFFORTS["fine"], True, 1200, 8000, 4000, 80, 21, (0.15, 0.5)),
 }
