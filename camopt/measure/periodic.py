@@ -88,8 +88,8 @@ def periodic_state(revolve: Revolve, state: State, *, memories: int = 0) -> Peri
     """The periodic state of a method's revolution, looked for from `state` (2n + r: [m], [m/s], [m]).
 
     The derivative of the cycle map costs 2n + r revolutions a time; `memories` is r, the number of elements with a
-    memory. The state found stands to 0.1 nm and 0.1 um/s over a
-    revolution. Raises MotionRefused where the plain motion has no bound.
+    memory. The state found stands to 0.1 nm and 0.1 um/s over a revolution. Raises MotionRefused where the plain motion
+    has no bound.
     """
     cycle = _Cycle(revolve, (len(state) - memories) // 2, memories)
     y = state / cycle.scale

@@ -34,6 +34,12 @@ CURVES = (
 JERK_SPAN = 2.5
 """The jerk axis ends at this many times the limit, because the steps of a family without a jerk limit would flatten all
 other curves."""
+MOVING_MM = 0.002
+"""A valve that is this near to its seat touch [mm] counts as at rest; the zoom of the closing ends there."""
+ROOM = 1.3
+"""Upper end of a force axis, as a multiple of the design's largest force."""
+NEAR = 2.0
+"""A limit on the force beyond this multiple of the design's largest is not drawn: it would flatten what is."""
 
 
 @styled
@@ -99,15 +105,6 @@ def _shorten_jerk(axes: Axes, cams: Sequence[tuple[str, Table]], span: float) ->
     if beyond:
         axes.set_ylim(-span, span)
         axes.set_title(f"beyond this axis: {beyond}", fontsize=BASE - 1.5, fontweight="normal")
-
-
-MOVING_MM = 0.002
-"""A valve that is this near to its seat touch [mm] counts as at rest; the zoom of the closing ends there."""
-
-ROOM = 1.3
-"""Upper end of a force axis, as a multiple of the design's largest force."""
-NEAR = 2.0
-"""A limit on the force beyond this multiple of the design's largest is not drawn: it would flatten what is."""
 
 
 @dataclass(frozen=True)

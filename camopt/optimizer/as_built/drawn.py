@@ -17,12 +17,11 @@ from camopt.exact import with_chords
 from camopt.exact.settled import settled_metrics
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.measure.limits import MotionLimit, motion_limits
-from camopt.optimizer.as_built.measured import WORKERS
+from camopt.optimizer.as_built.measured import WORKERS, used_limits
 from camopt.optimizer.search.judge import MEASURES, most_to_settle, next_starts
 from camopt.optimizer.step_files import StepFiles
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
-from camopt.scene.settled import SettledMetrics
 from camopt.scene.train import build_train
 
 FOLDER = "drawn"
@@ -89,11 +88,10 @@ class TrainEnsemble:
         return np.ones((len(self.trains), SPEEDS), dtype=bool)
 
     def settle(self, lift: Lift) -> None:
-        """Lets every train that is drawn from now on begin where the train as designed settles with this cam, if it
-        holds the limits there."""
+        """Lets trains drawn from now on begin where the train as designed settles with a cam, if it holds its limits."""
         train = build_train(self.scene)
         found = settled_metrics([train], [lift], self._cam_speeds.ravel().tolist())
-        starts = next_starts(found.states[0, 0], self._used(found), state_at_rest(train))
+        starts = next_starts(found.states[0, 0], used_limits(self.limits, found), state_at_rest(train))
         self._nominal = starts.reshape(self._nominal.shape)
 
     def draw(self, count: int, unsure: np.ndarray | None = None) -> None:
@@ -127,12 +125,8 @@ class TrainEnsemble:
             workers=1,
             kept=False,
         )
-        self.used[t][:, at] = used = self._used(found)
+        self.used[t][:, at] = used = used_limits(self.limits, found)
         self.states[t, at] = next_starts(found.states[0, 0], used, self._nominal[t % STAGGER, at])
-
-    def _used(self, found: SettledMetrics) -> np.ndarray:
-        """How much of the limits (l, s) one train's settled motions with one cam use."""
-        return np.array([limit.share(found.worst(limit.metric)[0, 0]) for limit in self.limits])
 
 
 class TrainsLog(StepFiles):

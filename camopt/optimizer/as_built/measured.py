@@ -3,7 +3,7 @@
 What is measured is stored chunk by chunk, so that an interrupted statement goes on.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from hashlib import sha256
@@ -17,6 +17,7 @@ from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.measure.limits import MotionLimit, motion_limits
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
+from camopt.scene.settled import SettledMetrics
 from camopt.scene.train import build_train
 from camopt.storage.journal import Records
 
@@ -24,6 +25,11 @@ CHUNK = 20
 """Trains that are measured between two entries in the journal."""
 WORKERS = 2
 """Threads, each with a train of its own."""
+
+
+def used_limits(limits: Iterable[MotionLimit], found: SettledMetrics) -> np.ndarray:
+    """How much of each limit (l) the settled motions of one train and cam use (s), the worst measured revolutions."""
+    return np.array([limit.share(found.worst(limit.metric)[0, 0]) for limit in limits])
 
 
 @dataclass(frozen=True)
@@ -44,7 +50,7 @@ class Track:
     def _used_by(self, one: TrainAsBuilt) -> np.ndarray:
         lifts = [one.cam(self.lift)]
         found = settled_metrics([one.train], lifts, self.cam_speeds, starts=self.starts, workers=1, kept=False)
-        return np.array([limit.share(found.worst(limit.metric)[0, 0]) for limit in self.limits.values()])
+        return used_limits(self.limits.values(), found)
 
 
 def track(scene: Scene, lift: Lift, speeds_rpm: Sequence[float] | np.ndarray) -> Track:
