@@ -88,7 +88,7 @@ class TrainEnsemble:
         return np.ones((len(self.trains), SPEEDS), dtype=bool)
 
     def settle(self, lift: Lift) -> None:
-        """Lets trains drawn from now on begin where the train as designed settles with a cam, if it holds its limits."""
+        """Lets trains drawn from now on begin where the one as designed settles with a cam, if it holds its limits."""
         train = build_train(self.scene)
         found = settled_metrics([train], [lift], self._cam_speeds.ravel().tolist())
         starts = next_starts(found.states[0, 0], used_limits(self.limits, found), state_at_rest(train))
