@@ -37,9 +37,9 @@ USUAL_JUMP = 0.05 * MM
 ROUNDS = 3
 """Programs about one cam after the other where the forces are not the same for all cams."""
 FILLING_TRAINS, FILLING_ROUNDS, KEPT_N = 120, 5, 20.0
-"""Of trains with an adjuster: how many shape the cam, how many programs lead from the calmest cam to the one about which
-the forces are, and the force [N] that this one keeps on their contacts, so that no adjuster fills: the forces of one
-that has filled foretell nothing."""
+"""Of trains with an adjuster: how many shape the cam, how many programs lead from the calmest cam to that about which
+the forces are, and the force [N] that it keeps on their contacts, so that no adjuster fills: the forces of one that has
+filled foretell nothing."""
 FIRST_MARGIN_N = 40.0
 """Margin of the cam of the train as designed from which the search begins."""
 DRAWS_SEED, UNSEEN_SEED = 1_000_003, 2_000_003
