@@ -4,6 +4,8 @@ Limits on the shape are judged from the exact extremes of the cam's polynomial p
 by whoever computes a motion; here stands what each of them limits, and when a value keeps or breaks it.
 """
 
+from collections.abc import Iterable, Iterator
+from contextlib import suppress
 from typing import NamedTuple
 
 import numpy as np
@@ -26,6 +28,9 @@ coefficients of high powers loses a few digits more than evaluating them, and a 
 RAMP_LIFT = 1e-6
 """Lift above the ramp's height that counts as none [m]. One micrometre is what an ordinary ramp rises in a tenth of a
 degree, and about what a lift table is measured to."""
+EVERYWHERE = "the cam, at every angle"
+DECIMALS = 9
+"""Decimals of a limited value that would be zero but for rounding."""
 MOTION_LIMITS = {q.limit: q.name for q in QUANTITIES.values() if q.limit is not None}
 """The metric that each limit on the motion limits, by the limit's key in the design."""
 LEAST_LIMIT = 1e-6
@@ -99,74 +104,113 @@ def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
 def shape_excess(lift: Lift, design: Design) -> dict[str, float]:
     """By how much a cam breaks the limits of `broken_by_shape`, relative to each; 1 for a step and for a limit without
     a size."""
-    over = dict.fromkeys(_outside(lift, design), 1.0)
-
-    def note(name: str, value: float, limit: float, stepped: bool = False, rounding: float = ROUNDING) -> None:
-        relative = value / limit - 1
-        if stepped or relative > rounding:
-            over[name] = relative if relative > 0 else 1.0
-
-    top, (lowest, highest) = design.max_lift_mm * MM, lift.extremes(2)
-    note("max_lift_mm", lift.max_lift, top)
-    if design.reach_max_lift:
-        note("reach_max_lift", 2 * top - lift.max_lift, top, rounding=REACH)
-    torn, kink, bend = (_has_step(lift, design, order) for order in range(3))
-    kink = kink or torn
-    over |= dict.fromkeys(["continuous_lift"] * torn + ["continuous_velocity"] * kink, 1.0)
-    if (upper := design.acceleration_max_mm_per_deg2) is not None:
-        note("acceleration_max_mm_per_deg2", highest, upper * MM_PER_DEG2, kink)
-    if (lower := design.acceleration_min_mm_per_deg2) is not None:
-        note("acceleration_min_mm_per_deg2", lowest, lower * MM_PER_DEG2, kink)
-    if (jerk := design.jerk_max_mm_per_deg3) is not None:
-        note("jerk_max_mm_per_deg3", float(np.abs(lift.extremes(3)).max()), jerk * MM_PER_DEG3, kink or bend)
-    if (snap := design.snap_max_mm_per_deg4) is not None:
-        half = lift.half_duration
-        stepped = kink or bend or _has_step(lift, design, 3, within=half)
-        note("snap_max_mm_per_deg4", float(np.abs(lift.extremes(4, -half, half)).max()), snap * MM_PER_DEG4, stepped)
-    if design.nose_deg:
-        nose = design.nose_deg * DEG
-        if lift.extremes(2, -nose, nose)[1] > ROUNDING * max(-lowest, highest):
-            over["nose_deg"] = 1.0
-    if design.waves_max is not None:
-        note("waves_max", len(sign_changes(lift)), design.waves_max)
-    over |= {key: excess for key, excess in drawing_excess(lift, design).items() if excess > ROUNDING}
+    over = _largest(row for row in reached_by_shape(lift, design) if row.excess > row.slack)
     rows = rows_of(lift)
     return over if rows is None else {key: over[key] for key in violated_beyond_rounding([*over], rows, design)}
 
 
 def drawing_excess(lift: Lift, design: Design) -> dict[str, float]:
-    """By how much a cam exceeds each limit of `linear_limits`, by key and relative to the limit's size.
+    """By how much a cam exceeds each limit of the drawing, by key and relative to its size; negative where it keeps
+    it."""
+    return _largest(_of_the_drawing(lift, design))
 
-    It is negative where the limit is kept. A duration at a lift lies between the outermost angles at which the cam has
-    that lift, and is zero where it never does; its excess is relative to the scene's duration.
-    """
+
+def _largest(rows: Iterable["Reached"]) -> dict[str, float]:
+    """The largest excess by key."""
     found: dict[str, float] = {}
-    for limit in linear_limits(design):
-        if not limit.chosen:
-            over = limit.excess(lift) / limit.size
-            found[limit.key] = max(over, found.get(limit.key, -np.inf))
-    for height, least, most in design.duration_at:
-        opening, closing = crossing(lift, height * MM) if height * MM < lift.max_lift else (0.0, 0.0)
-        long = (closing - opening) / DEG
-        over = max(least - long, long - most) / design.duration_deg
-        found["duration_at"] = max(over, found.get("duration_at", -np.inf))
-    return found | _of_a_circle(lift, design)
+    for row in rows:
+        found[row.key] = max(row.excess, found.get(row.key, -np.inf))
+    return found
 
 
-def _of_a_circle(lift: Lift, design: Design) -> dict[str, float]:
-    """By how much the cam's radii under a roller or pad are too small, relative to the limits.
+class Reached(NamedTuple):
+    """What a cam reaches of one limit on its shape; the value is not finite where there is none to show."""
 
-    Infinite for a cam that the follower cannot follow.
+    key: str
+    value: float  # in the key's unit, as the limit is
+    limit: float
+    excess: float  # by how much the cam breaks the limit, relative to its size; it is broken beyond the slack
+    least: bool = False  # whether less is worse
+    where: str = EVERYWHERE
+    slack: float = ROUNDING
+    label: str = ""  # where a key has several rows
+
+
+def reached_by_shape(lift: Lift, design: Design) -> Iterator[Reached]:
+    """What a cam reaches of every limit on its shape that a design sets, and of being continuous where it is not."""
+
+    def of(key: str, value: float, unit: float, where: str = EVERYWHERE, stepped: bool = False) -> Iterator[Reached]:
+        """The row of a limit that the design sets, for a value in SI."""
+        if (limit := getattr(design, key)) is not None:
+            excess = value / (limit * unit) - 1
+            excess = 1.0 if stepped and excess <= ROUNDING else excess
+            yield Reached(key, value / unit, limit, excess, limit < 0, where)
+
+    half, top = lift.half_duration, design.max_lift_mm * MM
+    yield from _outside(lift, design)
+    yield from of("max_lift_mm", lift.max_lift, MM, "the nose")
+    if design.reach_max_lift:
+        short = (2 * top - lift.max_lift) / top - 1
+        yield Reached("reach_max_lift", lift.max_lift / MM, design.max_lift_mm, short, True, "the nose", REACH)
+    torn, kink, bend = (len(steps_at(lift, design, order)) > 0 for order in range(3))
+    kink = kink or torn
+    for key in ["continuous_lift"] * torn + ["continuous_velocity"] * kink:
+        yield Reached(key, np.inf, 0.0, 1.0)
+    lowest, highest = lift.extremes(2)
+    yield from of("acceleration_max_mm_per_deg2", highest, MM_PER_DEG2, stepped=kink)
+    yield from of("acceleration_min_mm_per_deg2", lowest, MM_PER_DEG2, stepped=kink)
+    yield from of("jerk_max_mm_per_deg3", float(np.abs(lift.extremes(3)).max()), MM_PER_DEG3, stepped=kink or bend)
+    if design.snap_max_mm_per_deg4 is not None:
+        snap = float(np.abs(lift.extremes(4, -half, half)).max())
+        stepped = kink or bend or len(steps_at(lift, design, 3, within=half)) > 0
+        yield from of("snap_max_mm_per_deg4", snap, MM_PER_DEG4, "between the ramps", stepped)
+    if nose := (design.nose_deg or 0.0) * DEG:
+        most = lift.extremes(2, -nose, nose)[1]
+        positive = 1.0 if most > ROUNDING * max(-lowest, highest) else 0.0
+        shown, where = round(most / MM_PER_DEG2, DECIMALS) + 0.0, f"within {design.nose_deg:g} deg of the nose"
+        yield Reached("nose_deg", shown, 0.0, positive, where=where)
+    if design.waves_max is not None:
+        yield from of("waves_max", float(len(sign_changes(lift))), 1.0, "between the ramps")
+    yield from _of_the_drawing(lift, design)
+
+
+def _of_the_drawing(lift: Lift, design: Design) -> Iterator[Reached]:
+    """What a cam reaches of the limits of `linear_limits`, each at the flank where it is worse, of durations at a lift
+    and of radii.
+
+    A duration at a lift lies between the outermost angles at which the cam has that lift, and is zero where it never
+    does; its excess is relative to the scene's duration.
     """
+    worst: dict[str, Reached] = {}
+    for limit in (limit for limit in linear_limits(design) if not limit.chosen):
+        over, least = limit.excess(lift), limit.rate < 0
+        at = limit.name.partition(" at ")[2]
+        where = f"at {at}" if limit.key == "lift_at" and at else EVERYWHERE
+        row = Reached(limit.key, limit.value + limit.rate * over, limit.value, over / limit.size, least, where)
+        if limit.name not in worst or row.excess > worst[limit.name].excess:
+            worst[limit.name] = row
+    yield from worst.values()
+    for height, least_deg, most_deg in design.duration_at:
+        opening, closing = crossing(lift, height * MM) if height * MM < lift.max_lift else (0.0, 0.0)
+        long, label = (closing - opening) / DEG, f"duration at {height:g} mm"
+        for limit, sign in ((least_deg, -1), (most_deg, 1)):
+            excess = sign * (long - limit) / design.duration_deg
+            yield Reached("duration_at", long, limit, excess, sign < 0, "the crossings", label=label)
+    yield from _of_a_circle(lift, design)
+
+
+def _of_a_circle(lift: Lift, design: Design) -> Iterator[Reached]:
+    """What a cam reaches of the radii under a roller or pad; infinitely too little where that cannot follow it."""
     asked, geometry = radii_held_near(design), design.geometry
     if not asked or geometry is None:
-        return {}
-    try:
-        radii: dict[str, float | None] = dict(zip(RADII, smallest_radii(lift, geometry), strict=True))
-    except InputError:
-        return dict.fromkeys(asked, np.inf)
-    sizes = {key: np.inf if (size := radii[key]) is None else size for key in asked}
-    return {key: 1 - size / (getattr(design, key) * MM) - SAMPLED for key, size in sizes.items()}
+        return
+    radii: dict[str, float | None] = dict.fromkeys(RADII, -np.inf)
+    with suppress(InputError):
+        radii = dict(zip(RADII, smallest_radii(lift, geometry), strict=True))
+    for key in asked:
+        limit, size = getattr(design, key), radii[key]
+        size = np.inf if size is None else size
+        yield Reached(key, size / MM, limit, 1 - size / (limit * MM) - SAMPLED, True)
 
 
 def duration_words(lift: Lift, design: Design) -> str:
@@ -195,8 +239,8 @@ def duration_words(lift: Lift, design: Design) -> str:
     return ""
 
 
-def _outside(lift: Lift, design: Design) -> list[str]:
-    """The names of the limits that the cam breaks where the ramps lie.
+def _outside(lift: Lift, design: Design) -> Iterator[Reached]:
+    """What a cam reaches of the limits on its duration and its velocity where the ramps lie.
 
     It breaks "duration_deg" where it says itself that it is longer than the scene asks, or where its lift exceeds the
     ramp's height by more than RAMP_LIFT outside the shorter one of its own duration and the scene's. It breaks
@@ -204,26 +248,24 @@ def _outside(lift: Lift, design: Design) -> list[str]:
     RAMP_VELOCITY outside the scene's duration. Lower, shorter and slower ramps are legal, because the motion answers
     for them.
     """
-    broken, asked = [], design.duration_deg / 2 * DEG
+    sides, asked = [], design.duration_deg / 2 * DEG
     inner = min(asked, lift.half_duration)
     longer = lift.half_duration > asked * (1 + ROUNDING)
     for sign, (height, velocity, side) in zip((-1, 1), design.ramps(), strict=True):
         longer |= _above(lift, sign, inner) > height * MM + RAMP_LIFT
-        rate = np.abs(lift.extremes(1, *sorted((sign * asked, sign * np.pi)))).max()
+        rate = float(np.abs(lift.extremes(1, *sorted((sign * asked, sign * np.pi)))).max())
         key = "closing_" * (side == "closing" and design.closing_ramp_velocity_mm_per_deg is not None)
-        if rate > velocity * MM_PER_DEG * (1 + RAMP_VELOCITY):
-            broken.append(f"{key}ramp_velocity_mm_per_deg")
-    return list(dict.fromkeys(["duration_deg"] * longer + broken))
+        over = 1.0 if rate > velocity * MM_PER_DEG * (1 + RAMP_VELOCITY) else 0.0
+        row = Reached(f"{key}ramp_velocity_mm_per_deg", rate / MM_PER_DEG, velocity, over, where=f"the {side} ramp")
+        sides.append(row._replace(label=f"{side} ramp velocity"))
+    own = 2 * lift.half_duration / DEG
+    yield Reached("duration_deg", own, design.duration_deg, 1.0 if longer else 0.0, where="between the ramps")
+    yield from sides
 
 
 def _above(lift: Lift, sign: int, half: float) -> float:
     """The largest lift [m] at the angles from sign * half [rad] outwards, to the end of the revolution."""
     return lift.extremes(0, *sorted((sign * half, sign * np.pi)))[1]
-
-
-def _has_step(lift: Lift, design: Design, order: int, within: float = np.inf) -> bool:
-    """Whether the derivative `order` jumps anywhere, as `steps_at` says."""
-    return len(steps_at(lift, design, order, within)) > 0
 
 
 def steps_at(lift: Lift, design: Design, order: int, within: float = np.inf) -> Float[np.ndarray, " k"]:
@@ -247,5 +289,5 @@ def steps_at(lift: Lift, design: Design, order: int, within: float = np.inf) -> 
 
 def steepest_jerk(lift: Lift, design: Design) -> float:
     """The largest jerk [m/rad^3] of a cam; infinite where velocity or acceleration jumps, but by a table's rounding."""
-    stepped = rows_of(lift) is None and any(_has_step(lift, design, order) for order in (1, 2))
+    stepped = rows_of(lift) is None and any(len(steps_at(lift, design, order)) for order in (1, 2))
     return np.inf if stepped else float(np.abs(lift.extremes(3)).max())

@@ -1,20 +1,16 @@
 """The scene's limits against what the run folder says was reached: held, broken, or not known, and the share used."""
 
-from collections.abc import Callable, Iterable, Iterator
-from typing import Any
+from collections.abc import Iterable
 
 import numpy as np
 
-from camopt.cam.geometry import crossing, smallest_radii
 from camopt.cam.lift import Lift
-from camopt.cam.linear_limits import linear_limits, radii_held_near
-from camopt.measure.limits import broken_by_shape
+from camopt.measure.limits import EVERYWHERE, broken_by_shape, reached_by_shape
 from camopt.plots.style import DESIGN, family_of
 from camopt.report.folder import RunFolder
 from camopt.report.wording import as_number, label_and_unit, shown
-from camopt.scene.design import RADII, ROUNDING, Design
+from camopt.scene.design import ROUNDING, Design
 from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES, is_number
-from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 from camopt.verifier.record import worst_case_value
 from camopt.verifier.verdict import ORDER
 
@@ -23,89 +19,21 @@ CAM_LIMITS = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "j
 BROKEN = "verification.json broken"
 OF_MOTION = {quantity.limit: quantity for quantity in QUANTITIES.values() if quantity.limit}
 """The quantities that a design may limit, by the limit's key."""
-EVERYWHERE = "the cam, at every angle"
 
 LABELS = {
     "max_lift_mm": ("largest lift", "mm"),
     "reach_max_lift": ("lift to be reached", "mm"),
-    "duration_deg": ("duration", "deg"),
-    "acceleration_max_mm_per_deg2": ("acceleration max", "mm/deg²"),
-    "acceleration_min_mm_per_deg2": ("acceleration min", "mm/deg²"),
-    "jerk_max_mm_per_deg3": ("jerk max", "mm/deg³"),
-    "snap_max_mm_per_deg4": ("snap max", "mm/deg⁴"),
     "nose_deg": ("acceleration at the nose", "mm/deg²"),
     "piston": ("clearance to the piston", "mm"),
     "face_width_mm": ("face width needed", "mm"),
     "lift_at": ("lift at an angle", "mm"),
+    "duration_at": ("duration at a lift", "deg"),
+    "waves_max": ("sign changes of the jerk", ""),
     "nose_radius_min_mm": ("smallest convex radius", "mm"),
     "concave_radius_min_mm": ("smallest concave radius", "mm"),
     "entrainment_min_m_per_s": ("entrainment velocity", "m/s"),
 }
-"""Label and unit of what a cam's shape reaches, by the limits' keys."""
-DIGITS = 9
-"""Decimals of what would be zero but for rounding, and a plus."""
-
-
-def reached_by_shape(lift: Lift, design: Design) -> Iterator[dict[str, Any]]:
-    """What a cam reaches of every limit on its shape that a design sets: `key`, `label` and `unit`, `value` and `limit`
-    in that unit, whether less is worse (`least`), and `where` on the cam."""
-
-    def reached(key: str, value: float, limit: float, least: bool = False, where: str = EVERYWHERE) -> dict[str, Any]:
-        words = {} if key not in LABELS else dict(zip(("label", "unit"), LABELS[key], strict=True))
-        return words | {"key": key, "value": value, "limit": limit, "least": least, "where": where}
-
-    top, half, outside = lift.max_lift / MM, lift.half_duration, design.duration_deg / 2 * DEG
-    yield reached("max_lift_mm", top, design.max_lift_mm, where="the nose")
-    if design.reach_max_lift:
-        yield reached("reach_max_lift", top, design.max_lift_mm, True, "the nose")
-    yield reached("duration_deg", 2 * half / DEG, design.duration_deg, where="between the ramps")
-    for sign, (_, velocity, side) in zip((-1, 1), design.ramps(), strict=True):
-        own = side == "closing" and design.closing_ramp_velocity_mm_per_deg is not None
-        rate = float(np.abs(lift.extremes(1, *sorted((sign * outside, sign * np.pi)))).max()) / MM_PER_DEG
-        row = reached("closing_" * own + "ramp_velocity_mm_per_deg", rate, velocity, where=f"the {side} ramp")
-        yield row | {"label": f"{side} ramp velocity", "unit": "mm/deg"}
-    lowest, highest = (value / MM_PER_DEG2 for value in lift.extremes(2))
-    jerk = float(np.abs(lift.extremes(3)).max()) / MM_PER_DEG3
-    snap = float(np.abs(lift.extremes(4, -half, half)).max()) / MM_PER_DEG4
-    for key, value, where in (
-        ("acceleration_max_mm_per_deg2", highest, EVERYWHERE),
-        ("acceleration_min_mm_per_deg2", lowest, EVERYWHERE),
-        ("jerk_max_mm_per_deg3", jerk, EVERYWHERE),
-        ("snap_max_mm_per_deg4", snap, "between the ramps"),
-    ):
-        if (limit := getattr(design, key)) is not None:
-            yield reached(key, value, limit, key == "acceleration_min_mm_per_deg2", where)
-    if nose := (design.nose_deg or 0.0) * DEG:
-        most = round(lift.extremes(2, -nose, nose)[1] / MM_PER_DEG2, DIGITS) + 0.0
-        yield reached("nose_deg", most, 0.0, where=f"within {design.nose_deg:g} deg of the nose")
-    yield from _linear(lift, design, reached)
-    for height, least_deg, most_deg in design.duration_at:
-        opening, closing = crossing(lift, height * MM) if height * MM < lift.max_lift else (0.0, 0.0)
-        for limit, least in ((least_deg, True), (most_deg, False)):
-            row = reached("duration_at", (closing - opening) / DEG, limit, least, "the crossings")
-            yield row | {"label": f"duration at {height:g} mm", "unit": "deg"}
-    radii, geometry = radii_held_near(design), design.geometry
-    if radii and geometry is not None:
-        for key, size in zip(RADII, smallest_radii(lift, geometry), strict=True):
-            if key in radii and size is not None:
-                yield reached(key, size / MM, getattr(design, key), True)
-
-
-def _linear(lift: Lift, design: Design, reached: Callable[..., dict[str, Any]]) -> Iterable[dict[str, Any]]:
-    """The limits of a drawing that are linear in the lift, each at the flank where it is worse."""
-    by_name: dict[str, dict[str, Any]] = {}
-    for linear in linear_limits(design):
-        if linear.chosen:
-            continue
-        value, least = linear.value + linear.rate * linear.excess(lift), linear.rate < 0
-        at = linear.name.partition(" at ")[2]
-        one = reached(
-            linear.key, value, linear.value, least, f"at {at}" if linear.key == "lift_at" and at else EVERYWHERE
-        )
-        before = by_name.get(linear.name)
-        if before is None or (value < before["value"] if least else value > before["value"]):
-            by_name[linear.name] = one
-    return by_name.values()
+"""Label and unit of what a cam's shape reaches, by the limits' keys, where these do not say them."""
 
 
 def limit_rows(run: RunFolder, shape: tuple[Lift, Design] | None = None) -> list[dict]:
@@ -119,10 +47,13 @@ def limit_rows(run: RunFolder, shape: tuple[Lift, Design] | None = None) -> list
     if shape is not None:
         rows = [row for row in rows if row["held"] is not None]
         recorded, broken = {row["key"] for row in rows}, {*broken_by_shape(*shape), *named}
-        for one in (one for one in reached_by_shape(*shape) if one["key"] not in recorded):
-            row = _row(one["key"], one["limit"], one["least"], one["value"], one["where"], "design.json pieces")
+        for one in reached_by_shape(*shape):
+            if one.key in recorded or not np.isfinite(one.value):
+                continue
+            row = _row(one.key, one.limit, one.least, one.value, one.where, "design.json pieces")
+            label, unit = LABELS.get(one.key, (row["label"], row["unit"]))
             # every row of a limit that is broken is: it holds at both flanks and in every window, or it does not hold
-            rows.append(row | {"label": one["label"], "unit": one["unit"], "held": one["key"] not in broken})
+            rows.append(row | {"label": one.label or label, "unit": unit, "held": one.key not in broken})
     for key, quantity in OF_MOTION.items():
         if is_number(limit := design.get(key)):
             worst, value, where, source = run.verification.worst(quantity.name), None, "not verified", STATED

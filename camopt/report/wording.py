@@ -5,6 +5,7 @@ import math
 from camopt.scene.quantities import QUANTITIES
 
 UNITS = (
+    ("_mm_per_deg4", "mm/deg⁴"),
     ("_mm_per_deg3", "mm/deg³"),
     ("_mm_per_deg2", "mm/deg²"),
     ("_mm_per_deg", "mm/deg"),

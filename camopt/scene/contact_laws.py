@@ -1,18 +1,33 @@
 """Laws of contacts that are curves, of which every path of camopt but the verifier's methods reads.
 
 A contact's force is f = max(0, p(u) (1 + dissipation u')) at the depth u [m] beyond the touch, and 0 apart. A law has
-the numbers of one contact, and four functions of depths and forces, which are zero or more. A complex step
-differentiates them in event-exact, and JAX on the smooth path, so that they are written in arithmetic that all three
-have: + - * / and **.
+two numbers of one contact, its stiffness and one of its own, and four functions of depths and forces, which are zero or
+more. A complex step differentiates them in event-exact, and JAX on the smooth path, so that they are written in
+arithmetic that all three have: + - * / and **.
 """
 
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
 
 Number = Any  # of NumPy, real or complex, or of JAX
 DISSIPATION = "dissipation_s_per_m"
 """The key of a law that loses energy by itself, and takes no damper beside it."""
-POINT_CONTACT = 1.5
-"""Exponent of a law of contacts where the scene gives none."""
+
+
+class ContactLaw(Protocol):
+    """What a law tells of the elastic force p."""
+
+    def elastic(self, u: Number) -> Number:
+        """Force p [N] at a depth [m]."""
+
+    def slope(self, u: Number) -> Number:
+        """Stiffness [N/m] at a depth [m]."""
+
+    def stored(self, u: Number) -> Number:
+        """Energy [J] at a depth [m]."""
+
+    def depth(self, force: Number) -> Number:
+        """Depth [m] at which the force [N] is reached."""
 
 
 class Hertz(NamedTuple):
@@ -48,10 +63,29 @@ class HuntCrossley(Hertz):
     """
 
 
-CONTACT_LAWS = {"hertz": (Hertz, ("exponent",)), "hunt-crossley": (HuntCrossley, ("exponent", DISSIPATION))}
-"""Every law of contacts by its name in a scene file, with the keys of an element that belong to it."""
+class Registered(NamedTuple):
+    """A law of contacts as scene files have it: its class, and the key of an element that holds its own number."""
+
+    law: Callable[[Number, Number], ContactLaw]  # of the stiffness and the own number, in SI
+    key: str
+    unit: float = 1.0  # of that key, in SI
+    usual: float | None = None  # the number where a scene leaves the key out; None: it must be given
+    dissipates: bool = False  # whether it has the key `DISSIPATION` too
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys of an element that belong to the law, beside its stiffness."""
+        return (self.key, DISSIPATION) if self.dissipates else (self.key,)
 
 
-def laws_with(key: str) -> tuple[str, ...]:
-    """Names of the laws of contacts to which a key of an element belongs."""
-    return tuple(name for name, (_, keys) in CONTACT_LAWS.items() if key in keys)
+CONTACT_LAWS = {
+    "hertz": Registered(Hertz, "exponent", usual=1.5),
+    "hunt-crossley": Registered(HuntCrossley, "exponent", usual=1.5, dissipates=True),
+}
+"""Every law of contacts by its name in a scene file."""
+
+
+def laws_by_key() -> dict[str, tuple[str, ...]]:
+    """The names of the laws of contacts to which each key belongs."""
+    keys = dict.fromkeys(key for law in CONTACT_LAWS.values() for key in law.keys)
+    return {key: tuple(name for name, law in CONTACT_LAWS.items() if key in law.keys) for key in keys}

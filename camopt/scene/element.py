@@ -5,17 +5,17 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from camopt.scene.contact_laws import CONTACT_LAWS, DISSIPATION, laws_with
+from camopt.scene.contact_laws import CONTACT_LAWS, DISSIPATION, laws_by_key
 from camopt.scene.table import SMALLEST, Name, NonNegative, Positive, Table
 from camopt.scene.units import MM
 
 LAWS = ("linear", *CONTACT_LAWS, "progressive", "table")
 FORMS = (*LAWS, "adjuster", "friction")
 """The laws that a spring or contact may have, and the two kinds that have a law of their own."""
+OF_CONTACT_LAWS = laws_by_key()
 BELONGS = {
     "stiffness_N_per_m": ("linear", *CONTACT_LAWS, "adjuster", "friction"),
-    "exponent": laws_with("exponent"),
-    DISSIPATION: laws_with(DISSIPATION),
+    **OF_CONTACT_LAWS,
     "stiffness_table": ("progressive",),
     "force_table": ("table",),
     "leak_N_s_per_m": ("adjuster",),
@@ -25,14 +25,14 @@ BELONGS = {
     "slip_N": ("friction",),
 }
 """The forms of an element that a key belongs to."""
-OPTIONAL = ("exponent", "check_travel_mm")
+OPTIONAL = ("check_travel_mm", *(law.key for law in CONTACT_LAWS.values() if law.usual is not None))
 """Keys of `BELONGS` that a form may go without."""
 ROWS = {
     "stiffness_table": "[compression_mm, stiffness_N_per_m]",
     "force_table": "[compression_mm, force_N]",
 }
 NOT_OF = {
-    "damping_N_s_per_m": (("adjuster", "friction", *laws_with(DISSIPATION)), "its own law loses the energy"),
+    "damping_N_s_per_m": (("adjuster", "friction", *OF_CONTACT_LAWS[DISSIPATION]), "its own law loses the energy"),
     "gap_mm": (("adjuster", "friction"), "it has no lash"),
     "preload_N": (("friction", "table"), "its force is all in its law"),
 }

@@ -25,7 +25,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from camopt.scene.contact_laws import CONTACT_LAWS, Hertz
+from camopt.scene.contact_laws import CONTACT_LAWS, ContactLaw
 
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
@@ -43,7 +43,7 @@ KINDS = {
 }
 KINDS |= {name: FRICTION + i for i, name in enumerate(CONTACT_LAWS) if name != "hertz"}
 """The number of each law; those of contacts beyond the first follow in the order of their registry."""
-OF_CONTACTS = {KINDS[name]: law for name, (law, _) in CONTACT_LAWS.items()}
+OF_CONTACTS = {KINDS[name]: registered.law for name, registered in CONTACT_LAWS.items()}
 CURVED = *OF_CONTACTS, PROGRESSIVE
 """Laws that are no straight lines."""
 STAND_IN_FORCE = 1000.0
@@ -56,7 +56,7 @@ class Laws:
 
     kind: np.ndarray  # (e) int, by KINDS
     coefficient: np.ndarray  # (e): N/m^exponent of a law of contacts, N/m of a linear element, oil or friction
-    exponent: np.ndarray  # (e): 1 unless of a law of contacts
+    own_number: np.ndarray  # (e) of a law of contacts, as "hertz" has its exponent; 1 of others
     dissipation: np.ndarray  # (e) s/m: an element's force is p (1 + dissipation d') + c d'
     table: np.ndarray  # (e, q, 2): ascending compression [m]; stiffness [N/m] if progressive, force [N] if table
     leak: np.ndarray  # (e) N s/m, of oil
@@ -70,14 +70,14 @@ class Laws:
         return (self.kind == OIL) | (self.kind == FRICTION)
 
     @property
-    def of_contacts(self) -> list[tuple[int, Hertz]]:
+    def of_contacts(self) -> list[tuple[int, ContactLaw]]:
         """The elements with a law of contacts, each with its law."""
         found = np.flatnonzero(np.isin(self.kind, [*OF_CONTACTS]))
         return [(e, self.contact_law(e)) for e in found.tolist()]
 
-    def contact_law(self, e: int) -> Hertz:
+    def contact_law(self, e: int) -> ContactLaw:
         """The law of contacts of element e, with its numbers."""
-        return OF_CONTACTS[int(self.kind[e])](self.coefficient[e], self.exponent[e])
+        return OF_CONTACTS[int(self.kind[e])](self.coefficient[e], self.own_number[e])
 
     @property
     def with_table(self) -> list[int]:

@@ -10,8 +10,9 @@ from math import pi
 
 import numpy as np
 
-from camopt.scene.contact_laws import CONTACT_LAWS, POINT_CONTACT
+from camopt.scene.contact_laws import CONTACT_LAWS
 from camopt.scene.element import Element
+from camopt.scene.parts import own_number
 from camopt.scene.rest import static_forces
 from camopt.scene.schema import Scene
 from camopt.scene.table import Table
@@ -166,9 +167,10 @@ def _is_stiff(scene: Scene, element: Element) -> bool:
 def _stiff(scene: Scene) -> Iterable[tuple[str, float]]:
     """Stiffness [N/m] of the contacts that must be stiff; of a law of contacts the tangent at a usual compression."""
     for element in scene.element:
-        stiffness, power = element.stiffness_N_per_m, element.exponent or POINT_CONTACT
+        stiffness = element.stiffness_N_per_m
         if element.law in CONTACT_LAWS and stiffness is not None:
-            yield element.name, power * stiffness * (CONTACT_AT_UM * UM) ** (power - 1)
+            law = CONTACT_LAWS[element.law].law(stiffness, own_number(element))
+            yield element.name, law.slope(CONTACT_AT_UM * UM)
         elif element.form == "linear" and stiffness is not None and _is_stiff(scene, element):
             yield element.name, stiffness
 

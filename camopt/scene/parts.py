@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.scene.contact_laws import CONTACT_LAWS, POINT_CONTACT
+from camopt.scene.contact_laws import CONTACT_LAWS
 from camopt.scene.element import Element
 from camopt.scene.laws import KINDS, Laws
 from camopt.scene.units import MM
@@ -27,7 +27,7 @@ class Part:
     damping: float = 0.0
     preload: float = 0.0
     gap: float = 0.0
-    exponent: float = 1.0
+    own_number: float = 1.0
     dissipation: float = 0.0
     table: tuple[tuple[float, float], ...] = ()  # rows of compression and stiffness, or force
     leak: float = 0.0
@@ -57,10 +57,18 @@ def _itself(e: Element) -> Part:
         damping=e.damping_N_s_per_m,
         preload=e.preload_N,
         gap=e.gap_mm * MM,
-        exponent=(e.exponent or POINT_CONTACT) if e.law in CONTACT_LAWS else 1.0,
+        own_number=own_number(e),
         dissipation=e.dissipation_s_per_m or 0.0,
         table=tuple(((at - e.installed_mm) * MM, value) for at, value in rows or ()),
     )
+
+
+def own_number(e: Element) -> float:
+    """The number of its own that an element's law of contacts has, in SI; 1 of other laws."""
+    if e.law not in CONTACT_LAWS:
+        return 1.0
+    law = CONTACT_LAWS[e.law]
+    return (getattr(e, law.key) or law.usual or 0.0) * law.unit  # the schema asks for it where none is usual
 
 
 def _friction(e: Element) -> Part:
@@ -89,7 +97,7 @@ def laws_of(parts: Sequence[Part]) -> Laws:
     laws = Laws(
         kind=np.array([KINDS[p.law] for p in parts]),
         coefficient=np.array([p.stiffness for p in parts]),
-        exponent=np.array([p.exponent for p in parts]),
+        own_number=np.array([p.own_number for p in parts]),
         dissipation=np.array([p.dissipation for p in parts]),
         table=_of_one_length(parts),
         leak=np.array([p.leak for p in parts]),

@@ -1,6 +1,6 @@
 """The valve train as SI arrays, which are data only: each path has its own equations and its own contact law."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
@@ -124,9 +124,9 @@ class Train:
                 f"{instead}"
             )
 
-    def require_kinds(self, method: str, most: int, where: str) -> None:
-        """Raises InputError where a method whose file is `where` meets a law whose number is above `most`."""
-        if names := self._with_law(lambda kind: kind > most):
+    def require_kinds(self, method: str, kinds: Collection[int], where: str) -> None:
+        """Raises InputError where a method whose file is `where` meets a law whose number is not among `kinds`."""
+        if names := self._with_law(lambda kind: kind not in kinds):
             raise InputError(f"{method} has not the law of {names}: write it in {where}, or ask another method")
 
     def _with_law(self, has: Callable[[int], bool]) -> str:

@@ -17,7 +17,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from camopt.scene.contact_laws import Hertz
+from camopt.scene.contact_laws import ContactLaw
 from camopt.scene.laws import FRICTION, OF_CONTACTS, OIL, PROGRESSIVE, STAND_IN_FORCE, TABLE, Laws
 from camopt.scene.train import LAW_PARAMETERS
 from camopt.smooth.contact import RAMPS, Layer
@@ -32,7 +32,7 @@ class ElasticLaws(eqx.Module):
     travel: jax.Array  # (e) m, of oil
     slip: jax.Array  # (e) N, of friction
     kind: tuple[int, ...] = eqx.field(static=True)
-    exponent: tuple[float, ...] = eqx.field(static=True)
+    own_number: tuple[float, ...] = eqx.field(static=True)
     dissipative: bool = eqx.field(static=True)
 
     def touch(self, stiffness: jax.Array, preload: jax.Array) -> jax.Array:
@@ -108,11 +108,11 @@ class ElasticLaws(eqx.Module):
             ways += own
         return jnp.stack(ways)
 
-    def _of_contacts(self, stiffness: jax.Array) -> Iterator[tuple[np.ndarray, Hertz]]:
+    def _of_contacts(self, stiffness: jax.Array) -> Iterator[tuple[np.ndarray, ContactLaw]]:
         """The elements of each law of contacts, and the law with their numbers."""
         for kind in sorted(set(self.kind) & set(OF_CONTACTS)):
             h = np.array(self._of(kind))
-            yield h, OF_CONTACTS[kind](stiffness[h], np.array(self.exponent, stiffness.dtype)[h])
+            yield h, OF_CONTACTS[kind](stiffness[h], np.array(self.own_number, stiffness.dtype)[h])
 
     def _of(self, law: int) -> list[int]:
         return [e for e, kind in enumerate(self.kind) if kind == law]
@@ -121,8 +121,8 @@ class ElasticLaws(eqx.Module):
 def elastic_laws(laws: Laws, dtype) -> ElasticLaws:
     """The differentiable laws of a train."""
     numbers = {name: jnp.asarray(getattr(laws, name), dtype) for name in LAW_PARAMETERS}
-    kind, exponent = tuple(map(int, laws.kind)), tuple(float(q) for q in laws.exponent)
-    return ElasticLaws(**numbers, kind=kind, exponent=exponent, dissipative=bool(laws.dissipation.any()))
+    kind, own_number = tuple(map(int, laws.kind)), tuple(float(q) for q in laws.own_number)
+    return ElasticLaws(**numbers, kind=kind, own_number=own_number, dissipative=bool(laws.dissipation.any()))
 
 
 def _ramp(r: jax.Array, layer: Layer | None) -> jax.Array:

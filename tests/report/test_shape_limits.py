@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from camopt.cam.read import read_cam
-from camopt.measure.limits import broken_by_shape
+from camopt.measure.limits import broken_by_shape, reached_by_shape
 from camopt.report.advice import advice
 from camopt.report.assumed import AssumedNumber
 from camopt.report.edge import edge_sentences
 from camopt.report.folder import read_run_folder
-from camopt.report.limits import limit_rows, matrix, reached_by_shape, share_of
+from camopt.report.limits import limit_rows, matrix, share_of
 from camopt.report.wording import share_kind, used
 from camopt.scene import load_scene
 from camopt.scene.design import Piston
@@ -38,26 +38,26 @@ def drawn(**limits):
 
 def test_figures_of_the_drawing_are_those_of_a_dense_grid():
     design = drawn(piston=PISTON, nose_radius_min_mm=1.0, entrainment_min_m_per_s=0.1, lift_at=((-30.0, 2.0, 9.0),))
-    found = {row["label"]: row["value"] for row in reached_by_shape(LIFT, design)}
+    found = {row.label or row.key: row.value for row in reached_by_shape(LIFT, design)}
     lift, slope, bend = (LIFT(GRID, order) for order in range(3))
-    assert found["largest lift"] == pytest.approx(lift.max() / MM, abs=1e-6)
-    assert found["acceleration max"] == pytest.approx(bend.max() / MM_PER_DEG2, rel=1e-5)
-    assert found["smallest convex radius"] == pytest.approx((40 * MM + lift + bend).min() / MM, rel=1e-5)
-    assert found["face width needed"] == pytest.approx(2 * np.abs(slope).max() / MM, rel=1e-5)
+    assert found["max_lift_mm"] == pytest.approx(lift.max() / MM, abs=1e-6)
+    assert found["acceleration_max_mm_per_deg2"] == pytest.approx(bend.max() / MM_PER_DEG2, rel=1e-5)
+    assert found["nose_radius_min_mm"] == pytest.approx((40 * MM + lift + bend).min() / MM, rel=1e-5)
+    assert found["face_width_mm"] == pytest.approx(2 * np.abs(slope).max() / MM, rel=1e-5)
     entrained = design.slowest * ((40 * MM + lift) / 2 + bend).min()
-    assert found["entrainment velocity"] == pytest.approx(entrained, rel=1e-4)
-    assert found["lift at an angle"] == pytest.approx(float(LIFT(-30 * DEG)) / MM, rel=1e-9)
+    assert found["entrainment_min_m_per_s"] == pytest.approx(entrained, rel=1e-4)
+    assert found["lift_at"] == pytest.approx(float(LIFT(-30 * DEG)) / MM, rel=1e-9)
     outside = np.abs(GRID) >= design.duration_deg / 2 * DEG
     ramps = max(found["opening ramp velocity"], found["closing ramp velocity"])
     assert ramps == pytest.approx(np.abs(slope[outside]).max() / MM_PER_DEG, rel=1e-3)
 
 
 def test_the_clearance_to_the_piston_is_that_of_crank_and_rod():
-    found = next(row for row in reached_by_shape(LIFT, drawn(piston=PISTON)) if row["key"] == "piston")
+    found = next(row for row in reached_by_shape(LIFT, drawn(piston=PISTON)) if row.key == "piston")
     crank = PISTON.lobe_centre_deg * DEG + GRID / 0.5
     height = 40 * np.cos(crank) + np.sqrt(140**2 - (40 * np.sin(crank)) ** 2)
     clearance = PISTON.gap_at_top_mm + (180 - height) - LIFT(GRID) / MM
-    assert found["value"] == pytest.approx(clearance.min(), abs=1e-4) and found["least"]
+    assert found.value == pytest.approx(clearance.min(), abs=1e-4) and found.least
 
 
 def test_rows_are_held_where_the_judge_of_the_shape_says_so(write, contents):
@@ -72,6 +72,16 @@ def test_rows_are_held_where_the_judge_of_the_shape_says_so(write, contents):
     }
     named = {row["label"]: row for row in matrix(run, rows)["rows"]}
     assert named["lift at an angle"]["held"] is False and named["lift at an angle"]["shares"] is None
+
+
+def test_every_limit_on_the_shape_has_a_row_in_words(write, contents):
+    design = drawn(waves_max=3, snap_max_mm_per_deg4=1.0, duration_at=((2.0, 10.0, 200.0),))
+    rows = limit_rows(read_run_folder(write(contents, "motori-1")), (LIFT, design))
+    named = {row["label"]: (row["unit"], row["reached"]) for row in rows}
+    waves = next(row for row in reached_by_shape(LIFT, design) if row.key == "waves_max")
+    assert named["sign changes of the jerk"] == ("", f"{waves.value:g}")
+    assert named["snap max"][0] == "mm/deg⁴" and named["opening ramp velocity"][0] == "mm/deg"
+    assert named["duration at 2 mm"][0] == named["duration"][0] == "deg"
 
 
 @pytest.mark.parametrize(("short", "words"), [(1e-5, "100 %"), (1e-2, "✗ 101 %")])

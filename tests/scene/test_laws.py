@@ -7,6 +7,7 @@ import pytest
 from scipy.integrate import quad
 
 from camopt.scene import InputError, build_train, load_scene, parse_scene, rest_position
+from camopt.scene.element import LAWS
 from camopt.scene.laws import STAND_IN_FORCE
 
 EXAMPLE = (Path(__file__).parent / "example.toml").read_text()
@@ -35,7 +36,7 @@ def force(parts, e: int, d: float) -> float:
 @pytest.mark.parametrize(
     ("old", "new", "key", "says"),
     [
-        (TRAIN, TRAIN + '\nlaw = "cubic"', "element.1.law", "'hertz', 'hunt-crossley', 'progressive' or 'table'"),
+        (TRAIN, TRAIN + '\nlaw = "cubic"', "element.1.law", f"{', '.join(map(repr, LAWS[:-1]))} or {LAWS[-1]!r}"),
         (SPRING, 'law = "hertz"', "element.2.stiffness_N_per_m", "missing"),
         (SPRING, SPRING + "\nexponent = 1.5", "element.2.exponent", "only to these"),
         (DAMPED, 'law = "hunt-crossley"', "element.1.dissipation_s_per_m", "missing"),

@@ -39,25 +39,25 @@ class Lines(NamedTuple):
     mean: np.ndarray  # (r) N, of the force between the rows at the ends of each
 
 
-def lines(kind: int, stiffness, preload, exponent: float, rows: np.ndarray) -> Lines:
+def lines(kind: int, stiffness, preload, own_number: float, rows: np.ndarray) -> Lines:
     """The lines of an element's law; `rows` are its table's own."""
     if kind == LINEAR:
         return Lines(np.array([[preload, stiffness]]), np.empty(0), np.zeros(1))
     if kind in CURVED:
-        rows = chords(kind, stiffness, preload, exponent, rows, CHORDS)
+        rows = chords(kind, stiffness, preload, own_number, rows, CHORDS)
     d, p = rows.T
     slope = np.diff(p) / np.diff(d)
     return Lines(np.stack([p[:-1] - slope * d[:-1], slope], axis=1), d[1:-1], 0.5 * (p[:-1] + p[1:]))
 
 
-def chords(kind: int, stiffness, preload, exponent: float, rows: np.ndarray, count: int) -> np.ndarray:
+def chords(kind: int, stiffness, preload, own_number: float, rows: np.ndarray, count: int) -> np.ndarray:
     """Rows (compression [m], force [N]) of about `count` chords of a curved law, laws of contacts up to CHORD_FORCE and
     with more chords beyond it; `rows` are its stiffness table."""
     if kind in OF_CONTACTS:
         more = int(np.ceil(np.log(REACH) / (4.0 * np.log1p(1.0 / count))))  # chords beyond CHORD_FORCE
         beyond = (1.0 + 1.0 / count) ** (2 * np.arange(1, more + 1))
         share = np.concatenate([np.arange(count + 1) / count, beyond])
-        law = OF_CONTACTS[kind](stiffness, exponent)
+        law = OF_CONTACTS[kind](stiffness, own_number)
         touch = law.depth(preload) if np.real(preload) > 0.0 else 0.0
         u = law.depth(CHORD_FORCE * share**2)
         return np.stack([u - touch, CHORD_FORCE * share**2 + 0.0 * u], axis=1)
@@ -107,7 +107,7 @@ def with_chords(train: Train, count: int = CHORDS) -> Train:
     for e, kind in enumerate(laws.kind):
         rows = laws.table[e, : laws.rows[e]]
         if kind in CURVED:
-            rows = chords(kind, laws.coefficient[e], train.preload[e], laws.exponent[e], rows, count)
+            rows = chords(kind, laws.coefficient[e], train.preload[e], laws.own_number[e], rows, count)
         tables.append(rows)
     own = np.array([len(rows) for rows in tables])
     kinds = np.where(np.isin(laws.kind, CURVED), TABLE, laws.kind)

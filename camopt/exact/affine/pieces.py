@@ -88,14 +88,14 @@ def forms_of(elements: list[Parts]) -> np.ndarray:
 
 def _element(train: Train, numbers: Numbers, e: int) -> Parts:
     kind = LINEAR if train.laws is None else train.laws.kind[e]
-    exponent = 1.0 if train.laws is None else train.laws.exponent[e]
+    own_number = 1.0 if train.laws is None else train.laws.own_number[e]
     k = numbers.stiffness[e]
     if kind == OIL:
         return oil(k, numbers.leak[e], numbers.travel[e])
     if kind == FRICTION:
         return friction(k, numbers.slip[e])
     own = 1 if train.laws is None else train.laws.rows[e]
-    straight, borders, mean = lines(kind, k, numbers.preload[e], exponent, numbers.table[e, :own])
+    straight, borders, mean = lines(kind, k, numbers.preload[e], own_number, numbers.table[e, :own])
     damping = numbers.damping[e] + numbers.dissipation[e] * mean
     return (contact if train.contact[e] else spring)(straight, borders, damping)
 

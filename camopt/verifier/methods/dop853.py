@@ -24,9 +24,9 @@ from camopt.scene.train import Train
 from camopt.verifier.methods.of_dop853 import (
     APART,
     CONTACT,
-    HUNT_CROSSLEY,
     PRESSED,
     PUSHING,
+    WRITTEN,
     Acting,
     F,
     Phases,
@@ -49,7 +49,7 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     `cam_speed` [rad/s]. The response has steps_per_revolution + 1 samples and two at every switching, before and after
     it. Raises MotionRefused for endless switching, or where no step meets the permitted error.
     """
-    train.require_kinds("DOP853", HUNT_CROSSLEY, "camopt/verifier/methods/of_dop853.py")
+    train.require_kinds("DOP853", WRITTEN, "camopt/verifier/methods/of_dop853.py")
     motion = _Motion(train, lift, cam_speed)
     grid = np.linspace(0.0, 2 * np.pi / cam_speed, steps_per_revolution + 1)
     stops = motion.stops(grid[-1])

@@ -15,6 +15,7 @@ A surface of a table or a memory counts as passed where it is beyond zero by the
 on such surfaces, and round-off must not switch it to and fro.
 """
 
+from collections.abc import Callable
 from typing import NamedTuple
 
 import numpy as np
@@ -29,10 +30,13 @@ PUSHES, WAITS, FILLS = range(3)
 STICKS, FORWARD, BACKWARD = range(3)
 U, F, D, RATE, SLACK = range(5)
 """Rows of surfaces: compression beyond the touch [m], p + c d' [N], compression [m], its rate [m/s], d - z [m]."""
-HERTZ, PROGRESSIVE, TABLE, OIL, FRICTION, HUNT_CROSSLEY = range(1, 7)
+LINEAR, HERTZ, PROGRESSIVE, TABLE, OIL, FRICTION, HUNT_CROSSLEY = WRITTEN = range(7)
+"""Numbers of the laws that are written here, as `camopt.scene.laws.KINDS` has them."""
 FAR = 10.0
 """The last stiffness of a table is continued up to this compression [m] beyond the table's ends."""
 
+Force = Callable[[np.ndarray], np.ndarray]
+"""Elastic force [N] by the compressions (b, m) [m] of some elements."""
 Phases = dict[tuple[int, int], int]
 """The phase of every element (first of the key) that has any, in its contact, row or memory (second)."""
 
@@ -66,26 +70,34 @@ class PieceLaws:
         self.stiffness, self.preload = train.stiffness[:, None], train.preload[:, None]
         self.touch = -self.preload / self.stiffness
         self.contacts, self.damped = np.flatnonzero(train.contact), train.damping > 0
-        self.power, self.curves, self.lines = np.zeros(0, dtype=int), {}, {}
-        self.bent = np.zeros(0, dtype=int)  # elements whose force is no straight line of the compression
+        self.bent, self.lines = (
+            [],
+            {},
+        )  # elements whose force is no straight line of the compression; those with a table
+        self.bends = []  # for each law among `bent`: how many elements, and their force by their compressions
         self.dissipation = np.zeros_like(self.preload)
         self.memory, self.oil = list(train.memory), np.zeros(0, dtype=int)
         if train.laws is None:
             return
         laws = train.laws
-        self.power = np.flatnonzero((laws.kind == HERTZ) | (laws.kind == HUNT_CROSSLEY))
+        power = np.flatnonzero((laws.kind == HERTZ) | (laws.kind == HUNT_CROSSLEY))
+        self._bend(power, *_powers(laws.coefficient[power, None], laws.own_number[power, None], self.preload[power]))
         self.oil, self.dissipation = np.flatnonzero(laws.kind == OIL), laws.dissipation[:, None]
         self.leak, self.travel, self.slip = laws.leak, laws.travel, laws.slip
-        self.coefficient, self.exponent = (q[self.power, None] for q in (laws.coefficient, laws.exponent))
-        self.touch[self.power] = -((self.preload[self.power] / self.coefficient) ** (1 / self.exponent))
         for e in np.flatnonzero(laws.kind == PROGRESSIVE):
-            self.curves[int(e)] = work = _curve(laws.table[e], train.preload[e])
-            self.touch[e] = work.roots(extrapolate=False)
-        self.bent = np.concatenate([self.power, np.array([*self.curves], dtype=int)])
+            work = _curve(laws.table[e], train.preload[e])
+            self._bend([e], work.roots(extrapolate=False), work)
         for e in np.flatnonzero(laws.kind == TABLE):
             self.lines[int(e)] = c, base, slope = _lines(laws.table[e])
             row = np.searchsorted(base + slope * np.append(c, np.inf), 0.0)  # whose end has a force above zero
             self.touch[e] = -base[row] / slope[row]
+
+    def _bend(self, elements, touch: np.ndarray, force: Force) -> None:
+        """Gives elements (b) the compressions [m] at which they touch, and a force by their compressions (b, m)."""
+        if len(elements):
+            self.touch[elements] = touch
+            self.bent += list(elements)
+            self.bends.append((len(elements), force))
 
     def force(self, d: np.ndarray, z: np.ndarray, acting: Acting) -> np.ndarray:
         """Elastic force [N] at compressions d (e, m) and memories z (r, m) [m]."""
@@ -97,17 +109,12 @@ class PieceLaws:
         return force
 
     def bent_force(self, d: np.ndarray) -> np.ndarray:
-        """Elastic force [N] of the `bent` elements (b) at their compressions d (b, m) [m].
-
-        That of a power of the depth is continued as an odd function about its touch, so that it is smooth enough to
-        locate a root across it.
-        """
-        count = len(self.power)
-        u = d[:count] - self.touch[self.power]
-        force = self.coefficient * np.sign(u) * np.abs(u) ** self.exponent
-        if not self.curves:
-            return force
-        return np.concatenate([force, *(work(d[i : i + 1]) for i, work in enumerate(self.curves.values(), count))])
+        """Elastic force [N] of the `bent` elements (b) at their compressions d (b, m) [m]."""
+        forces, begin = [], 0
+        for count, force in self.bends:
+            forces.append(force(d[begin : begin + count]))
+            begin += count
+        return forces[0] if len(forces) == 1 else np.concatenate(forces)
 
     def first_phases(self, d: np.ndarray, rate: np.ndarray, z: np.ndarray) -> Phases:
         """The rows and memories at compressions d (e) with rates (e) and memories z (r)."""
@@ -207,6 +214,20 @@ class PieceLaws:
             ]
         sign = -1.0 if phase == FORWARD else 1.0
         return [Switching(key, e, RATE, sign, STICKS, sign * velocity)]
+
+
+def _powers(coefficient: np.ndarray, exponent: np.ndarray, preload: np.ndarray) -> tuple[np.ndarray, Force]:
+    """Touch (b, 1) [m] and force of contacts under a power of the depth; all numbers (b, 1).
+
+    The force is continued as an odd function about the touch, so that it is smooth enough to locate a root across it.
+    """
+    touch = -((preload / coefficient) ** (1 / exponent))
+
+    def force(d: np.ndarray) -> np.ndarray:
+        u = d - touch
+        return coefficient * np.sign(u) * np.abs(u) ** exponent
+
+    return touch, force
 
 
 def _curve(table: np.ndarray, preload: float) -> PPoly:

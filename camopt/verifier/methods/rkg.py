@@ -30,8 +30,8 @@ CARRIED = np.array([2.0, 1.0, 1.0, 2.0])
 RENEWED = np.array([0.5, 1.0 - ROOT, 1.0 + ROOT, 0.5])
 STAGE = np.array([0, 1, 1, 2])
 """Stage times in half steps."""
-HERTZ, HUNT_CROSSLEY = 1, 6
-"""Numbers of the laws whose elastic force is a power of the depth; no law has a higher one here."""
+LINEAR, HERTZ, PROGRESSIVE, TABLE, OIL, FRICTION, HUNT_CROSSLEY = WRITTEN = range(7)
+"""Numbers of the laws that are written here, as `camopt.scene.laws.KINDS` has them."""
 MAY_PULL = {"force": False, "displacement": True}
 """By separation criterion: whether a compressed contact's force may be below zero."""
 
@@ -44,7 +44,7 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     """
     if criterion not in MAY_PULL:
         raise InputError(f"separation criterion {criterion!r}: expected {' or '.join(MAY_PULL)}")
-    train.require_kinds("Runge-Kutta-Gill", HUNT_CROSSLEY, "camopt/verifier/methods/rkg.py")
+    train.require_kinds("Runge-Kutta-Gill", WRITTEN, "camopt/verifier/methods/rkg.py")
     steps = steps_per_revolution
     h = 2 * np.pi / cam_speed / steps
     halves = np.linspace(-np.pi, np.pi, 2 * steps + 1)
@@ -99,7 +99,7 @@ def _elastic_arrays(train: Train) -> tuple[np.ndarray, np.ndarray, np.ndarray, n
     """Kind (e), coefficient (e), exponent (e), dissipation (e) and table (e, q, 2) of the elastic laws."""
     laws, e = train.laws, len(train.a)
     if laws is not None:
-        return laws.kind, laws.coefficient, laws.exponent, laws.dissipation, laws.table
+        return laws.kind, laws.coefficient, laws.own_number, laws.dissipation, laws.table
     return np.zeros(e, dtype=int), train.stiffness, np.ones(e), np.zeros(e), np.zeros((e, 1, 2))
 
 
@@ -116,18 +116,20 @@ def _memory_arrays(train: Train) -> tuple[np.ndarray, np.ndarray, np.ndarray, np
 @compiled
 def _elastic(kind, coefficient, exponent, table, preload, d):
     """Elastic force [N] at compression d [m], of a law without memory."""
-    if kind == 0:
+    if kind == LINEAR:
         return preload + coefficient * d
     if kind == HERTZ or kind == HUNT_CROSSLEY:
         pressed = d + (preload / coefficient) ** (1.0 / exponent)
         return coefficient * pressed**exponent if pressed > 0.0 else 0.0
-    if kind == 3:
+    if kind == TABLE:
         row = 0
         while row < len(table) - 2 and d > table[row + 1, 0]:
             row += 1
         share = (d - table[row, 0]) / (table[row + 1, 0] - table[row, 0])
         return table[row, 1] + share * (table[row + 1, 1] - table[row, 1])
-    return preload + _work(table, d) - _work(table, 0.0)
+    if kind == PROGRESSIVE:
+        return preload + _work(table, d) - _work(table, 0.0)
+    return np.nan  # of a law without its branch here
 
 
 @compiled
@@ -148,8 +150,8 @@ def _work(table, d):
 
 @compiled
 def _remembering(kind, coefficient, travel, slip, d, z):
-    """Force [N] and memory [m] of oil (kind 4) or friction at compression d [m], where the memory was z [m]."""
-    if kind == 4:
+    """Force [N] and memory [m] of oil or friction at compression d [m], where the memory was z [m]."""
+    if kind == OIL:
         z = min(z, d)
         return coefficient * max(0.0, d - z - travel), z
     trial = coefficient * (d - z)
@@ -192,14 +194,14 @@ def _march(start, cam, h, parts, states, force):
             if cam_driven[e]:
                 d += rise[at]
                 d_rate += rate[at]
-            if kind[e] == 0:
+            if kind[e] == LINEAR:
                 elastic = preload[e] + coefficient[e] * d
             elif memory[e] < 0:
                 elastic = _elastic(kind[e], coefficient[e], exponent[e], table[e], preload[e], d)
             else:
                 i = 2 * n + memory[e]
                 elastic, z = _remembering(kind[e], coefficient[e], travel[e], slip[e], d, y[i])
-                dy[i] = elastic / leak[e] if kind[e] == 4 else 0.0
+                dy[i] = elastic / leak[e] if kind[e] == OIL else 0.0
                 if part == 0 and z != y[i]:
                     y[i], q[i] = z, 0.0
             f = elastic + (damping[e] + dissipation[e] * elastic) * d_rate
