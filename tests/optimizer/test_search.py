@@ -8,9 +8,9 @@ import pytest
 
 from camopt import load_scene, optimize, polydyne
 from camopt.optimizer.accuracy import ACCURACIES
-from camopt.optimizer.search.cams import Search
+from camopt.optimizer.search.cams import Logbook, Search
 from camopt.optimizer.search.margins import AIM, FIRST_STEP_N, LARGEST_N, LEAST_STEP_N, FedBack
-from camopt.optimizer.search.search import find_cam
+from camopt.optimizer.search.search import FLOWN, _between, find_cam
 
 EFFORT = replace(ACCURACIES["draft"], knot_deg=6.0, feedback_rounds=6)
 
@@ -29,6 +29,46 @@ def test_a_step_is_halved_where_its_sign_changes_and_tension_has_an_end():
     for _ in range(300):
         fed.follow(np.zeros((3, 1)))
     assert fed.margins.min() == -LARGEST_N
+
+
+def test_margins_go_half_way_back_and_step_less():
+    fed = FedBack(np.array([[-30.0], [10.0], [0.0]]))
+    fed.go_back(np.array([[10.0], [0.0], [0.0]]))
+    assert fed.margins.ravel() == pytest.approx([-10.0, 5.0, 0.0])
+    assert fed.step == pytest.approx(np.full((3, 1), FIRST_STEP_N / 2))
+
+
+def test_margins_of_other_speeds_do_not_run_away_while_the_motion_flies_off():
+    """On this train every cam's motion at the top speed breaks its limits as margins at lower speeds fall."""
+    lines = []
+    find_cam(load_scene("exhaust-gas"), "band", EFFORT, log=Logbook(show=lines.append))
+    fed_back = [line for line in lines if line["stage"] == "margins fed back"]
+    assert sum(line["worst_share"] > FLOWN for line in fed_back) <= len(fed_back) / 2
+
+
+class Fills:
+    """A source of rows of cams with one coefficient: the valve of a larger one than `most` does not seat."""
+
+    def __init__(self, most):
+        self.most, self.at = most, None
+
+    def errors_at(self, program, z):
+        return np.array([np.inf if z[0] > self.most else 0.0])
+
+    def about(self, program, z):
+        self.at = z[0]
+        return "about"
+
+
+@pytest.mark.parametrize(("most", "centre"), [(0.6, 0.5), (0.3, 0.25), (0.2, 0.125)])
+def test_the_next_centre_lies_before_a_cam_whose_valve_does_not_seat(most, centre):
+    source = Fills(most)
+    assert _between(source, "before", np.array([0.0]), np.array([1.0])) == ("about", [centre])
+    assert source.at == centre
+
+
+def test_the_centre_stays_where_no_cam_on_the_way_seats():
+    assert _between(Fills(0.0), "before", np.array([0.0]), np.array([1.0])) == ("before", [0.0])
 
 
 @pytest.fixture(scope="module")

@@ -36,6 +36,10 @@ USUAL_JUMP = 0.05 * MM
 """The limit on the jump that stands for one that the design leaves out [m]."""
 ROUNDS = 3
 """Programs about one cam after the other where the forces are not the same for all cams."""
+FILLING_TRAINS, FILLING_ROUNDS, KEPT_N = 120, 5, 20.0
+"""Of trains with an adjuster: how many shape the cam, how many programs lead from the calmest cam to that about which
+the forces are, and the force [N] that it keeps on their contacts, so that no adjuster fills: the forces of one that has
+filled foretell nothing."""
 FIRST_MARGIN_N = 40.0
 """Margin of the cam of the train as designed from which the search begins."""
 DRAWS_SEED, UNSEEN_SEED = 1_000_003, 2_000_003
@@ -62,12 +66,13 @@ def yield_search(
     """
     assert scene.design is not None, "load_scene(..., need='design') guarantees it"
     plain, z = free_program(scene)
-    cam_speeds, trains = band_speeds(scene), trains_as_built(scene, effort.shaping_trains, seed=seed + DRAWS_SEED)
+    shaping = min(effort.shaping_trains, FILLING_TRAINS) if plain.train.memory else effort.shaping_trains
+    cam_speeds, trains = band_speeds(scene), trains_as_built(scene, shaping, seed=seed + DRAWS_SEED)
     source = _source(gradient, trains, plain, cam_speeds)
     program = OpeningsProgram(plain, source.theta, cam_speeds, source.about(z))
     unseen = TrainEnsemble(scene, seed + UNSEEN_SEED)
     search = YieldSearch(unseen, program, wanted, log or TrainsLog(None), show)
-    limits, lost = opening_limits(scene, cam_speeds), int((1.0 - wanted) * effort.shaping_trains + 1e-9)
+    limits, lost = opening_limits(scene, cam_speeds), int((1.0 - wanted) * shaping + 1e-9)
     first, box = _about_its_own_cam(program, source, z, FIRST_LEVEL * limits, lost)
     level, cam, factor = FIRST_LEVEL, first, LEVEL_FACTOR
     for count in search.counts(effort.unseen_trains):
@@ -78,12 +83,14 @@ def yield_search(
 
 
 def free_program(scene: Scene) -> tuple[NoJumpProgram, np.ndarray]:
-    """The program of the limits on the shape, and the coefficients (m) of a cam that the train as designed follows."""
+    """The program of the limits on the shape, and the coefficients (m) of a cam that the train as designed follows; the
+    calmest one where an adjuster may fill."""
     design, operation = scene.design, scene.operation
     assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
     speeds = [scene.cam_speed(rpm) for rpm in operation.band_rpm]
     program = converge_tangents(no_jump_program(build_train(scene), design, program_cam(design, KNOT_DEG), speeds))
-    return program, program.solve_below(np.full((3, len(speeds)), FIRST_MARGIN_N)).z
+    z = program.solve_below(np.full((3, len(speeds)), FIRST_MARGIN_N)).z
+    return program, np.zeros_like(z) if program.train.memory else z
 
 
 def band_speeds(scene: Scene, low_speeds: int = LOW_SPEEDS, high_speeds: int = HIGH_SPEEDS) -> np.ndarray:
@@ -120,15 +127,20 @@ def _about_its_own_cam(
     program: OpeningsProgram, source: ForceSource, z: np.ndarray, limits: np.ndarray, lost: int
 ) -> tuple[NoJumpOptimum, Box | None]:
     """The program's cam under limits (classes, s) [m], about which its forces are, and the box in which they are
-    believed, if they are not right for every cam."""
+    believed, if they are not right for every cam.
+
+    Where an adjuster may fill, the cam is one on which contacts keep a force, and the forces are believed everywhere:
+    larger cams, some of whose trains fill, are too far from it for a box.
+    """
     if source.for_every_cam:
         return program.largest(z, limits, lost), None
-    region = first_region(program.plain.design)
-    for _ in range(ROUNDS):
-        found = program.largest(z, limits, lost, Box(z, region.width))
+    region, fills = first_region(program.plain.design), bool(program.plain.train.memory)
+    program.keep(KEPT_N if fills else 0.0)
+    for _ in range(FILLING_ROUNDS if fills else ROUNDS):
+        found = program.largest(z, 0.0 * limits if fills else limits, lost, Box(z, region.width))
         before, foretold = program.tied(z), program.tied(found.z)
         program.about(source.about(found.z))
         missed, moved = (np.abs(program.tied(found.z) - one).max(axis=(2, 3)) for one in (foretold, before))
         region.follow(float(np.median(missed / np.maximum(moved, 1.0))))
         z = found.z
-    return found, Box(z, region.width)
+    return found, None if fills else Box(z, region.width)

@@ -67,6 +67,10 @@ class FedBack:
         self.step, self.sign = np.clip(self.step * factor, LEAST_STEP_N, LARGEST_STEP_N), sign
         self.margins = np.maximum(self.margins + self.step * error, -LARGEST_N)
 
+    def go_back(self, held: np.ndarray) -> None:
+        """Moves the margins half way back to those of a cam that holds (3, s) [N], and halves the steps."""
+        self.margins, self.step = 0.5 * (self.margins + held), np.maximum(0.5 * self.step, LEAST_STEP_N)
+
 
 def used_by_kind(train: Train, lift: Lift, judged: Judged, cam_speeds: np.ndarray) -> np.ndarray:
     """Shares (3, s) of the limits that the judged motions at these cam speeds [rad/s] use: on the opening flank, on the

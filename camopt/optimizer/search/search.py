@@ -46,6 +46,8 @@ RENEWED_EVERY = 4
 """The same for trains whose laws are not straight, after so many rounds each."""
 FLOWN = 2.0
 """Part of a limit beyond which a motion has flown off: by how far says nothing any more."""
+PARTS = (0.5, 0.25, 0.125)
+"""Parts of the way to a cam whose valve does not seat that are tried in turn as the centre of the next program."""
 REMEDY = "allow more bounce and jump, raise the spring's preload, or lower the top speed"
 BLENDS = 5
 """Cams between the largest one that holds and a larger one that does not, each halving what is left."""
@@ -122,16 +124,18 @@ def _source(smooth: bool, program: NoJumpProgram, smoothing: Smoothing) -> RowSo
 
 
 def _programs(search: Search, source: RowSource, program: NoJumpProgram, z: np.ndarray, rounds: int) -> None:
-    """Programs from the cam of z (m) on: with the first margins until one promises little more area or its cam does not
-    settle, then so many rounds whose margins follow what the judged motion uses of the limits.
+    """Programs from the cam of z (m) on: with the first margins until one promises little more area, then so many
+    rounds whose margins follow what the judged motion uses of the limits.
 
     The errors of the foretold forces rule the box: on the way to the limits that of the speed in the middle, and where
     margins are fed back the largest one, since there the motion breaks its limits first. A cam whose valve does not
-    seat is the centre of no program where others held.
+    seat is the centre of no program where others held; on the way to the limits the next centre lies between. Where a
+    motion flies off although its valve seats, by margins that may have fallen at other speeds than its own, all of them
+    go half way back to those of the largest cam that holds.
     """
     row, constant = area_ratio_row(program.design, program.cam)
     region, fed = first_region(program.design), FedBack(first_margins(program.design, len(program.blocks)))
-    renewed = _due(is_linear(program.train), rounds)
+    renewed, held = _due(is_linear(program.train), rounds), fed.margins
     settled, left = False, rounds
     while left or not settled:
         found = stepped(source, program, z, region, fed.margins, np.max if settled else np.median)
@@ -140,17 +144,34 @@ def _programs(search: Search, source: RowSource, program: NoJumpProgram, z: np.n
         seats = bool(np.all(np.isfinite(tried.judged.share))) or not search.held
         gain = abs(found.area_ratio - float(row @ z + constant))
         if not settled:
-            search.first = tried
-            settled = not seats or search.steps >= MOST_FIRST or (gain < SETTLED_GAIN and found.margins.min() >= 0.0)
-            due = True
+            search.first, due = tried, True
+            settled = search.steps >= MOST_FIRST or (gain < SETTLED_GAIN and found.margins.min() >= 0.0)
         else:
             due = renewed[rounds - left]
             left -= 1
-        if settled:
+        if search.best is tried:
+            held = found.margins
+        if settled and search.best and FLOWN < tried.judged.used < np.inf:
+            fed.go_back(held)
+        elif settled:
             fed.follow(used_by_kind(program.train, tried.lift, tried.judged, program.speeds))
         if seats:
             z = found.z
             program = source.about(found.program, z) if due else found.program
+        elif not settled:
+            program, z = _between(source, found.program, z, found.z)
+
+
+def _between(
+    source: RowSource, program: NoJumpProgram, z: np.ndarray, beyond: np.ndarray
+) -> tuple[NoJumpProgram, np.ndarray]:
+    """The program about a cam on the way from that of z (m) to one whose valve does not seat, and the cam; those at
+    hand where no cam on the way has a motion that slopes describe."""
+    for part in PARTS:
+        between = z + part * (beyond - z)  # the limits on the shape let it through, as they do both
+        if np.all(np.isfinite(source.errors_at(program, between))):
+            return source.about(program, between), between
+    return program, z
 
 
 def _due(straight: bool, rounds: int) -> np.ndarray:

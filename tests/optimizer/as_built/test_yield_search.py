@@ -14,6 +14,7 @@ from camopt.measure.limits import broken_by_shape
 from camopt.measure.yields import UsedLimits, share_of
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.as_built import levels
+from camopt.optimizer.as_built import search as search_module
 from camopt.optimizer.as_built.checks import check_wanted
 from camopt.optimizer.as_built.drawn import FOLDER, SPEEDS, STAGGER, TrainEnsemble, TrainsLog
 from camopt.optimizer.as_built.levels import CHANCE, YieldSearch
@@ -87,6 +88,14 @@ def test_drawn_trains_begin_at_rest_where_the_train_as_designed_breaks_a_limit()
     breaks = judged.share.max(axis=0) > 1.0
     breaks[-STAGGER:] = breaks[-1]  # all of them have the top of the band
     assert 0 < breaks.sum() < len(breaks) and np.array_equal(at_rest, breaks)
+
+
+def test_trains_whose_adjusters_may_fill_are_held(monkeypatch):
+    """Forces of adjusters that have filled foretell nothing: the search begins below and goes up from there."""
+    monkeypatch.setattr(search_module, "FILLING_ROUNDS", 3)
+    effort = replace(ACCURACIES["draft"], shaping_trains=12, unseen_trains=24)
+    found = yield_search(load_scene("finger-hydraulic"), 0.9, effort)
+    assert found.best is not None and found.best.area_ratio > 0.57  # the largest Polydyne has 0.556
 
 
 @pytest.mark.parametrize("first", [0.65, 0.1, 1.4])
