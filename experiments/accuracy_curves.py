@@ -82,8 +82,7 @@ def of_bands(cases: list[DrawnCase], steps) -> list[list[float]]:
     """What a band's step misses of the largest bounce in the finest one [um]: (draws, steps)."""
     rows = []
     for case in cases:
-        assert case.scene.operation is not None
-        low, high = case.scene.operation.band_rpm
+        low, high = case.scene.required_operation.band_rpm
         speeds = np.arange(low, high + 1, steps[0])
         found = at_speeds(settled_metrics, case.scene, case.lift, speeds)
         bounce = np.nan_to_num([row["bounce_mm"] for row in found], nan=np.inf)

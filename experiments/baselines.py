@@ -31,8 +31,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     """Searches every family twice and writes baselines.json into `folder`."""
     scene = load_scene("kodama")
     names = (*FAMILIES, "new-design:start_ratio=0") if size == "full" else ("trapezoid",)
-    assert scene.operation is not None
-    _, speeds = design_speeds(scene.operation, "nominal", ACCURACIES["standard"])
+    _, speeds = design_speeds(scene.required_operation, "nominal", ACCURACIES["standard"])
     rows = []
     for jerk in (True, False) if size == "full" else (False,):
         for name in names:

@@ -108,8 +108,7 @@ def motion(lift: Lift, scene: Scene, where: str, size: str) -> dict:
 
 def conditions(scene: Scene) -> Design:
     """The design conditions, which every scene here has."""
-    assert scene.design is not None
-    return scene.design
+    return scene.required_design
 
 
 def figures(lift: Lift, scene: Scene) -> dict:

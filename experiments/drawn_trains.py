@@ -132,8 +132,7 @@ def figure(speeds_rpm: np.ndarray, found: dict[str, SettledMetrics]) -> Figure:
 def main(size: str, folder=RESULTS) -> dict:
     """Measures, prints and writes `drawn_trains.json` and its figure."""
     scene = load_scene("kodama")
-    assert scene.operation is not None
-    speeds = np.linspace(*scene.operation.band_rpm, SPEEDS[size])
+    speeds = np.linspace(*scene.required_operation.band_rpm, SPEEDS[size])
     cam_speeds, train = [scene.cam_speed(s) for s in speeds], build_train(scene)
     cams = {"held": held(scene, speeds), "polydyne": polydyne(scene)}
     content: dict = {"trains": TRAINS[size], "speeds_rpm": speeds.tolist(), "cams": {}, "stated_error": ERRORS}

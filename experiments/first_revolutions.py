@@ -41,8 +41,7 @@ def cams(scene: Scene) -> Iterator[Lift]:
     for family in FAMILIES:
         with suppress(InputError):
             yield read_cam(family, scene)
-    assert scene.design is not None, "scenes with a design"
-    yield kinematic_optimum(scene.design, free_cam(scene.design, 6.0)).lift
+    yield kinematic_optimum(design := scene.required_design, free_cam(design, 6.0)).lift
 
 
 def figures(scene: Scene, lift: Lift, speeds: list[float]) -> Iterator[np.ndarray]:
@@ -63,8 +62,7 @@ def main(size: str, folder=RESULTS) -> dict:
     found = []
     for name in SCENES[size]:
         scene = load_scene(name)
-        assert scene.operation is not None, "scenes with a band"
-        speeds = [scene.cam_speed(rpm) for rpm in np.linspace(*scene.operation.band_rpm, SPEEDS[size])]
+        speeds = [scene.cam_speed(rpm) for rpm in np.linspace(*scene.required_operation.band_rpm, SPEEDS[size])]
         for lift in cams(scene):
             found += figures(scene, lift, speeds)
     first, settled = np.array(found)[:, :-1], np.array(found)[:, -1:]

@@ -37,11 +37,11 @@ REVOLUTION = 1
 
 def bounds(scene: Scene, speeds_rpm: tuple[float, ...]) -> dict[str, float]:
     """Area ratios of the linear programs: under the limits on the shape, and with every contact kept as well."""
-    assert scene.design is not None
-    cam, speeds = free_cam(scene.design, KNOT_DEG), [scene.cam_speed(speed) for speed in speeds_rpm]
-    program = no_jump_program(build_train(scene), scene.design, cam, speeds)
+    design = scene.required_design
+    cam, speeds = free_cam(design, KNOT_DEG), [scene.cam_speed(speed) for speed in speeds_rpm]
+    program = no_jump_program(build_train(scene), design, cam, speeds)
     return {
-        "area_ratio_of_the_shape": kinematic_optimum(scene.design, cam).area_ratio,
+        "area_ratio_of_the_shape": kinematic_optimum(design, cam).area_ratio,
         "area_ratio_no_jump": program.solve(Margins(0.0, 0.0, 0.0)).area_ratio,
     }
 
@@ -52,7 +52,6 @@ def climbed(scene: Scene, speeds_rpm: tuple[float, ...], path: str, optimiser, s
     objective = camopt.objective(scene, speeds_rpm=speeds_rpm, penalties=PENALTIES, path=path, revolutions=REVOLUTION)
     history = camopt.ascend(objective, camopt.polydyne(scene), optimiser, steps, knot_deg=KNOT_DEG)
     seconds, best = time.process_time() - begin, history.dataset.attrs.get("best", history.dataset.attrs["nearest"])
-    assert scene.design is not None
     return {
         "steps": steps,
         "share_at_the_start": float(history["largest_share"][0]),

@@ -25,10 +25,9 @@ def main(size: str, folder=RESULTS) -> dict:
     repeats, speeds = SIZES[size]
     scene = load_scene("kodama")
     train = build_train(scene)
-    assert scene.design is not None
-    start, rows = state_at_rest(train), []
+    start, rows, design = state_at_rest(train), [], scene.required_design
     for count in COEFFICIENTS:
-        cam = free_cam(scene.design, scene.design.duration_deg / (count + 1))
+        cam = free_cam(design, design.duration_deg / (count + 1))
         z = bell(cam)
         lift, by_z = cam.lift(z), pieces_by_z(cam)
         for rpm in speeds:

@@ -93,9 +93,8 @@ def design(rng: np.random.Generator) -> dict:
 def programs(number: int) -> Iterator[Posed]:
     """The programs of a scene; those that differ in their right sides alone share their rows, and with them a basis."""
     scene, rng = drawn(number), np.random.default_rng([35, number])
-    design = scene.design
-    assert design is not None and scene.operation is not None, "they are drawn"
-    speeds = [scene.cam_speed(speed) for speed in scene.operation.speeds_rpm]
+    design = scene.required_design
+    speeds = [scene.cam_speed(speed) for speed in scene.required_operation.speeds_rpm]
     for knots in KNOTS_PER_DURATION:
         cam = free_cam(design, design.duration_deg / knots)
         cam = replace(cam, about=LinearisationPoint((0.0,) * len(design.duration_at)))

@@ -68,8 +68,7 @@ def surge_frequencies(scene: Scene) -> np.ndarray:
 
 def meetings(scene: Scene, surge: np.ndarray) -> list[dict]:
     """Every harmonic of the cam that meets a surge frequency inside the band, with the harmonic of a Polydyne lift."""
-    assert scene.operation is not None, "main asks only for scenes with an operation"
-    (low, high), ratio = scene.operation.band_rpm, scene.operation.cam_per_crank
+    (low, high), ratio = scene.required_operation.band_rpm, scene.required_operation.cam_per_crank
     angle = np.linspace(-np.pi, np.pi, 7200, endpoint=False)
     amplitude = 2 * np.abs(np.fft.rfft(polydyne(scene)(angle))) / len(angle) / MM
     rows = []

@@ -143,10 +143,9 @@ def extremes(scene: Scene) -> list[dict]:
 
 def span(scene: Scene, size: str) -> dict[str, list[float]]:
     """Metrics over a span of camshaft speeds with start, end and pitch."""
-    assert scene.operation is not None, "the built-in scenes have one"
     first, last, pitch = SPAN[size]
     speeds = np.arange(first, last + pitch / 2, pitch)
-    rows = at_speeds(settled_metrics, scene, cam_of(scene), speeds / scene.operation.cam_per_crank)
+    rows = at_speeds(settled_metrics, scene, cam_of(scene), speeds / scene.required_operation.cam_per_crank)
     return {"cam_speed_rpm": speeds.tolist()} | {name: [row[name] for row in rows] for name in TABLE}
 
 

@@ -57,8 +57,7 @@ def main(size: str, folder: Path = RESULTS) -> dict:
 def outcome(number: int) -> dict:
     """The row of a drawn scene: what is known of the families, and what the command ends with."""
     scene = drawn_design(number)
-    design, operation = scene.design, scene.operation
-    assert design is not None and operation is not None, "a drawn scene has both"
+    design, operation = scene.required_design, scene.required_operation
     return {
         "scene": scene.name,
         "masses": len(scene.mass),
@@ -73,8 +72,7 @@ def outcome(number: int) -> dict:
 
 def best_of_the_families(scene: Scene) -> dict:
     """The largest confirmed cam among the families' own, by `camopt.verify`."""
-    design, cams, begin = scene.design, {}, time.process_time()
-    assert design is not None and scene.operation is not None, "a drawn scene has both"
+    design, cams, begin = scene.required_design, {}, time.process_time()
     for name in FAMILIES:
         with contextlib.suppress(InputError):  # a family that has no member here
             cams[name] = read_cam(name, scene)
@@ -93,8 +91,7 @@ def best_of_the_families(scene: Scene) -> dict:
 
 def largest_share(scene: Scene, cam: Lift) -> float:
     """The largest part of a limit that event-exact's settled motion from rest uses at the listed speeds."""
-    design, operation = scene.design, scene.operation
-    assert design is not None and operation is not None, "a drawn scene has both"
+    design, operation = scene.required_design, scene.required_operation
     try:
         rows = at_speeds(settled_metrics, scene, cam, operation.speeds_rpm)
     except MotionRefused:

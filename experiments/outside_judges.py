@@ -88,9 +88,8 @@ def delivered(scene: Scene, runs: Path) -> Lift | None:
 
 def cases_of(scene: Scene, design: Lift | None) -> list[Case]:
     """A scene's delivered cam, where there is one, and its Polydyne, each at the scene's speeds."""
-    assert scene.operation is not None, "a scene with a design has one"
     cams = {"design": design, "polydyne": polydyne(scene)}
-    speeds = list(scene.operation.speeds_rpm)
+    speeds = list(scene.required_operation.speeds_rpm)
     return [(scene, name, lift, speeds) for name, lift in cams.items() if lift]
 
 

@@ -54,14 +54,14 @@ def job(scene: Scene, gradient: str) -> dict:
 
 def beside(scene: Scene) -> dict:
     """Area ratio and largest used part of a limit of the literature's plain cams; a sentence where there is none."""
-    assert scene.design is not None and scene.operation is not None, "the scenes have both"
-    judge, found = Judge(scene, scene.operation.speeds_rpm), {}
+    judge, found = Judge(scene, scene.required_operation.speeds_rpm), {}
     for name, cam in plain_baselines(scene).items():
         if name in BESIDE:
             found[name] = cam
         if name in BESIDE and not isinstance(cam, str):
             share = float(judge(cam).share.max())
-            found[name] = {"area_ratio": cam.area_ratio_in(scene.design), "used_part_of_a_limit": min(share, 1e6)}
+            ratio = cam.area_ratio_in(scene.required_design)
+            found[name] = {"area_ratio": ratio, "used_part_of_a_limit": min(share, 1e6)}
     return found
 
 

@@ -106,8 +106,7 @@ def start_cam(scene: Scene, name: str, effort: Accuracy) -> Lift | None:
 def random_cam(scene: Scene, seed: int, effort: Accuracy) -> Lift:
     """The free cam within the limits on the shape that is nearest to drawn coefficients, which are normal with the
     largest acceleration that the scene allows for their standard deviation."""
-    design = scene.design
-    assert design is not None, "the scenes have one"
+    design = scene.required_design
     cam = program_cam(design, effort.knot_deg)
     most = design.acceleration_max_mm_per_deg2 or USUAL_ACCELERATION
     drawn = np.random.default_rng(seed).normal(0.0, most, cam.Z.shape[1])

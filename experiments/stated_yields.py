@@ -80,9 +80,8 @@ def judged(scene: Scene, lift: Lift, count: int) -> dict:
 
 def coverage(scene: Scene, lift: Lift, population: int) -> dict:
     """How many statements' intervals hold the share of a population from which their trains are drawn."""
-    assert scene.operation is not None, "load_scene(..., need=...) guarantees it"
     effort = ACCURACIES[ACCURACY]
-    way = track(scene, lift, np.linspace(*scene.operation.band_rpm, effort.stated_speeds))
+    way = track(scene, lift, np.linspace(*scene.required_operation.band_rpm, effort.stated_speeds))
     holds = way.used(trains_as_built(scene, population, seed=POPULATION_SEED)).max(axis=(1, 2)) <= 1.0
     looks, random, inside, trains = looks_of(effort, scene, None), np.random.default_rng(0), 0, []
     for _ in range(REPETITIONS):

@@ -53,9 +53,8 @@ def empty(count: int) -> Iterator[dict]:
 
 def settled(count: int) -> Iterator[dict]:
     """Settled motions at drawn speeds."""
-    operation = load_scene("motori-1").operation
-    assert operation is not None
-    speeds = np.random.default_rng(0).uniform(*operation.band_rpm, count).tolist()
+    band = load_scene("motori-1").required_operation.band_rpm
+    speeds = np.random.default_rng(0).uniform(*band, count).tolist()
     return ({"verb": "settled", "scene": "motori-1", "cam": "polydyne", "speed_rpm": speed} for speed in speeds)
 
 

@@ -65,14 +65,13 @@ def main(size: str, folder=RESULTS) -> dict:
     }
     figures = {}
     if size == "full":
-        assert scene.design is not None, "kodama has one"
         train, speeds = build_train(scene), SPEEDS[size]
         motions = {
             (name, float(s)): run(train, event(train, lift, scene.cam_speed(s)))
             for name, lift in lifts.items()
             for s in speeds
         }
-        figures["motion"] = motion_figure(motions, scene.design)
+        figures["motion"] = motion_figure(motions, scene.required_design)
         shown: dict[tuple[str, float], Response] = {}
         for s in speeds:
             for name, prepare in METHODS.items():

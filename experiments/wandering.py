@@ -37,8 +37,7 @@ REST, LAST = 1e-2, 20
 
 def first_broken(scene: Scene, lift: Lift) -> float | None:
     """The lowest of the speeds [r/min] looked at from which on the settled motion breaks a limit, if there is one."""
-    assert scene.operation is not None
-    speeds = LOOKED_AT * scene.operation.band_rpm[1]
+    speeds = LOOKED_AT * scene.required_operation.band_rpm[1]
     found = settled_metrics([build_train(scene)], [lift], [scene.cam_speed(s) for s in speeds])
     shares = [limit.share(found.worst(limit.metric)[0, 0]) for limit in motion_limits(scene.design).values()]
     broken = np.flatnonzero(~(np.max(shares, axis=0) <= 1.0)) if shares else []

@@ -141,10 +141,9 @@ def literature(size: str) -> dict[str, dict]:
     as designed at the top of the band, and the yield is that of the fresh trains there.
     """
     scene = load_scene(SCENE[size])
-    assert scene.design is not None and scene.operation is not None, "the scene has both"
-    top = scene.operation.band_rpm[1]
-    motion, limits = MemberMotion(scene, [top]), motion_limits(scene.design).values()
-    design = scene.design.model_copy(update={"jerk_max_mm_per_deg3": None})
+    top = scene.required_operation.band_rpm[1]
+    motion, limits = MemberMotion(scene, [top]), motion_limits(scene.required_design).values()
+    design = scene.required_design.model_copy(update={"jerk_max_mm_per_deg3": None})
     trains = trains_as_built(scene, OF_MEMBERS[size], seed=STATED_SEED)
 
     def worst_part(lift: Lift) -> float:
@@ -157,7 +156,7 @@ def literature(size: str) -> dict[str, dict]:
         if members:
             uses, lift = min(members, key=lambda pair: pair[0])
             share = share_of(track(scene, lift, [top]).used(trains).max(axis=(1, 2)) <= 1.0)
-            area = lift.area_ratio_in(scene.design)
+            area = lift.area_ratio_in(scene.required_design)
             found[family] = {"area_ratio": area, "uses": uses, "share": share.share, "high": share.high}
     return found
 

@@ -18,11 +18,11 @@ from camopt.optimizer import candidates
 from camopt.optimizer.baselines import comparison
 from camopt.scene import scene_text
 from camopt.storage import write_json, write_text
+from camopt.verifier import ACCURACY_NAMES
 from tests.scene.test_load import EXAMPLE
 from tests.test_cli import run
 
 CALM = EXAMPLE + '\n[[tolerance]]\nof = "spring.preload_N"\nrelative = 0.001\n'
-ACCURACIES = ("draft", "standard", "fine")
 MOST_STEPS = 10
 
 
@@ -39,7 +39,7 @@ class World:
     commands: list[str] = field(default_factory=list)
 
     def optimize(self, args) -> int:
-        folder, level = verbs.folder_of(args, "scene"), ACCURACIES.index(args.accuracy)
+        folder, level = verbs.folder_of(args, "scene"), ACCURACY_NAMES.index(args.accuracy)
         folder.mkdir(parents=True)
         text = scene_text("motori-1")
         write_text(folder / "scene.toml", text if self.scatters else text[: text.index("[[tolerance]]")])

@@ -17,6 +17,7 @@ from camopt.optimizer.accuracy import ACCURACIES
 from camopt.scene import scene_text
 from camopt.scene.errors import brief
 from camopt.scene.train import LAW_PARAMETERS, TRAIN_PARAMETERS
+from camopt.verifier import ACCURACY_NAMES
 from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.methods import METHOD_NAMES, verdict_methods
 
@@ -233,9 +234,8 @@ class TestArguments:
         assert (args.speeds, args.method, args.accuracy) == (None, "all", "standard")
 
 
-def test_accuracies_have_the_same_names_everywhere():
-    """The command line's stand apart, because the tables behind them load what no help needs."""
-    assert values.ACCURACIES == tuple(EFFORTS) == tuple(ACCURACIES)
+def test_every_accuracy_has_its_settings():
+    assert ACCURACY_NAMES == tuple(EFFORTS) == tuple(ACCURACIES)
 
 
 def test_the_parameters_of_a_train_are_those_of_its_gradient():

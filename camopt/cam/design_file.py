@@ -54,12 +54,11 @@ def read_design(path: str | Path, scene: Scene) -> Lift:
 def lift_of_text(text: str, scene: Scene, path: object) -> Lift:
     """The lift law of the text of a `design.json`; `path` begins the sentences. Errors as of `read_design`."""
     data = _json_object(text, path)
-    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
     try:
         pieces = data["pieces"]
         start, end = (np.array(pieces[k], dtype=float) for k in ("start_deg", "end_deg"))
         coefficients = _rows(pieces["coefficients_mm"])
-        duration = float(data.get("duration_deg", scene.design.duration_deg))
+        duration = float(data.get("duration_deg", scene.required_design.duration_deg))
         family, parameters = str(data.get("family", "lift")), dict(data.get("parameters") or {})
     except (KeyError, TypeError, ValueError, OverflowError) as error:
         what = f"{error} is missing" if isinstance(error, KeyError) else str(error)

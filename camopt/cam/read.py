@@ -64,13 +64,13 @@ def _member(spec: str, scene: Scene) -> Lift:
     """The member of a family; InputError where its parameters lead out of the scene's lift."""
     name, keywords = family_and_keywords(spec)
     design = family_named(name).design
-    assert design is not None and scene.design is not None, "as every family of FAMILIES, and load_scene(need='design')"
+    assert design is not None, "as every family of FAMILIES"
     lift = design(scene, **keywords)
-    low, high = lift.extremes(0)
-    if low < -LIFT_SLACK or high > scene.design.max_lift_mm * MM + LIFT_SLACK:
+    (low, high), most = lift.extremes(0), scene.required_design.max_lift_mm
+    if low < -LIFT_SLACK or high > most * MM + LIFT_SLACK:
         raise InputError(
             f"cam {excerpt(str(spec))}: its lift would go from {low / MM:.4g} to {high / MM:.4g} mm and must stay "
-            f"between 0 and max_lift_mm = {scene.design.max_lift_mm:g}: give other parameters"
+            f"between 0 and max_lift_mm = {most:g}: give other parameters"
         )
     return lift
 

@@ -9,17 +9,15 @@ from typing import TYPE_CHECKING, Any
 from camopt.optimizer.program.chosen_duration import load_scene
 from camopt.scene import InputError, Scene
 from camopt.scene.notes import scene_notes, speed_notes
+from camopt.scene.schema import SIMULATED, Part
 from camopt.scene.text_file import excerpt
 from camopt.storage import check_run_folder, default_run_folder, write_json
 
 if TYPE_CHECKING:
     from camopt.cam.lift import Lift
 
-SIMULATED = ("valve", "seat", "operation", "design")
-"""What a scene needs for a simulation."""
 
-
-def scene_of(args: Namespace, need: tuple[str, ...] = SIMULATED) -> Scene:
+def scene_of(args: Namespace, need: tuple[Part, ...] = SIMULATED) -> Scene:
     """The scene that a command names; prints notes on what is unusual about it or about its speeds."""
     scene = load_scene(args.scene, need)
     notes = [f"{args.scene}: {note}" for note in scene_notes(scene)]
@@ -86,8 +84,7 @@ def print_area_words(lift: "Lift", scene: Scene, whose: str = "") -> None:
     """Prints what must be said of a cam's duration and area ratio, a line each."""
     from camopt.optimizer.bound.certificate import area_words
 
-    assert scene.design is not None, "scene_of asks for it"
-    for sentence in area_words(lift, scene.design):
+    for sentence in area_words(lift, scene.required_design):
         print(f"note: {whose}{sentence}")
 
 

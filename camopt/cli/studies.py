@@ -6,10 +6,11 @@ from argparse import Namespace
 from contextlib import nullcontext
 from pathlib import Path
 
-from camopt.cli.arguments import SIMULATED, cam_of, folder_of, once_each, run_named, say_compilation, scene_of, tell
+from camopt.cli.arguments import cam_of, folder_of, once_each, run_named, say_compilation, scene_of, tell
 from camopt.optimizer.program.chosen_duration import load_scene
 from camopt.scene import InputError, builtin_scenes, scene_text
 from camopt.scene.errors import did_you_mean
+from camopt.scene.schema import SIMULATED
 from camopt.scene.text_file import excerpt
 from camopt.storage import write_csv
 

@@ -7,10 +7,10 @@ from collections.abc import Callable
 from camopt.scene.errors import did_you_mean
 from camopt.scene.table import LARGEST, SMALLEST
 from camopt.scene.text_file import excerpt
+from camopt.verifier import ACCURACY_NAMES
 
 STANDING = ("opening", "closing", "tdc-lift")
 """What may say how a cam stands on the crank, beside the angle of its centre."""
-ACCURACIES = ("draft", "standard", "fine")
 MOST_SPEEDS = 10_000
 MOST_DEG = 720
 
@@ -121,14 +121,14 @@ def picture_file(text: str) -> str:
 
 
 def accuracy(text: str) -> str | float:
-    if text in ACCURACIES:
+    if text in ACCURACY_NAMES:
         return text
     try:
         return positive(text)
     except argparse.ArgumentTypeError:
         raise argparse.ArgumentTypeError(
-            f"{excerpt(text)}: expected {', '.join(ACCURACIES)} or a number of micrometres"
-            f"{did_you_mean(text, ACCURACIES)}"
+            f"{excerpt(text)}: expected {', '.join(ACCURACY_NAMES)} or a number of micrometres"
+            f"{did_you_mean(text, ACCURACY_NAMES)}"
         ) from None
 
 

@@ -12,7 +12,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from camopt.cli.arguments import (
-    SIMULATED,
     cam_of,
     folder_of,
     once_each,
@@ -25,7 +24,9 @@ from camopt.cli.arguments import (
 from camopt.cli.studies import bound, extremes, gradient, modes, reduce, rise, scenes, sweep, tradeoff, what_if, yield_  # noqa: F401
 from camopt.optimizer.program.chosen_duration import load_scene
 from camopt.scene import InputError, Scene, build_train
+from camopt.scene.schema import SIMULATED
 from camopt.storage import write_csv, write_csv_rows, write_json
+from camopt.verifier import DRAFT
 
 if TYPE_CHECKING:
     from camopt.cam.card import CamCard
@@ -49,7 +50,7 @@ def optimize(args: Namespace) -> int:
     def designed(folder: Path) -> None:
         _print_outcome(folder)
         sys.stdout.flush()
-        if args.accuracy != "draft":  # whose comparison hardly takes longer than the page
+        if args.accuracy != DRAFT:  # whose comparison hardly takes longer than the page
             write_report(folder)
 
     names = ("speeds", "accuracy", "gradient", "seed", "resume", "wanted_yield")
@@ -234,8 +235,7 @@ def _cards(args: Namespace, scene: Scene, lift: "Lift") -> list["CamCard"]:
     """The card of the cam, and of the other one where there is one."""
     from camopt.cam.card import LIFTS_MM, CrankTiming, cam_card
 
-    assert scene.operation is not None, "scene_of asks for it"
-    per_crank, lifts = scene.operation.cam_per_crank, args.lifts_mm or LIFTS_MM
+    per_crank, lifts = scene.required_operation.cam_per_crank, args.lifts_mm or LIFTS_MM
     how = {"at_mm": lifts[0], "cam_per_crank": per_crank}
     timing = None if args.centre_deg is None else CrankTiming.of(lift, *args.centre_deg, **how)
     if args.exhaust is None:

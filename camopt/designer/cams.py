@@ -115,8 +115,7 @@ class CamFinder:
 
 
 def _design(scene: Scene) -> Design:
-    assert scene.design is not None, "an edited scene has one"
-    return scene.design
+    return scene.required_design
 
 
 def _cam(design: Design) -> FreeCam:
@@ -126,14 +125,12 @@ def _cam(design: Design) -> FreeCam:
 
 def program_speeds_rpm(scene: Scene) -> np.ndarray:
     """Crankshaft speeds at which the program keeps contact."""
-    assert scene.operation is not None, "an edited scene has speeds"
-    return np.linspace(*scene.operation.band_rpm, BAND_SPEEDS)
+    return np.linspace(*scene.required_operation.band_rpm, BAND_SPEEDS)
 
 
 def _shape(scene: Scene, train: Train) -> tuple:
     """What the left sides of a program's force rows depend on; trains are distinguished by identity."""
-    design, operation = scene.design, scene.operation
-    assert design is not None and operation is not None, "an edited scene has both"
+    design, operation = scene.required_design, scene.required_operation
     limited = design.contact_force_max_N is not None
     return (id(train), *(getattr(design, key) for key in GEOMETRY), limited, operation)
 

@@ -10,6 +10,7 @@ from camopt.scene import InputError, Scene, build_train
 from camopt.scene.design import Design
 from camopt.scene.faults import checked
 from camopt.scene.parameters import RATE, SceneNumber, number_of, valve_spring, with_numbers, with_spring
+from camopt.scene.schema import SIMULATED
 from camopt.scene.table import LARGEST
 from camopt.scene.text_file import excerpt
 
@@ -18,7 +19,6 @@ PROGRAMS = (NO_JUMP, KINEMATIC)
 """The linear programs that may design the cam."""
 STEPS = 200
 """Steps of a slider, at least."""
-NEEDED = ("valve", "seat", "operation", "design")
 LONGEST_KEY = 80
 """Letters of an unknown key that are repeated in the answer."""
 BAND, ERROR = ("band_low_rpm", "band_high_rpm"), "grinding_error_um"
@@ -78,8 +78,7 @@ DESIGN = {
 
 def controls(scene: Scene) -> tuple[Control, ...]:
     """What may be dragged of a scene, in the order of the page."""
-    design, operation = scene.design, scene.operation
-    assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
+    design, operation = scene.required_design, scene.required_operation
     low, high = operation.band_rpm
     middle = float(sorted(operation.speeds_rpm)[len(operation.speeds_rpm) // 2])
     view = [
@@ -189,12 +188,11 @@ def edited_scene(scene: Scene, values: Mapping[str, Any]) -> Scene:
         if values.get(key, least) < least:
             raise Refused({key: f"must be at least {least:g}"})
     edited = _with_train(scene, values)
-    assert edited.design is not None and edited.operation is not None, "load_scene(..., need=...) guarantees both"
-    design = edited.design.model_copy(update={key: values[key] for key in (*DESIGN, "reach_max_lift")})
-    operation = edited.operation.model_copy(update={"band_rpm": tuple(values[key] for key in BAND)})
+    design = edited.required_design.model_copy(update={key: values[key] for key in (*DESIGN, "reach_max_lift")})
+    operation = edited.required_operation.model_copy(update={"band_rpm": tuple(values[key] for key in BAND)})
     edited = edited.model_copy(update={"design": design, "operation": operation, **_as_built(scene, values)})
     data = edited.model_dump(exclude_none=True, exclude_defaults=True)
-    checked_scene, faults = checked(data, NEEDED)
+    checked_scene, faults = checked(data, SIMULATED)
     if checked_scene is None or faults:
         raise Refused(_by_key(faults))
     return checked_scene

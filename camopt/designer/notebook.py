@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from camopt.scene import InputError, Scene
+from camopt.scene.schema import SIMULATED
 
 if TYPE_CHECKING:
     from camopt.designer.widget import LiveWidget
@@ -18,7 +19,7 @@ def live(scene: Scene, *, folder: Path | str | None = None) -> "LiveWidget":
     folders there and nowhere else; its `verification` is then what the last verdict on the page's numbers found. Raises
     InputError for a scene without valve, seat, speeds or design, and where the extra `interactive` is not installed.
     """
-    missing = [name for name in ("valve", "seat", "operation", "design") if getattr(scene, name) is None]
+    missing = [name for name in SIMULATED if getattr(scene, name) is None]
     if missing:
         raise InputError(f"scene {scene.name}: live needs {', '.join(missing)}")
     try:

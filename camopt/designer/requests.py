@@ -166,13 +166,12 @@ def save_run(folder: Path, name: object, design: Edited, verification: dict[str,
     """Writes scene, cam and lift table into the new run folder `<name>`, with the verdict where there is one, and a
     report of them."""
     scene, cam = design.scene, design.cam
-    assert scene.design is not None, "an edited scene has one"
     path, lift = folder / _named(name), as_written(cam.lift)
     with run_folder(path, run_identity("design", scene, program=cam.program)):
-        bound = float(area_ratio_bound(scene.design).bound)
+        bound = float(area_ratio_bound(scene.required_design).bound)
         record = design_record(
             cam.lift,
-            scene.design.max_lift_mm * MM,
+            scene.required_design.max_lift_mm * MM,
             area_ratio_bound=bound,
             area_gap_percent=100 * (bound - cam.area_ratio) / bound,
             area_ratio_no_jump=cam.area_ratio if cam.margin_price is not None else None,

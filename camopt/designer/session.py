@@ -79,8 +79,7 @@ def band_of(scene: Scene, train: Train, lift: Lift, wanted: Callable[[], bool] =
 
     Raises Cancelled between some of the speeds once it is not `wanted` any more.
     """
-    assert scene.operation is not None, "an edited scene has a band"
-    speeds = np.linspace(*scene.operation.band_rpm, BAND_SPEEDS)
+    speeds = np.linspace(*scene.required_operation.band_rpm, BAND_SPEEDS)
     parts: dict[str, list[np.ndarray]] = {name: [] for name in QUANTITIES}
     for begin in range(0, len(speeds), AT_ONCE):
         if not wanted():
@@ -190,10 +189,9 @@ class Session:
 
     def _cam_answer(self, design: Edited, speed_rpm: float) -> dict[str, Any]:
         scene, cam = design.scene, design.cam
-        assert scene.design is not None, "an edited scene has one"
-        broken = broken_by_shape(cam.lift, scene.design)
+        broken = broken_by_shape(cam.lift, scene.required_design)
         motion, self._end = motion_at(scene, design.train, cam.lift, speed_rpm, cam.coarse, self._end)
-        at_rest = radii_held_near(scene.design) if cam.coarse else ()
+        at_rest = radii_held_near(scene.required_design) if cam.coarse else ()
         return {
             "coarse": cam.coarse,
             "program": cam.program,

@@ -32,22 +32,20 @@ YIELD_SPEEDS = 5
 
 def bound_part(scene: Scene, lift: Lift) -> dict[str, Any]:
     """The certified bound on the area ratio of every cam under the design's limits."""
-    assert scene.design is not None, "an edited scene has one"
-    return {"area_ratio_bound": float(area_ratio_bound(scene.design).bound)}
+    return {"area_ratio_bound": float(area_ratio_bound(scene.required_design).bound)}
 
 
 def baselines_part(scene: Scene, lift: Lift) -> dict[str, Any]:
     """Area ratio of the literature's cams under the same limits, or why a family has no member there."""
-    assert scene.design is not None, "an edited scene has one"
     rows = []
     for family, label in FAMILIES.items():
         member = member_or_sentence(scene, family)
         if isinstance(member, str):
             rows.append({"label": label, "area_ratio": None, "says": member})
             continue
-        broken = broken_by_shape(member, scene.design)
+        broken = broken_by_shape(member, scene.required_design)
         says = f"breaks {', '.join(broken)}" if broken else ""
-        rows.append({"label": label, "area_ratio": float(member.area_ratio_in(scene.design)), "says": says})
+        rows.append({"label": label, "area_ratio": float(member.area_ratio_in(scene.required_design)), "says": says})
     return {"baselines": rows}
 
 
@@ -57,8 +55,7 @@ def trains_of(scene: Scene, lift: Lift, count: int) -> dict[str, Any]:
         return {"says": "The scene limits nothing of the motion, so every train holds."}
     if not scene.tolerance and scene.grinding is None:
         return {"says": "The scene states no tolerances, so all trains are alike."}
-    assert scene.operation is not None, "an edited scene has a band"
-    speeds = np.linspace(*scene.operation.band_rpm, YIELD_SPEEDS)
+    speeds = np.linspace(*scene.required_operation.band_rpm, YIELD_SPEEDS)
     try:
         way = track(scene, lift, speeds)
         used = UsedLimits(tuple(way.limits), speeds, way.used(trains_as_built(scene, count)))
@@ -71,9 +68,8 @@ def trains_of(scene: Scene, lift: Lift, count: int) -> dict[str, Any]:
 
 def why_none(scene: Scene, lift: None) -> dict[str, Any]:
     """Which limits would have to change, and by how much, before any cam holds them together."""
-    assert scene.design is not None, "an edited scene has one"
     try:
-        kinematic_optimum(scene.design, free_cam(scene.design, KNOT_DEG))
+        kinematic_optimum(design := scene.required_design, free_cam(design, KNOT_DEG))
     except InputError as error:
         return {"says": str(error)}
     return {"says": ""}

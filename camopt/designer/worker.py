@@ -18,10 +18,11 @@ from camopt.cam.lift import Lift
 from camopt.designer.cams import Cancelled
 from camopt.scene import InputError, Scene
 from camopt.storage import plain
+from camopt.verifier import DRAFT, STANDARD
 
 NICENESS = 15
 """Niceness of a worker, so that interactive answers get the processor first."""
-STAGES = {"draft": "a draft verdict by two methods", "standard": "the full verdict by all methods"}
+STAGES = {DRAFT: "a draft verdict by two methods", STANDARD: "the full verdict by all methods"}
 """Stages of a verdict, by their accuracy, a first one that is soon there and the one that counts; what the page calls
 them."""
 

@@ -57,10 +57,9 @@ def resonances(scene: Scene, lift: Lift, step_rpm: float) -> tuple[list[Resonanc
     They ascend in speed. Those beyond MOST_RESONANCES are left out and counted. Those whose half width is the step or
     more, which the grid resolves, and those too weak to move a figure are left out and not counted.
     """
-    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
     train = build_train(scene)
     per_rpm = scene.cam_speed(1.0)
-    low, high = (per_rpm * s for s in scene.operation.band_rpm)
+    low, high = (per_rpm * s for s in scene.required_operation.band_rpm)
     height = 2 * np.abs(np.fft.rfft(lift(np.linspace(-np.pi, np.pi, SAMPLES, endpoint=False)))) / SAMPLES
     share = float(np.clip((lift.closing_angle(train.lash) - lift.opening_foot) / (2 * np.pi), 0.0, 1.0))
     found = []

@@ -106,8 +106,7 @@ class SpeedCache:
     """
 
     def __init__(self, many: SettledMany, scene: Scene, lift: Lift):
-        assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
-        self.ends = scene.operation.band_rpm
+        self.ends = scene.required_operation.band_rpm
         self.metrics: dict[float, dict[str, float]] = {}
         self._compute = partial(at_speeds, many, scene, lift)
 

@@ -6,6 +6,7 @@ import numpy as np
 
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Operation
+from camopt.verifier import DRAFT, FINE, STANDARD
 from camopt.verifier.accuracy import EFFORTS, Effort
 
 
@@ -30,9 +31,9 @@ class Accuracy:
 
 
 ACCURACIES = {
-    "draft": Accuracy(2.75, 9, 93, 2, 12, EFFORTS["draft"], False, 500, 400, 200, 10, 11, (0.5,), False),
-    "standard": Accuracy(1.75, 17, 373, 8, 24, EFFORTS["standard"], True, 600, 1500, 1000, 40, 11, (0.15, 0.5)),
-    "fine": Accuracy(1.5, 33, 745, 16, 40, EFFORTS["fine"], True, 1200, 8000, 4000, 80, 21, (0.15, 0.5)),
+    DRAFT: Accuracy(2.75, 9, 93, 2, 12, EFFORTS[DRAFT], False, 500, 400, 200, 10, 11, (0.5,), False),
+    STANDARD: Accuracy(1.75, 17, 373, 8, 24, EFFORTS[STANDARD], True, 600, 1500, 1000, 40, 11, (0.15, 0.5)),
+    FINE: Accuracy(1.5, 33, 745, 16, 40, EFFORTS[FINE], True, 1200, 8000, 4000, 80, 21, (0.15, 0.5)),
 }
 """By name. Too few trains shape a cam that suits them alone, and the limits then have to fall for all others: with half
 of `kodama`'s tolerances 200 trains end at an area ratio of 0.486 and 500 at 0.510, in the same time. 40 failing trains

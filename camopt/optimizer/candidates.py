@@ -64,16 +64,14 @@ class Families:
 
     def members(self) -> list[Member]:
         """The members that break no limit on the shape: no other one can be confirmed."""
-        design = self.scene.design
-        assert design is not None, "load_scene(..., need='design') guarantees it"
+        design = self.scene.required_design
         lifts = [cam for cam in self.cams.values() if not isinstance(cam, str) and not broken_by_shape(cam, design)]
         return [Member(lift, lift.area_ratio_in(design)) for lift in lifts]
 
     def ruled_out(self, member: Member) -> str:
         """What event-exact's settled motion breaks by far at a listed speed, so that no verdict need be asked; empty
         where it breaks nothing by far."""
-        design, operation = self.scene.design, self.scene.operation
-        assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
+        design, operation = self.scene.required_design, self.scene.required_operation
         speeds = [self.scene.cam_speed(s) for s in operation.speeds_rpm]
         found = settled_metrics([build_train(self.scene)], [member.lift], speeds)
         for key, limit in motion_limits(design).items():

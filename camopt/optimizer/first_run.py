@@ -55,12 +55,13 @@ def settled_programs() -> None:
 def verdict_programs() -> None:
     """What a verdict calls: a revolution by each of its methods but event-exact, which the other process compiles."""
     from camopt.scene.rest import state_at_rest
+    from camopt.verifier import STANDARD
     from camopt.verifier.accuracy import EFFORTS
     from camopt.verifier.convergence import FEWEST_STEPS
     from camopt.verifier.verdict import method_named
 
     train, lift, cam_speed = _motion()
-    for method in (name for name in EFFORTS["standard"].methods if name != "event"):
+    for method in (name for name in EFFORTS[STANDARD].methods if name != "event"):
         method_named(method)(train, lift, cam_speed, FEWEST_STEPS)(state_at_rest(train))
 
 
@@ -75,8 +76,7 @@ def _motion() -> tuple:
     from camopt.scene.train import build_train
 
     scene = load_scene("motori-1")
-    assert scene.operation is not None, "motori-1 has speeds"
-    return build_train(scene), polydyne(scene), scene.cam_speed(scene.operation.speeds_rpm[0])
+    return build_train(scene), polydyne(scene), scene.cam_speed(scene.required_operation.speeds_rpm[0])
 
 
 if __name__ == "__main__":

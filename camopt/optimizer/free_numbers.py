@@ -183,11 +183,10 @@ class Programs:
 
     def _program(self, values: np.ndarray) -> NoJumpProgram:
         scene = self.scene_of(values)
-        assert scene.design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"
-        cam = program_cam(scene.design, self.effort.knot_deg)
-        band = np.linspace(*scene.operation.band_rpm, BAND_SPEEDS)
-        speeds = scene.operation.speeds_rpm if self.speeds == "nominal" else band
-        return no_jump_program(build_train(scene), scene.design, cam, [scene.cam_speed(s) for s in speeds])
+        design, operation = scene.required_design, scene.required_operation
+        cam, band = program_cam(design, self.effort.knot_deg), np.linspace(*operation.band_rpm, BAND_SPEEDS)
+        speeds = operation.speeds_rpm if self.speeds == "nominal" else band
+        return no_jump_program(build_train(scene), design, cam, [scene.cam_speed(s) for s in speeds])
 
     def _solved(self, program: NoJumpProgram) -> tuple[float, NoJumpOptimum | None]:
         try:

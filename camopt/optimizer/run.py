@@ -123,8 +123,7 @@ def optimize(
     effort, identity, chosen = _understood(scene, settings), run_identity("optimize", scene, **settings), {}
     if free:
         scene, chosen = with_best_values(scene, free_numbers(scene, free), speeds, effort, progress)
-    design = scene.design
-    assert design is not None, "load_scene(..., need=...) guarantees it"
+    design = scene.required_design
     job = _OpenRun(scene, settings, effort, StageClock(), compare, {"free": chosen} if chosen else {}, start)
     with job.clock.stage("bound"):
         kinematic = kinematic_optimum(design, program_cam(design, effort.knot_deg))  # contradictory limits end here
@@ -189,7 +188,6 @@ class _OpenRun:
     ) -> tuple[Lift, Verdict, dict]:
         """The cam, its verdict and the content of design.json, all of them written into the folder."""
         scene, effort, clock = self.scene, self.effort, self.clock
-        assert scene.design is not None, "load_scene(..., need=...) guarantees it"
         shown.begin("search")
         searched, no_jump, failed = self._searched(folder, shown)
         shown.begin("verdict")
@@ -200,7 +198,7 @@ class _OpenRun:
         lift = as_written(cam.lift)
         record = design_record(
             cam.lift,
-            scene.design.max_lift_mm * MM,
+            scene.required_design.max_lift_mm * MM,
             area_ratio_bound=bound,
             area_gap_percent=100 * (bound - cam.area_ratio) / bound,
             area_ratio_no_jump=no_jump.area_ratio if no_jump else None,
@@ -280,11 +278,11 @@ class _OpenRun:
     def compared(self, folder: Path, lift: Lift, verdict: Verdict, shown: Progress) -> None:
         """The comparison with its figures or, where none is asked for, the figures of the design alone."""
         scene, effort = self.scene, self.effort
-        assert scene.operation is not None, "load_scene(..., need=...) guarantees it"
         if not self.compare:
             from camopt.optimizer.baselines.figures import draw  # loads matplotlib: only once there is a design
 
-            draw(folder, scene, {"design": lift}, {"design": verdict.as_dict()}, drawn_speeds(scene.operation, effort))
+            speeds = drawn_speeds(scene.required_operation, effort)
+            draw(folder, scene, {"design": lift}, {"design": verdict.as_dict()}, speeds)
             return
         from camopt.optimizer.baselines.comparison import compare_in, plain_baselines
 

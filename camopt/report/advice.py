@@ -12,8 +12,8 @@ from camopt.report.assumed import AssumedNumber, first_to_measure
 from camopt.report.folder import RunFolder
 from camopt.report.wording import label_and_unit
 from camopt.scene.quantities import is_number
+from camopt.verifier import ACCURACY_NAMES, FINE
 
-ACCURACIES = ("draft", "standard", "fine")
 LESS_WANTED = (0.99, 0.97, 0.95, 0.9, 0.8, 0.7, 0.6, 0.5)
 """Yields that are asked for where a larger one was missed at the finest accuracy."""
 FEW_TRAINS = 200
@@ -39,7 +39,7 @@ def advice(run: RunFolder, scene: str, cam: str, assumed: Sequence[AssumedNumber
         return [*steps.further("Search further: a limit is straddled; or lower it by a tenth in the scene."), move]
     if verdict == "not converged":
         words = "Judge it with more methods and finer steps."
-        return [steps.step(words, "verify", scene, "--cam", cam, "--accuracy", "fine")]
+        return [steps.step(words, "verify", scene, "--cam", cam, "--accuracy", FINE)]
     if "design.json" in run.missing or "scene.toml" in run.missing:
         return []
     return [steps.step("Have the cam judged.", "verify", scene, "--cam", cam), move]
@@ -108,7 +108,7 @@ class _Commands:
     def __init__(self, run: RunFolder, scene: str, cam: str):
         named, wanted, free = (run.settings.get(key) for key in ("accuracy", "yield", "free"))
         self.scene, self.cam = scene, cam
-        self.accuracy = ACCURACIES.index(named) if named in ACCURACIES else 1
+        self.accuracy = ACCURACY_NAMES.index(named) if named in ACCURACY_NAMES else 1
         self.wanted = wanted if is_number(wanted) else None
         self._nominal = run.settings.get("speeds") == "nominal"
         ranges = free.items() if isinstance(free, dict) else ()
@@ -121,14 +121,14 @@ class _Commands:
 
     def again(self, words: str, accuracy: int, wanted: float | None) -> dict[str, str]:
         """To design at an accuracy, for a yield if one is wanted, with what else was asked."""
-        command: list[object] = ["optimize", self.scene, *self._free, "--accuracy", ACCURACIES[accuracy]]
+        command: list[object] = ["optimize", self.scene, *self._free, "--accuracy", ACCURACY_NAMES[accuracy]]
         command += ["--speeds", "nominal"] if self._nominal and wanted is None else []  # a yield is that of the band
         return self.step(words, *command, *([] if wanted is None else ["--yield", f"{wanted:g}"]))
 
     def further(self, words: str) -> list[dict[str, str]]:
         """To design at the next finer accuracy for the same yield; nothing after the finest."""
         finer = self.accuracy + 1
-        return [self.again(words, finer, self.wanted)] if finer < len(ACCURACIES) else []
+        return [self.again(words, finer, self.wanted)] if finer < len(ACCURACY_NAMES) else []
 
     def halved(self, words: str = "Or see what narrower tolerances would buy.") -> dict[str, str]:
         """To ask which tolerance spoils how many trains."""

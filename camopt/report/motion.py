@@ -17,6 +17,7 @@ from camopt.report.folder import RunFolder
 from camopt.report.wording import as_number, shown
 from camopt.scene import InputError, MotionRefused, Scene, Train, build_train, load_scene
 from camopt.scene.quantities import is_number
+from camopt.scene.schema import SIMULATED
 from camopt.scene.units import DEG, MM, UM
 from camopt.study.simulate.dataset import resampled
 
@@ -43,7 +44,7 @@ def cams_of(folder: Path, run: RunFolder) -> RunCams:
     if "scene.toml" in run.missing or "design.json" in run.missing:
         return RunCams(None, {}, ["Without scene.toml and design.json no cam can be simulated."])
     try:
-        scene = load_scene(folder / "scene.toml", need=("valve", "seat", "operation", "design"))
+        scene = load_scene(folder / "scene.toml", need=SIMULATED)
     except InputError as error:
         return RunCams(None, {}, [f"The scene cannot be simulated: {error}"])
     recorded, left_out = {DESIGN: run.design.get("area_ratio")}, []
@@ -59,8 +60,7 @@ def cams_of(folder: Path, run: RunFolder) -> RunCams:
             if name not in stored:
                 raise InputError(f"the run folder does not hold its lift, cams/{name}.json")
             lift = read_design(stored[name], scene)
-            assert scene.design is not None, "load_scene(..., need='design') guarantees it"
-            ratio = lift.area_ratio_in(scene.design)
+            ratio = lift.area_ratio_in(scene.required_design)
             if not is_number(area) or abs(ratio - area) > SAME_AREA:
                 raise InputError(f"its area ratio comes out as {shown(ratio, 6)}, the run recorded {shown(area, 6)}")
             lifts[name] = lift

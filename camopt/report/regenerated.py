@@ -27,6 +27,7 @@ from camopt.report.motion import cams_of
 from camopt.report.outcome import outcome_lines, outcome_rows
 from camopt.report.page import render, write_report
 from camopt.scene import InputError, Scene, load_scene
+from camopt.scene.schema import SIMULATED
 from camopt.scene.units import DEG, MM
 from camopt.storage import check_file, plain
 from camopt.verifier.record import VerificationRecord
@@ -100,15 +101,14 @@ def differences(folder: Path) -> list[str]:
 def _scene_of(folder: Path) -> Scene:
     if not folder.is_dir():
         raise InputError(f"{folder}: no such run folder")
-    return load_scene(folder / "scene.toml", need=("valve", "seat", "operation", "design"))
+    return load_scene(folder / "scene.toml", need=SIMULATED)
 
 
 def _judged_anew(run: RunFolder, folder: Path, scene: Scene) -> RunFolder:
     settings = run.settings
     if not {"accuracy", "speeds"} <= settings.keys():
         raise InputError(f"{folder}: provenance.json does not say with which speeds and accuracy the run was judged")
-    lift, design = read_design(folder / "design.json", scene), scene.design
-    assert design is not None, "load_scene(..., need='design') guarantees it"
+    lift, design = read_design(folder / "design.json", scene), scene.required_design
     verdict = full_verdict(scene, lift, settings["speeds"], accuracy_named(settings["accuracy"]))
     ratio, bound = lift.area_ratio_in(design), area_ratio_bound(design).bound
     areas = {"area_ratio": ratio, "area_mm_deg": lift.area / MM / DEG, "area_ratio_bound": bound,

@@ -15,7 +15,7 @@ from pydantic import ValidationError
 from camopt.scene.as_built import tolerance_faults
 from camopt.scene.errors import InputError, did_you_mean
 from camopt.scene.rest import static_forces
-from camopt.scene.schema import MOST_ROWS, Scene
+from camopt.scene.schema import MOST_ROWS, Part, Scene
 from camopt.scene.table import Table
 from camopt.scene.text_file import excerpt
 from camopt.scene.train import Train, build_train
@@ -35,7 +35,7 @@ PLAIN = {
 """What the schema's own words would not tell an engineer, by pydantic's type of error."""
 
 
-def checked(data: dict, need: tuple[str, ...]) -> tuple[Scene | None, list[str]]:
+def checked(data: dict, need: tuple[Part, ...]) -> tuple[Scene | None, list[str]]:
     """The scene of a file's tables, or None, and a sentence per fault; `need` as in `load_scene`."""
     crowded = {kind: len(_rows(data, kind)) for kind, most in MOST_ROWS.items() if len(_rows(data, kind)) > most}
     if crowded:  # reading them all would take long, and their faults would fill a book

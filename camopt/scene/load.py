@@ -10,7 +10,7 @@ from camopt.scene.design import FROM_DURATION_AT, Design
 from camopt.scene.errors import InputError, did_you_mean
 from camopt.scene.faults import checked
 from camopt.scene.parameters import TABLES, no_such_number, settable, with_numbers
-from camopt.scene.schema import Scene
+from camopt.scene.schema import Part, Scene
 from camopt.scene.text_file import excerpt, read_text, usable_path
 from camopt.scene.toml_text import toml_data
 
@@ -52,19 +52,19 @@ def no_duration(design: Design) -> float:
 
 
 def load_scene(
-    source: str | Path, need: tuple[str, ...] = (), duration_of: Callable[[Design], float] = no_duration
+    source: str | Path, need: tuple[Part, ...] = (), duration_of: Callable[[Design], float] = no_duration
 ) -> Scene:
     """The scene of a built-in name or TOML file, fully checked.
 
-    `need` names optional parts that the caller cannot do without, out of "valve", "seat", "operation", "design",
-    "geometry". Numbers keep the units of their keys (`_mm`, `_deg`, `_rpm`). `duration_of` gives the duration_deg of a
-    design that leaves it to its duration_at. Raises InputError with one line per fault.
+    `need` names optional parts that the caller cannot do without. Numbers keep the units of their keys (`_mm`, `_deg`,
+    `_rpm`). `duration_of` gives the duration_deg of a design that leaves it to its duration_at. Raises InputError with
+    one line per fault.
     """
     return parse_scene(scene_text(source), str(source), need, duration_of)
 
 
 def parse_scene(
-    text: str, where: str, need: tuple[str, ...] = (), duration_of: Callable[[Design], float] = no_duration
+    text: str, where: str, need: tuple[Part, ...] = (), duration_of: Callable[[Design], float] = no_duration
 ) -> Scene:
     """The scene of a TOML text; `where` names its source in the messages. All else is as for `load_scene`."""
     data: dict[str, Any] = {key: tuples(value) for key, value in toml_data(text, where).items()}
@@ -78,14 +78,14 @@ def parse_scene(
         raise InputError("\n".join(f"{where}: {fault}" for fault in faults))
     if not left_open:
         return scene
-    assert scene.design is not None, "its duration_deg was given"
     try:
-        return scene.model_copy(update={"design": scene.design.of_duration(duration_of(scene.design))})
+        design = scene.required_design
+        return scene.model_copy(update={"design": design.of_duration(duration_of(design))})
     except InputError as error:
         raise InputError(f"{where}: {error}") from None
 
 
-def checked_scene(scene: Scene, where: str, need: tuple[str, ...] = ()) -> Scene:
+def checked_scene(scene: Scene, where: str, need: tuple[Part, ...] = ()) -> Scene:
     """A scene whose numbers were changed, checked as a file is; `where`, `need` and errors are as for `parse_scene`."""
     found, faults = checked(scene.model_dump(exclude_none=True, exclude_defaults=True), need)
     if found is None or faults:
@@ -93,7 +93,7 @@ def checked_scene(scene: Scene, where: str, need: tuple[str, ...] = ()) -> Scene
     return found
 
 
-def scene_with(scene: Scene, numbers: Mapping[str, float], asked_by: str = "set", need: tuple[str, ...] = ()) -> Scene:
+def scene_with(scene: Scene, numbers: Mapping[str, float], asked_by: str = "set", need: tuple[Part, ...] = ()) -> Scene:
     """The scene with the numbers by NAME.KEY (`camopt.scene.parameters`), which `asked_by` begins the errors of.
 
     Raises InputError for a name that means no number of the scene, and for numbers that make it faulty.

@@ -2,16 +2,23 @@
 
 from collections.abc import Mapping
 from itertools import pairwise
-from typing import Annotated, Any, Literal, Self
+from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator
 
 from camopt.scene.design import Design
 from camopt.scene.element import Element
+from camopt.scene.errors import InputError
 from camopt.scene.geometry import Geometry as Geometry
 from camopt.scene.table import Name, NonNegative, Positive, Table
+from camopt.scene.units import RPM
 
 HIGHEST_HARMONIC = 200
+Part = Literal["valve", "seat", "operation", "design", "geometry"]
+"""The optional parts of a scene that a reader may ask for."""
+SIMULATED: tuple[Part, ...] = ("valve", "seat", "operation", "design")
+"""What of a scene it takes to design a cam and to simulate it."""
+Stated = TypeVar("Stated")
 
 
 def _text_or_texts(value: Any) -> Any:
@@ -195,9 +202,26 @@ class Scene(Table):
             object.__setattr__(copy, "design", copy.design.within(copy.geometry, copy.operation))  # it is frozen
         return copy
 
+    @property
+    def required_operation(self) -> Operation:
+        """The operation, for what makes no sense without it; InputError where the scene has none."""
+        return self._required("operation", self.operation)
+
+    @property
+    def required_design(self) -> Design:
+        """The same of the design."""
+        return self._required("design", self.design)
+
+    @property
+    def required_geometry(self) -> Geometry:
+        """The same of the geometry."""
+        return self._required("geometry", self.geometry)
+
+    def _required(self, part: Part, stated: Stated | None) -> Stated:
+        if stated is None:
+            raise InputError(f"scene {self.name!r}: this needs its [{part}], which is missing")
+        return stated
+
     def cam_speed(self, speed_rpm: float) -> float:
         """Cam speed [rad/s] at a crankshaft speed [r/min]."""
-        from camopt.scene.units import RPM
-
-        assert self.operation is not None, "load_scene(..., need='operation') guarantees it"
-        return speed_rpm * self.operation.cam_per_crank * RPM
+        return speed_rpm * self.required_operation.cam_per_crank * RPM

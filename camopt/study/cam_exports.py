@@ -32,7 +32,7 @@ def export(scene: Scene, lift: Lift, files: Namespace) -> list[str]:
     geometry, law = scene.geometry, moving_average(lift)[0]
     digits = USUAL_DIGITS if files.digits is None else files.digits
     if files.contour:
-        assert geometry is not None, "the verb asks for it"
+        geometry = scene.required_geometry
         write_contour(files.contour, law, geometry, files.step_deg, digits)
         said.append(
             f"contour: for a {geometry.follower} follower on a base circle of radius {geometry.base_radius_mm:g} mm; "
@@ -40,8 +40,7 @@ def export(scene: Scene, lift: Lift, files: Namespace) -> list[str]:
             "rotation change the sign of y"
         )
     if files.dxf:
-        assert geometry is not None, "the verb asks for it"
-        arcs, missed = write_dxf(files.dxf, law, geometry, files.dxf_tolerance_um * UM)
+        arcs, missed = write_dxf(files.dxf, law, scene.required_geometry, files.dxf_tolerance_um * UM)
         said.append(f"drawing: {arcs} arcs without a corner, which the contour misses by at most {missed / UM:.2g} um")
     guessed = [key for key in geometry.assumed if key in OF_THE_CONTOUR] if geometry else []
     if guessed and (files.contour or files.dxf):
@@ -59,8 +58,7 @@ def _valve_lifts(scene: Scene, lift: Lift, files: Namespace, digits: int) -> lis
     """Writes the valve's static lift, and its lift at a speed, by crank degrees; where their rows begin."""
     from camopt.cam.exports import crank_rows, static_lift, write_valve_lift
 
-    assert scene.operation is not None, "the verb asks for it"
-    per_crank, lash = scene.operation.cam_per_crank, build_train(scene).lash
+    per_crank, lash = scene.required_operation.cam_per_crank, build_train(scene).lash
     crank = crank_rows(lift, lash, per_crank)
     said = []
     if files.valve_lift:

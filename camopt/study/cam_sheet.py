@@ -56,8 +56,7 @@ def sheet(scene: Scene, lift: Lift, speed_rpm: float | None = None) -> list[str]
 
 def _limits(scene: Scene, lift: Lift, law: Lift) -> list[str]:
     """The cam against the scene's limits; `law` has its derivatives."""
-    design = scene.design
-    assert design is not None, "the verb asks for it"
+    design = scene.required_design
     ratio = lift.area_ratio_in(design)
     lines = [
         f"{lift.family}: " + ", ".join(f"{k} = {_brief(v)}" for k, v in lift.parameters.items() if k != "mended"),
@@ -169,10 +168,9 @@ def _stress(scene: Scene, lift: Lift, geometry: Geometry, speed_rpm: float) -> l
     """The largest Hertz stress in the band, at a speed and standing still, with what the surfaces do at that speed."""
     width = contact_width(geometry) / MM
     source = "contact_width_mm" if geometry.contact_width_mm else "face_width_mm"
-    assert scene.operation is not None, "the verb asks for it"
     moving, method = dynamic_stress(scene, lift, speed_rpm)
     standing = static_stress(scene, lift)
-    band = [float(speed) for speed in np.linspace(*scene.operation.band_rpm, BAND_SPEEDS)]
+    band = [float(speed) for speed in np.linspace(*scene.required_operation.band_rpm, BAND_SPEEDS)]
     found = [(moving, speed_rpm), *((dynamic_stress(scene, lift, speed)[0], speed) for speed in band)]
     worst, at_rpm = max(found, key=lambda one: one[0].largest[0])
     within = f"most in band, {at_rpm:.0f} r/min"
@@ -195,9 +193,8 @@ def share_borne(stress_MPa: float, geometry: Geometry) -> str:
 
 def _surfaces(scene: Scene, lift: Lift, moving: HertzStress, speed_rpm: float) -> list[str]:
     """Velocities of the two surfaces at their contact, and the oil film where the scene states an oil."""
-    assert scene.geometry is not None, "the caller asks for it"
     cam_speed = scene.cam_speed(speed_rpm)
-    along = contact(lift, scene.geometry, moving.theta)
+    along = contact(lift, scene.required_geometry, moving.theta)
     entrained = along.entrainment * cam_speed
     lines = [
         f"surfaces at {speed_rpm:g} r/min",
@@ -220,14 +217,12 @@ def dynamic_stress(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[HertzStr
 
     Raises InputError as `hertz_stress` and `camopt.study.cam_force.settled_revolution` do.
     """
-    assert scene.geometry is not None, "the caller asks for it"
     motion, method = settled_revolution(scene, lift, speed_rpm)
-    return hertz_stress(lift, scene.geometry, motion.angle, motion.force[:, driven(scene)[1]]), method
+    return hertz_stress(lift, scene.required_geometry, motion.angle, motion.force[:, driven(scene)[1]]), method
 
 
 def static_stress(scene: Scene, lift: Lift) -> HertzStress:
     """The stress where the cam stands still, every `STATIC_STEP_DEG`; InputError as `hertz_stress`."""
-    assert scene.geometry is not None, "the caller asks for it"
     train, element = driven(scene)
     theta = np.arange(-180.0, 180.0, STATIC_STEP_DEG) * DEG
-    return hertz_stress(lift, scene.geometry, theta, static_forces(train, lift(theta))[:, element])
+    return hertz_stress(lift, scene.required_geometry, theta, static_forces(train, lift(theta))[:, element])

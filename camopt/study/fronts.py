@@ -152,7 +152,6 @@ def joint_spring(
     The search is that of free numbers (`camopt.optimizer.free_numbers`); the scene found is for `find_cam` or
     `optimize`, which confirm its cam.
     """
-    assert scene.design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"
     best = maximise_over_parameters(
         lambda factors: with_spring(scene, *map(float, factors)), (1.0, 1.0), (rate, preload), speeds,
         accuracy_named(accuracy), margin_N, evaluations,

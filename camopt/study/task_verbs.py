@@ -13,9 +13,10 @@ from camopt.optimizer.as_built.measured import Track, track
 from camopt.scene import Scene, build_train
 from camopt.scene.load import scene_with
 from camopt.scene.quantities import LESS_IS_WORSE
+from camopt.scene.schema import SIMULATED
 from camopt.scene.settled import RANGED
 from camopt.study.simulate.motion import simulate
-from camopt.tasks.task import NEEDED, SettledTask, SimulateTask, TaskOnScene, YieldTask, scene_of_text
+from camopt.tasks.task import SettledTask, SimulateTask, TaskOnScene, YieldTask, scene_of_text
 
 Numbers = tuple[tuple[str, float], ...]
 
@@ -67,7 +68,7 @@ def scene_and_cam(task: TaskOnScene) -> tuple[Scene, Lift]:
 
 @lru_cache(maxsize=64)
 def _scene(text: str, numbers: Numbers) -> Scene:
-    return scene_with(scene_of_text(text), dict(numbers), "vary", NEEDED)
+    return scene_with(scene_of_text(text), dict(numbers), "vary", SIMULATED)
 
 
 @lru_cache(maxsize=64)

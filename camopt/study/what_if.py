@@ -10,10 +10,11 @@ from camopt.optimizer.search.search import find_cam
 from camopt.scene import InputError, Scene
 from camopt.scene.load import checked_scene
 from camopt.scene.parameters import TABLES, no_such_number, settable, with_numbers
+from camopt.scene.schema import SIMULATED
 from camopt.scene.units import DEG, MM
 from camopt.study.yields import manufacturing_yield
+from camopt.verifier import DRAFT
 
-NEEDED = ("valve", "seat", "operation", "design")
 ROWS = (
     ("cam", "cam", "s"),
     ("verdict", "verdict", "s"),
@@ -40,7 +41,7 @@ def what_if(
     content: dict[str, dict] = {"changed": {name: {"from": was, "to": now} for name, (was, now) in changed.items()}}
     content |= {"as_given": _outcome(scene, cam, trains), "with_the_change": _outcome(after, cam, trains)}
     if redesign:
-        effort = accuracy_named("draft")
+        effort = accuracy_named(DRAFT)
         try:
             search = find_cam(after, "band", effort)
             chosen = largest_confirmed(after, search.confirmed, "band", effort, Families(after))
@@ -75,7 +76,7 @@ def changed_scene(
         values = {number: number.of(after) * value if factor else value for number in numbers}
         changed |= {number.named(after): (number.of(after), new) for number, new in values.items()}
         after = with_numbers(after, values)
-    return checked_scene(after, f"{scene.name} with the change", NEEDED), changed
+    return checked_scene(after, f"{scene.name} with the change", SIMULATED), changed
 
 
 def outcome(cam: str, verdict: str, says: str = "", **figures: float | None) -> dict:
@@ -86,10 +87,10 @@ def outcome(cam: str, verdict: str, says: str = "", **figures: float | None) -> 
 
 
 def _outcome(scene: Scene, cam: Lift, trains: int) -> dict:
-    verdict = full_verdict(scene, cam, "band", accuracy_named("draft"))
+    verdict = full_verdict(scene, cam, "band", accuracy_named(DRAFT))
     share = 100 * manufacturing_yield(scene, cam, trains).share.share if has_a_yield(scene) else None
-    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
+    ratio = cam.area_ratio_in(scene.required_design)
     return outcome(
-        cam.family, verdict.verdict, area_ratio=cam.area_ratio_in(scene.design), area_mm_deg=cam.area / MM / DEG,
+        cam.family, verdict.verdict, area_ratio=ratio, area_mm_deg=cam.area / MM / DEG,
         first_jump_rpm=verdict.first_jump_rpm, first_bounce_rpm=verdict.first_bounce_rpm, yield_percent=share,
     )  # fmt: skip

@@ -123,8 +123,7 @@ def manufacturing_yield(
             f"yield: [design] of {scene.name} limits nothing of the motion, so every train would hold: give it "
             f"bounce_max_mm or another limit on the motion"
         )
-    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
-    given = np.linspace(*scene.operation.band_rpm, SPEEDS).tolist() if speeds_rpm is None else speeds_rpm
+    given = np.linspace(*scene.required_operation.band_rpm, SPEEDS).tolist() if speeds_rpm is None else speeds_rpm
     speeds = sorted(map(float, given))
     scatter = plain(scene.model_dump(mode="json", include=AS_BUILT))
     identity = run_identity("yield", scene, seed=seed, speeds_rpm=speeds, cam=cam_digest(cam), as_built=scatter)
@@ -160,9 +159,8 @@ def _measured(
 def _prices(scene: Scene, cam: Lift, share: Share, seed: int, progress: bool) -> PriceList:
     """The price list at the share that holds, with limits on openings that give the cam's own area; where fewer hold
     than are advised, at that share, since prices are those of a cam that can be built."""
-    assert scene.design is not None, "a scene whose motion is limited has it"
     wanted = min(max(share.share, ADVISED), HIGHEST)
-    area = cam.area_ratio_in(scene.design) if share.share >= ADVISED else None
+    area = cam.area_ratio_in(scene.required_design) if share.share >= ADVISED else None
     with tqdm(total=100, disable=None if progress else True, desc="prices", unit="%") as bar:
         return price_list(
             scene, wanted, area_ratio=area, seed=seed, advance=lambda done: bar.update(round(100 * done) - bar.n)

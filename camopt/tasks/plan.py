@@ -19,11 +19,11 @@ from camopt.cam.families.registry import FAMILIES
 from camopt.scene import InputError, builtin_scenes
 from camopt.scene.errors import did_you_mean
 from camopt.scene.load import scene_with, tuples
+from camopt.scene.schema import SIMULATED
 from camopt.scene.table import Positive, Table
 from camopt.scene.text_file import read_text, usable_path
 from camopt.scene.toml_text import toml_data
 from camopt.tasks.task import (
-    NEEDED,
     Count,
     PlanVerb,
     SimulateSettings,
@@ -172,7 +172,7 @@ def _filled_in(file: PlanFile, settings: Table, folder: Path) -> SweepPlan:
     speeds = tuple(file.speeds_rpm or operation.speeds_rpm for operation in operations if operation is not None)
     plan = SweepPlan(file, settings, scenes, cams, speeds)
     for scene in scenes:
-        scene_with(scene_of_text(scene), next(plan._numbers()), "vary", NEEDED)
+        scene_with(scene_of_text(scene), next(plan._numbers()), "vary", SIMULATED)
     return plan
 
 

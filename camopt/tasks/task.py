@@ -18,13 +18,12 @@ from camopt.cam.read import read_cam
 from camopt.optimizer.program.chosen_duration import chosen_duration_deg, load_scene
 from camopt.scene import InputError, Scene, builtin_scenes, parse_scene, scene_text
 from camopt.scene.load import tuples
+from camopt.scene.schema import SIMULATED
 from camopt.scene.table import Positive, Table
 from camopt.scene.text_file import excerpt
 from camopt.scene.toml_text import scene_toml
 from camopt.storage import plain
 
-NEEDED = ("valve", "seat", "operation", "design")
-"""The parts of a scene that every verb needs."""
 LONGEST_HERE = 200
 """Characters of a scene or a cam that stand in the task itself; a longer one is a part with a name."""
 PART = "sha256:"
@@ -184,7 +183,7 @@ def scene_as_text(scene: str | Path | Scene) -> str:
 @lru_cache(maxsize=256)
 def _named_scene(source: str) -> str:
     """Checked once, where it is named; so a file that changes during a sweep changes no task."""
-    load_scene(source, NEEDED)
+    load_scene(source, SIMULATED)
     return source if source in builtin_scenes() else scene_text(source)
 
 
@@ -213,8 +212,8 @@ def _record_text(lift: Lift) -> str:
 def scene_of_text(text: str) -> Scene:
     """The scene of a built-in name or a TOML text."""
     if "\n" in text:
-        return parse_scene(text, "the task's scene", NEEDED, chosen_duration_deg)
-    return load_scene(text, NEEDED)
+        return parse_scene(text, "the task's scene", SIMULATED, chosen_duration_deg)
+    return load_scene(text, SIMULATED)
 
 
 def _digest(text: str) -> str:

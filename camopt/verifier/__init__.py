@@ -13,3 +13,6 @@ each other and with the limits (`at_speed`), at the listed speeds and at the wor
 terminal, the report, the designer and the figures read. Exudyn may simulate the motions too (`from_outside`); it
 decides nothing, but where it disagrees the verdict is not converged.
 """
+
+DRAFT, STANDARD, FINE = ACCURACY_NAMES = "draft", "standard", "fine"
+"""The accuracies, the finest last. They stand here for those who name one and load nothing else for it."""

@@ -20,6 +20,7 @@ from camopt.scene.schema import Scene
 from camopt.scene.settled import SETTLED_POSITION
 from camopt.scene.train import Train, build_train
 from camopt.scene.units import MM, UM
+from camopt.verifier import DRAFT, FINE, STANDARD
 from camopt.verifier.convergence import FINEST, Tolerances
 from camopt.verifier.from_outside import from_outside, require_outside
 from camopt.verifier.verdict import METHODS, Verdict, methods_for, verdict_on
@@ -44,9 +45,9 @@ class Effort:
 
 
 EFFORTS = {
-    "draft": Effort(("event", "rkg"), 100.0, Tolerances(5.0, everywhere=False, stands=1)),
-    "standard": Effort(("event", "rkg", "tmm"), 20.0),
-    "fine": Effort(METHODS, 5.0, Tolerances(1.0)),
+    DRAFT: Effort(("event", "rkg"), 100.0, Tolerances(5.0, everywhere=False, stands=1)),
+    STANDARD: Effort(("event", "rkg", "tmm"), 20.0),
+    FINE: Effort(METHODS, 5.0, Tolerances(1.0)),
 }
 
 
@@ -64,10 +65,10 @@ def effort_of(accuracy: str | float) -> Effort:
     tolerance_um, curves = float(accuracy), stored_curves()
     if not (math.isfinite(tolerance_um) and tolerance_um > 0):
         raise InputError(f"accuracy {accuracy}: a number of micrometres above 0 is needed")
-    band_step = min(EFFORTS["draft"].band_step_rpm, round(curves["band_step"].coarsest(tolerance_um)))
+    band_step = min(EFFORTS[DRAFT].band_step_rpm, round(curves["band_step"].coarsest(tolerance_um)))
     settled_um = min(SETTLED_POSITION / UM, curves["settling"].coarsest(0.5 * tolerance_um), tolerance_um)
     tolerance_um, settled_um = (max(um, FINEST["bounce_mm"] * MM / UM) for um in (tolerance_um, settled_um))
-    return Effort(EFFORTS["standard"].methods, band_step, Tolerances(tolerance_um, position=settled_um * UM))
+    return Effort(EFFORTS[STANDARD].methods, band_step, Tolerances(tolerance_um, position=settled_um * UM))
 
 
 @dataclass(frozen=True)
@@ -127,7 +128,7 @@ def verify(
     if not isinstance(lift, Lift):
         raise InputError(f"verify: {lift!r} in place of a cam: expected one, as camopt.read_cam or a family gives it")
     effort = effort_of(accuracy)
-    every = methods_for(build_train(scene))[: 2 if accuracy == "draft" else None]
+    every = methods_for(build_train(scene))[: 2 if accuracy == DRAFT else None]
     names = every if methods == "all" else (methods,)
     verdict = verdict_on(scene, lift, speeds_rpm, names, effort.band_step_rpm, effort.tolerances, progress=progress)
     verdict = replace(verdict, asked=accuracy)

@@ -104,7 +104,6 @@ def figure(record: VerificationRecord, scene: Scene, cam: str) -> "Figure":
     """
     from camopt.plots import Sweep, bounce_against_speed
 
-    assert scene.operation is not None, "a verdict needs it"
     band, listed = record["band"], [row["speed_rpm"] for row in record["speeds"]]
     curves = band["curves"] if band else {name: [row[name] for row in record["speeds"]] for name in COLUMNS}
     speeds, bounce, jump = (np.array(curves[name], dtype=float) for name in ("speed_rpm", "bounce_mm", "jump_mm"))
@@ -112,4 +111,4 @@ def figure(record: VerificationRecord, scene: Scene, cam: str) -> "Figure":
     worst = {name: (band["worst"][name]["speed_rpm"], band["worst"][name]["value"]) for name in starts or ()}
     order = np.argsort(speeds)
     sweep = Sweep(cam, speeds[order], bounce[order], jump[order], starts_rpm=starts, worst=worst)
-    return bounce_against_speed([sweep], scene.design, scene.operation.band_rpm, listed)
+    return bounce_against_speed([sweep], scene.design, scene.required_operation.band_rpm, listed)

@@ -58,11 +58,10 @@ def outside_motions(scene: Scene, lift: Lift, speeds_rpm: Sequence[float], *opti
     `options` are passed on as they are. Raises InputError where Exudyn is missing or refuses the motion.
     """
     require_outside()
-    assert scene.design is not None, "a cam has a maximum lift"
     with TemporaryDirectory() as folder:
         files = [str(Path(folder) / name) for name in ("scene.toml", "design.json", "motion.json")]
         write_text(files[0], scene_toml(scene))
-        write_design(files[1], lift, scene.design.max_lift_mm * MM)
+        write_design(files[1], lift, scene.required_design.max_lift_mm * MM)
         arguments = ["--speeds", *(repr(float(s)) for s in speeds_rpm), "--out", files[2], *options]
         command = [sys.executable, "-m", "camopt.verifier.outside", *files[:2], *arguments]
         patience_s = PATIENCE_S * len(speeds_rpm)

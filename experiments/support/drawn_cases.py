@@ -42,9 +42,8 @@ def drawn_cases(seed: int, count: int) -> Iterator[DrawnCase]:
             name, lift = drawn_cam(base, rng)
         except InputError:
             continue
-        assert scene.operation is not None
         count -= 1
-        yield DrawnCase(scene, name, lift, float(rng.uniform(*SPEED) * scene.operation.band_rpm[1]))
+        yield DrawnCase(scene, name, lift, float(rng.uniform(*SPEED) * scene.required_operation.band_rpm[1]))
 
 
 def varied(scene: Scene, rng: np.random.Generator) -> Scene:
@@ -81,6 +80,5 @@ def cam_named(base: str, name: str) -> Lift:
     """A family's cam on a built-in scene, or `free:<knots in deg>`: the free cam of largest area."""
     scene = load_scene(base)
     if name.startswith("free:"):
-        assert scene.design is not None
-        return kinematic_optimum(scene.design, free_cam(scene.design, float(name[5:]))).lift
+        return kinematic_optimum(design := scene.required_design, free_cam(design, float(name[5:]))).lift
     return read_cam(name, scene)

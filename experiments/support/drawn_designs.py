@@ -46,16 +46,14 @@ def drawn_design(number: int) -> Scene:
             scene = parse_scene(tomli_w.dumps({**data, "name": f"{data['name']}-{number}"}), data["name"], ("design",))
         except InputError:
             continue
-        assert scene.operation is not None, "every base has its speeds"
-        top = max(scene.operation.band_rpm)
+        top = max(scene.required_operation.band_rpm)
         if first_steps(build_train(scene), scene.cam_speed(top)) <= LARGEST and has_a_shape(scene):
             return scene
 
 
 def has_a_shape(scene: Scene) -> bool:
     """Whether any cam, free or of a family, holds the limits on the shape."""
-    design = scene.design
-    assert design is not None, "every base has one"
+    design = scene.required_design
     try:
         return kinematic_optimum(design, program_cam(design, ACCURACIES["draft"].knot_deg)).area_ratio > 0
     except InputError:

@@ -57,8 +57,7 @@ class Problem:
 
     def __init__(self, scene: str, start: str, seconds: float):
         self.scene, self.seconds = load_scene(scene), seconds
-        design, operation = self.scene.design, self.scene.operation
-        assert design is not None and operation is not None, "built-in scenes with a design"
+        design, operation = self.scene.required_design, self.scene.required_operation
         self.design, self.speeds_rpm = design, operation.speeds_rpm
         self.cam = program_cam(design, KNOT_DEG)
         self.shape = ShapeLimits(self.cam, design)

@@ -93,11 +93,10 @@ def siconos_motions(
     python: str, scene: Scene, lift: Lift, speeds_rpm: list[float], finest: int = siconos_judge.FINEST
 ) -> dict:
     """The record of `siconos_judge` for an undamped scene and a cam at speeds (k) [r/min]."""
-    assert scene.design is not None, "a cam has a maximum lift"
     with TemporaryDirectory() as folder:
         files = [str(Path(folder) / name) for name in ("scene.toml", "design.json", "motion.json")]
         write_text(files[0], scene_toml(scene))
-        write_design(files[1], lift, scene.design.max_lift_mm * MM)
+        write_design(files[1], lift, scene.required_design.max_lift_mm * MM)
         arguments = ["--speeds", *map(repr, speeds_rpm), "--out", files[2], "--finest", str(finest)]
         command = [python, "-I", siconos_judge.__file__, *files[:2], *arguments]
         ended = subprocess.run(command, capture_output=True, text=True, check=False)

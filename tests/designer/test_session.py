@@ -21,10 +21,10 @@ from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitiv
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.scene import builtin_scenes, load_scene
 from camopt.scene.parameters import with_spring
+from camopt.scene.schema import SIMULATED
 from camopt.scene.train import build_train
 
-NEED = ("valve", "seat", "operation", "design")
-SCENE = load_scene("motori-1", need=NEED)
+SCENE = load_scene("motori-1", need=SIMULATED)
 EDITS = {
     "a limit": {"acceleration_max_mm_per_deg2": 0.02},
     "a limit switched on": {"jerk_max_mm_per_deg3": 0.002},

@@ -6,12 +6,12 @@ from pathlib import Path
 import pytest
 
 from camopt.scene import InputError, builtin_scenes, load_scene, parse_scene, scene_text
+from camopt.scene.schema import SIMULATED
 
 EXAMPLE = (Path(__file__).parent / "example.toml").read_text()
 KODAMA = scene_text("kodama")
 AS_GIVEN = KODAMA.partition("\n# Trains as built")[0]
 """The scene without its tolerances, which a lash that moves would leave without a number."""
-ALL = ("valve", "seat", "operation", "design")
 
 
 def changed(text: str, old: str, new: str, count: int = 1) -> str:
@@ -28,7 +28,7 @@ def faults(text: str, need: tuple[str, ...] = ()) -> list[str]:
 
 
 def test_example_of_the_contract_parses():
-    scene = parse_scene(EXAMPLE, "example.toml", (*ALL, "geometry"))
+    scene = parse_scene(EXAMPLE, "example.toml", (*SIMULATED, "geometry"))
     assert (scene.name, scene.valve, scene.seat) == ("example", "valve", "seat")
     assert scene.operation.speeds_rpm == (5000, 6000, 6500, 7000)
     assert scene.operation.band_rpm == (5000, 7000)
@@ -49,9 +49,17 @@ def test_left_out_keys_take_the_defaults_of_the_contract():
 
 @pytest.mark.parametrize("name", builtin_scenes())
 def test_built_in_scenes_load(name):
-    scene = load_scene(name, need=() if name == "ohv-3dof" else ALL)
+    scene = load_scene(name, need=() if name == "ohv-3dof" else SIMULATED)
     assert scene.name == name
     assert scene.title
+
+
+def test_a_part_that_a_scene_lacks_is_a_sentence_where_it_is_needed():
+    scene, bare = load_scene("kodama"), load_scene("ohv-3dof")
+    assert scene.required_design is scene.design and scene.required_operation is scene.operation
+    assert scene.required_geometry is scene.geometry
+    with pytest.raises(InputError, match=r"^scene 'ohv-3dof': this needs its \[operation\], which is missing$"):
+        bare.cam_speed(1000)
 
 
 @pytest.mark.parametrize(

@@ -149,8 +149,7 @@ def _construction(_: Scene, cam: Lift) -> tuple[Parameters, Event]:
 
 
 def _space(scene: Scene, jerk: bool, **given) -> Space:
-    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
-    top = scene.operation.speeds_rpm[-1]
+    top = scene.required_operation.speeds_rpm[-1]
     bounds = [(DESIGN_SPEEDS[0] * top, DESIGN_SPEEDS[1] * top)]
     return power_space(lambda exponents, speed: polydyne(scene, exponents, speed, **given), bounds, [top])
 

@@ -62,17 +62,17 @@ def read_lift_table(
     `camopt.cam.tables.text` and `smoothing`. The duration of every table lies between the scene's ramp heights.
     Raises InputError with file and line for anything else.
     """
-    assert scene.design is not None and scene.operation is not None, "load_scene(..., need=...) guarantees both"
     where, table = str(path), parsed(Path(path), table_first_line, table_columns)
     options = {"angle": table_angle, "lift": table_lift, "ratio": table_ratio, "probe": table_probe_mm}
     given = {key: table.keys.get(key) if value is None else str(value) for key, value in options.items()}
     rows = _own(where, table, given) if table.own else mended(_foreign(where, table, given, scene))
-    _check(where, rows, scene.design.max_lift_mm)
+    design = scene.required_design
+    _check(where, rows, design.max_lift_mm)
     report = {"file": Path(path).name, "rows": len(rows.degrees)}
     if table.own:
         pieces = _own_pieces(where, table, rows)
     else:
-        pieces, done = _measured(where, rows, scene_ramps(scene.design))
+        pieces, done = _measured(where, rows, scene_ramps(design))
         report |= {"angle": given["angle"], "lift": given["lift"], "ratio": float(given["ratio"] or 1), **done}
         if rows.said:
             report["mended"] = list(rows.said)
@@ -80,9 +80,9 @@ def read_lift_table(
     if given["probe"] is not None:
         pieces = _followed(where, pieces, given, scene)
         report["probe_mm"] = given["probe"]
-    opening, closing = (h * MM for h, _, _ in scene.design.ramps())
+    opening, closing = (h * MM for h, _, _ in design.ramps())
     start, end = event_borders(where, pieces, opening, closing)
-    found_deg, scene_deg = (end - start) / DEG, scene.design.duration_deg
+    found_deg, scene_deg = (end - start) / DEG, design.duration_deg
     if not 1 / PLAUSIBLE_DURATION <= found_deg / scene_deg <= PLAUSIBLE_DURATION:
         raise InputError(
             f"{where}: {found_deg:.0f} cam degrees lie between the ramp heights against the scene's duration_deg of "
@@ -132,8 +132,7 @@ def _foreign(where: str, table: TableText, given: dict, scene: Scene) -> TableRo
         )
     if len(table.rows) > MOST_ROWS:
         raise InputError(f"{where}: {len(table.rows)} rows, more than {MOST_ROWS}: give every n-th row")
-    assert scene.operation is not None
-    per_unit = scene.operation.cam_per_crank if given["angle"] == "crank" else 1.0
+    per_unit = scene.required_operation.cam_per_crank if given["angle"] == "crank" else 1.0
     height = table.rows[:, 1] * LIFT_UNITS_MM[given["lift"]] * ratio
     return TableRows(table.rows[:, 0] * per_unit, height, table.lines, table.said)
 

@@ -100,9 +100,9 @@ class AscentHistory:
         """Writes `design.json` of the best cam, or `nearest.json` of the nearest where none holds every limit, with its
         `scene.toml`, `history.csv` and the figure into a folder."""
         cam, scene = self.best or self.nearest, self.best_scene or self.nearest_scene
-        assert scene.design is not None, "objective() asks for [design]"
         (folder / NEAREST).unlink(missing_ok=True)  # of the ascent that this one goes on from
-        write_design(folder / ("design.json" if self.confirmed else NEAREST), cam, scene.design.max_lift_mm * MM)
+        path = folder / ("design.json" if self.confirmed else NEAREST)
+        write_design(path, cam, scene.required_design.max_lift_mm * MM)
         write_text(folder / "scene.toml", scene_toml(scene))
         flat = [str(name) for name, values in self.dataset.data_vars.items() if values.dims == ("step",)]
         write_csv(folder / "history.csv", {"step": self["step"].values, **{name: self[name].values for name in flat}})

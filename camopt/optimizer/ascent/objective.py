@@ -120,8 +120,7 @@ class BoundObjective:
         asked = self.objective
         own = {name: jnp.asarray(value, dtype=float) for name, value in parameters.items()}
         factors = own.pop("train", jnp.ones(len(self.train.names)))
-        design = asked.scene.design
-        assert design is not None, "objective() asks for [design]"
+        design = asked.scene.required_design
         area = self.cam.area(own) / (design.max_lift_mm * MM * design.duration_deg * DEG)
         terms = {AREA_RATIO: area}
         found = self._metrics(own, factors) if asked.metrics else {}

@@ -42,10 +42,9 @@ class FreeVariables:
     """
 
     def __init__(self, scene: Scene, cam: Lift, knot_deg: float):
-        assert scene.design is not None, "objective() asks for [design]"
         own = cam.family == FREE
-        self._free = program_cam(scene.design, cam.parameters["knot_deg"] if own else knot_deg)
-        self._limits = ShapeLimits(self._free, scene.design)
+        self._free = program_cam(scene.required_design, cam.parameters["knot_deg"] if own else knot_deg)
+        self._limits = ShapeLimits(self._free, scene.required_design)
         given = np.array(cam.parameters["coefficients_mm_per_deg2"]) if own else None
         near = self._limits.nearest_to(cam) if given is None else self._free.Z.T @ (given - self._free.x_p)
         self.start = self._limits.nearest(near)
@@ -79,8 +78,7 @@ class FamilyVariables:
     """
 
     def __init__(self, scene: Scene, cam: Lift):
-        assert scene.design is not None, "objective() asks for [design]"
-        self._cam, self._design = differentiable(scene, cam), scene.design
+        self._cam, self._design = differentiable(scene, cam), scene.required_design
         construction = family_named(cam.family).construction
         assert construction is not None, "differentiable() asks for it"
         self._own = {name: self._cam.parameters[name] for name in construction(scene, cam)[0]}

@@ -19,6 +19,7 @@ from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 from camopt.storage import run_folder, run_identity
+from camopt.verifier import DRAFT
 from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.convergence import Tolerances
 from camopt.verifier.verdict import Verdict, verdict_on
@@ -151,9 +152,8 @@ def _member(scene: Scene, design: Callable[[], Lift]) -> Lift | str:
         lift = design()
     except Exception as error:
         return _sentence(error)
-    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
-    without_jerk = scene.design.model_copy(update={"jerk_max_mm_per_deg3": None})  # its own table says what breaks it
-    over = shape_excess(lift, without_jerk)
+    without_jerk = {"jerk_max_mm_per_deg3": None}  # its own table says what breaks that limit
+    over = shape_excess(lift, scene.required_design.model_copy(update=without_jerk))
     if (most := max(over.values(), default=0.0)) > MOST_EXCESS:
         return (
             f"{lift.family}: no cam to compare with under the limits of this scene, because its member breaks "
@@ -195,8 +195,7 @@ def compare_in(
             cams[name] = lift
     others = {name: one for name, one in found.items() if name not in designs}
     keep(folder, scene, {name: cams[name] for name in others if name in cams}, others)
-    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
-    return _write(folder, scene, cams, found, drawn_speeds(scene.operation, effort))
+    return _write(folder, scene, cams, found, drawn_speeds(scene.required_operation, effort))
 
 
 def compare_again(folder: Path, scene: Scene, accuracy: object = None) -> None:
@@ -208,9 +207,9 @@ def compare_again(folder: Path, scene: Scene, accuracy: object = None) -> None:
     """
     if not (folder / "verdicts").is_dir():
         return
-    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
     effort = ACCURACIES.get(accuracy) if isinstance(accuracy, str) else None
-    speeds = scene.operation.speeds_rpm if effort is None else drawn_speeds(scene.operation, effort)
+    operation = scene.required_operation
+    speeds = operation.speeds_rpm if effort is None else drawn_speeds(operation, effort)
     _write(folder, scene, *kept(folder, scene), speeds)
 
 
@@ -227,7 +226,7 @@ def _write(
 
 
 def _judged(scene: Scene, lift: Lift, effort: Accuracy, band_step_rpm: float | None, to_the_end: bool = True) -> dict:
-    methods = EFFORTS["draft"].methods_of(build_train(scene))
+    methods = EFFORTS[DRAFT].methods_of(build_train(scene))
     tolerances = Tolerances(effort.verdict.tolerances.tolerance_um, HALVINGS)
     return verdict_on(scene, lift, None, methods, band_step_rpm, tolerances, to_the_end).as_dict()
 

@@ -47,12 +47,11 @@ def failed(why: str) -> dict:
 
 def keep(folder: Path, scene: Scene, cams: Mapping[str, Lift], found: Mapping[str, dict]) -> None:
     """Store baselines and their verdicts by name in the folder's `cams` and `verdicts`."""
-    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
     for part, contents in (("cams", cams), ("verdicts", found)):
         if contents:
             (folder / part).mkdir(exist_ok=True)
     for name, lift in cams.items():
-        write_design(folder / "cams" / f"{name}.json", lift, scene.design.max_lift_mm * MM)
+        write_design(folder / "cams" / f"{name}.json", lift, scene.required_design.max_lift_mm * MM)
     for name, one in found.items():
         write_json(folder / "verdicts" / f"{name}.json", one)
 
@@ -105,8 +104,7 @@ def comparison_rows(scene: Scene, name: str, lift: Lift, found: dict) -> list[di
     The speeds are the listed ones and the band's worst ones, ascending. A cam of the literature that breaks the jerk
     limit stands in the table without it, where that limit rejects nothing; a design never does.
     """
-    design = scene.design
-    assert design is not None, "load_scene(..., need='design') guarantees it"
+    design = scene.required_design
     low, high = (a / MM * DEG**2 for a in lift.extremes(2))
     jerk = steepest_jerk(lift, design) / MM * DEG**3
     shape = [word for word in found["broken"] if " at " not in word]

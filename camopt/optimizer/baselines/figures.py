@@ -61,8 +61,7 @@ def draw(
 
     The valve's motion is drawn at `speeds_rpm`.
     """
-    design, operation = scene.design, scene.operation
-    assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
+    design, operation = scene.required_design, scene.required_operation
     figures = folder / "figures"
     figures.mkdir(exist_ok=True)
     # a word of a verdict that names no speed is a limit on the cam's shape: what is broken at a speed is the motion's
@@ -136,8 +135,7 @@ def settled_motion(
 
 def _top(scene: Scene, found: dict) -> float:
     """Highest speed that is drawn [r/min]: somewhat above the band and, where near, above what begins there."""
-    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
-    low, high = scene.operation.band_rpm
+    low, high = scene.required_operation.band_rpm
     more, most = (share * (high - low) for share in (BEYOND_BAND, FURTHEST_BEYOND))
     return max([high + more, *(s + more for s in _starts(found).values() if s is not None and s + more <= high + most)])
 
@@ -147,8 +145,7 @@ def _beside_the_band(scene: Scene, found: dict, top_rpm: float) -> np.ndarray:
 
     They are speeds of the verdict's own search for these beginnings, so that the curve cannot name another one.
     """
-    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
-    low, high = scene.operation.band_rpm
+    low, high = scene.required_operation.band_rpm
     bottom = low - BEYOND_BAND * (high - low)
     step = max(SEARCH_STEP_RPM, (found.get("band") or {}).get("step_rpm", 0.0))
     grid = np.array([bottom, *np.arange(0.5 * low, 1.5 * high, step), top_rpm])
@@ -174,8 +171,7 @@ def curve(scene: Scene, name: str, lift: Lift, found: dict, top_rpm: float) -> S
         worst = {key: (band["worst"][key]["speed_rpm"], band["worst"][key]["value"]) for key in DRAWN}
         starts = _starts(found)
     else:
-        assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
-        step = np.ptp(scene.operation.band_rpm) / FIGURE_SPEEDS
+        step = np.ptp(scene.required_operation.band_rpm) / FIGURE_SPEEDS
         swept = sweep(SpeedCache(settled_metrics, scene, lift), float(step), DRAWN)
         speeds, inside, worst, starts = swept.speeds_rpm, swept.figures, {}, None
     beside = np.setdiff1d(_beside_the_band(scene, found, top_rpm), speeds)

@@ -41,8 +41,7 @@ def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float | None 
 
     Raises InputError for contradictory limits.
     """
-    design, operation = scene.design, scene.operation
-    assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
+    design, operation = scene.required_design, scene.required_operation
     cam = program_cam(design, knot_deg)
     feasible = kinematic_optimum(design, cam)
     speeds = [scene.cam_speed(s) for s in operation.speeds_rpm]

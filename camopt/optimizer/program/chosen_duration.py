@@ -9,14 +9,14 @@ from pathlib import Path
 from camopt.scene import load
 from camopt.scene.design import FROM_DURATION_AT, Design
 from camopt.scene.errors import InputError
-from camopt.scene.schema import Scene
+from camopt.scene.schema import Part, Scene
 
 ROOM = 0.02
 """Share by which a chosen duration exceeds the shortest one: there the flanks are given by their limits alone, and the
 search for what the valve train can follow has no room."""
 
 
-def load_scene(source: str | Path, need: tuple[str, ...] = ()) -> Scene:
+def load_scene(source: str | Path, need: tuple[Part, ...] = ()) -> Scene:
     """The scene of a built-in name or TOML file, fully checked; one that leaves its duration open gets one.
 
     `need` names optional parts that the caller cannot do without, out of "valve", "seat", "operation", "design",

@@ -33,8 +33,8 @@ def times(scene: Scene, key: str, factor: float) -> Scene:
 
 def speed(scene: Scene, speed_rpm: float) -> Scene:
     """One crankshaft speed [r/min]."""
-    assert scene.operation is not None, "load_scene(..., need='operation') guarantees it"
-    return scene.model_copy(update={"operation": scene.operation.model_copy(update={"speeds_rpm": (speed_rpm,)})})
+    operation = scene.required_operation.model_copy(update={"speeds_rpm": (speed_rpm,)})
+    return scene.model_copy(update={"operation": operation})
 
 
 def clearance(scene: Scene, gap_mm: float) -> Scene:

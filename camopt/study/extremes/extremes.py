@@ -71,8 +71,7 @@ def _measurements(scene: Scene, case: str, changed: Scene) -> Iterator[Measureme
 
     Where laws are curved DOP853 is the reference, and event-exact with its chords one of those that are judged.
     """
-    assert changed.operation is not None, "load_scene(..., need='operation') guarantees it"
-    train, cam_speed = build_train(changed), changed.cam_speed(max(changed.operation.speeds_rpm))
+    train, cam_speed = build_train(changed), changed.cam_speed(max(changed.required_operation.speeds_rpm))
     motion = train, polydyne(scene), cam_speed
 
     @cache

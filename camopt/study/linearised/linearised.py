@@ -180,10 +180,9 @@ def free_cam_in(scene: Scene, cam: Lift) -> tuple[FreeCam, np.ndarray]:
     nearest = "by camopt.nearest_free_cam or one of camopt.free_cam(scene.design)"
     if cam.family != "free":
         raise InputError(f"linearised: the cam is of the family {cam.family!r}: take the nearest free one {nearest}")
-    assert scene.design is not None, "it was asked for before"
     theta = np.linspace(-np.pi, np.pi, 721)
     try:
-        free, z = free_cam_of(scene.design, cam)
+        free, z = free_cam_of(scene.required_design, cam)
         apart = np.abs(free.lift(z)(theta) - cam(theta)).max()
     except ValueError:  # as many coefficients as the scene's duration and these knots do not have
         apart = np.inf
@@ -207,8 +206,7 @@ def cases_of(
 
 def _case(scene: Scene, cam: Lift, z: np.ndarray, numbers: Sequence[FreeNumber], ground) -> LinearisedCase:
     def built(moved: Scene) -> TrainAndCam:
-        assert moved.design is not None
-        return build_train(moved), ground(free_cam_of(moved.design, cam)[0].lift(z))
+        return build_train(moved), ground(free_cam_of(moved.required_design, cam)[0].lift(z))
 
     at = [number.of(scene) for number in numbers]
     steps = np.array([STEP * (abs(value) or 1.0) for value in at])

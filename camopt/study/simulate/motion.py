@@ -160,8 +160,7 @@ def known_rpm(scene: Scene, speed_rpm) -> float:
     number = concrete(speed_rpm)
     if number is not None:
         return number
-    assert scene.operation is not None
-    return min(*scene.operation.speeds_rpm, *scene.operation.band_rpm)
+    return min(*scene.required_operation.speeds_rpm, *scene.required_operation.band_rpm)
 
 
 def delivered(

@@ -32,6 +32,7 @@ from camopt.study.measurements import REFERENCE, Measurement, timed
 from camopt.study.reduce.reduced_models import smaller_models
 from camopt.study.reduce.reduction import Candidate, reduce
 from camopt.study.simulate.accuracy_control import valve_position
+from camopt.verifier import ACCURACY_NAMES, DRAFT
 from camopt.verifier.at_speed import LIFT_NEIGHBOUR, SPEED_NEIGHBOUR, STATE_NEIGHBOUR
 from camopt.verifier.methods import METHOD_NAMES, dop853, houbolt, rkg, tmm
 
@@ -54,7 +55,6 @@ SETTLING_UM = {"small": (1.0, 1e-3), "full": (100.0, 10.0, 1.0, 0.1, 1e-3)}
 BAND_STEPS = {"small": (200, 100), "full": (200, 100, 50, 20, 10, 5)}
 SAMPLES = {"small": (2, 4), "full": (2, 6, 20, 100)}
 KNOTS_DEG = (4.0, 3.0, 2.0, 1.5)
-EFFORTS = "draft", "standard", "fine"
 """Settings of the dials, the finest last."""
 JUDGED_STEP_RPM = 10
 
@@ -92,8 +92,7 @@ def valve_lift(motion: Response) -> np.ndarray:
 def method_work(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:
     """The measurements of all methods. The reference is event-exact at fine samples, or located DOP853 where laws are
     curved; it has no time of its own."""
-    assert scene.operation is not None
-    speeds = sorted({*scene.operation.speeds_rpm})
+    speeds = sorted({*scene.required_operation.speeds_rpm})
     for speed in speeds[-1:] if size == "small" else sorted({speeds[0], speeds[-1]}):
         case = RevolutionCase(scene, cam, speed)
         yield reference(case)
@@ -147,10 +146,10 @@ def job_work(scene: Scene, cam: Lift, size: str, folder: Path) -> Iterator[Measu
     yield from _masses(scene, cam, size)
     if size == "full":
         designed, designs = partial(_designed, scene), folder / "designs"
-        knots = lambda deg: designed("nominal", replace(ACCURACIES["draft"], knot_deg=deg), designs)  # noqa: E731
+        knots = lambda deg: designed("nominal", replace(ACCURACIES[DRAFT], knot_deg=deg), designs)  # noqa: E731
         yield from _dial("knots", "search, listed speeds", "{:g} deg", knots, KNOTS_DEG)
         effort = lambda name: designed("band", ACCURACIES[name], designs)  # noqa: E731
-        yield from _dial("search effort", "search, band", "{}", effort, EFFORTS)
+        yield from _dial("search effort", "search, band", "{}", effort, ACCURACY_NAMES)
 
 
 def _dial(dial: str, method: str, shown: str, run: Callable, settings: Sequence) -> Iterator[Measurement]:
@@ -170,8 +169,7 @@ def _bounce(run: Callable, setting: float) -> dict:
 def _settled(scene: Scene, cam: Lift, um: float) -> np.ndarray:
     """Bounce at each listed speed after settling to `um`."""
     train, bounces = build_train(scene), []
-    assert scene.operation is not None
-    for speed in scene.operation.speeds_rpm:
+    for speed in scene.required_operation.speeds_rpm:
         revolve = engine.prepare(train, cam, scene.cam_speed(speed))
         settled = settle(revolve, state_at_rest(train), most=80, position=um * UM)
         bounces.append(settled.metrics(cam).worst("bounce_mm"))
@@ -180,8 +178,7 @@ def _settled(scene: Scene, cam: Lift, um: float) -> np.ndarray:
 
 def _band(scene: Scene, cam: Lift, step: float) -> float:
     """Largest bounce of the band in steps of `step` r/min."""
-    assert scene.operation is not None
-    low, high = scene.operation.band_rpm
+    low, high = scene.required_operation.band_rpm
     return _largest_bounce(scene, cam, np.unique(np.append(np.arange(low, high, step), high)))
 
 
@@ -193,8 +190,7 @@ def _largest_bounce(scene: Scene, cam: Lift, speeds_rpm: Sequence[float] | np.nd
 def _perturbed(scene: Scene, cam: Lift, count: int) -> float:
     """Largest bounce over `count` neighbouring speeds, lifts and states, those of the verdict, drawn uniformly."""
     rng, train = np.random.default_rng(0), build_train(scene)
-    assert scene.operation is not None
-    cam_speed, rest = scene.cam_speed(max(scene.operation.speeds_rpm)), state_at_rest(train)
+    cam_speed, rest = scene.cam_speed(max(scene.required_operation.speeds_rpm)), state_at_rest(train)
     away = np.repeat(STATE_NEIGHBOUR, len(train.mass))
     bounces = []
     for _ in range(count):
@@ -207,8 +203,7 @@ def _perturbed(scene: Scene, cam: Lift, count: int) -> float:
 
 def _masses(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:
     """Smaller models against the full one, from `reduce`; seconds: of a revolution, event-exact."""
-    assert scene.operation is not None
-    speeds = (min(scene.operation.speeds_rpm),) if size == "small" else None
+    speeds = (min(scene.required_operation.speeds_rpm),) if size == "small" else None
 
     @cache
     def candidates() -> dict[str, Candidate]:
@@ -233,13 +228,12 @@ def _designed(scene: Scene, speeds: str, effort: Accuracy, folder: Path) -> dict
     begin = time.process_time()
     search = find_cam(scene, speeds, effort)
     seconds = time.process_time() - begin
-    assert scene.operation is not None and scene.design is not None
-    chosen = largest_confirmed(scene, search.confirmed, "nominal", ACCURACIES["draft"])
+    chosen = largest_confirmed(scene, search.confirmed, "nominal", ACCURACIES[DRAFT])
     folder.mkdir(exist_ok=True)
     path = folder / f"{speeds}-{effort.knot_deg:g}deg-{effort.judged_speeds}-speeds.json"
-    write_json(path, design_record(chosen.cam.lift, scene.design.max_lift_mm * MM))
+    write_json(path, design_record(chosen.cam.lift, scene.required_design.max_lift_mm * MM))
     cam = read_design(path, scene)
-    listed = scene.operation.speeds_rpm
+    listed = scene.required_operation.speeds_rpm
     bounce = _largest_bounce(scene, cam, listed) if speeds == "nominal" else _band(scene, cam, JUDGED_STEP_RPM)
     figures = {"area_mm_deg": cam.area / MM / DEG, "bounce_mm": bounce}
     return {"seconds": seconds, "figures": figures, "verdict": chosen.verdict.verdict}

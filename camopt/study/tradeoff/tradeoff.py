@@ -109,10 +109,9 @@ def holding_cam(scene: Scene) -> Lift:
     from camopt.optimizer.program.no_jump import no_jump_program
     from camopt.optimizer.program.program_cam import program_cam
 
-    assert scene.design is not None and scene.operation is not None, "the caller asks for both"
     try:
-        speeds = [scene.cam_speed(s) for s in scene.operation.speeds_rpm]
-        program = no_jump_program(build_train(scene), scene.design, program_cam(scene.design, KNOT_DEG), speeds)
+        design, speeds = scene.required_design, [scene.cam_speed(s) for s in scene.required_operation.speeds_rpm]
+        program = no_jump_program(build_train(scene), design, program_cam(design, KNOT_DEG), speeds)
         return program.solve_below(np.full((3, len(speeds)), MARGIN_N)).lift
     except InputError:
         return polydyne(scene)
