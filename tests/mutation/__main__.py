@@ -2,8 +2,9 @@
 
 `python -m tests.mutation --mutants 500 --journal mutants.jsonl` needs the extra `mutation`. The order is drawn from the
 seed, so that more mutants are the same ones and further ones. `--minutes` ends it earlier, `--again` asks those that
-survived once more. Which lines each test runs is found first and kept beside the journal (`mutants.map.jsonl`): remove
-that file after a change of tests or sources. `--store` writes what came of them (`tests.mutation.summary`).
+survived once more, and `--survivors` tries those alone whose reasons are kept (`survivors.toml`). Which lines each test
+runs is found first and kept beside the journal (`mutants.map.jsonl`): remove that file after a change of tests or
+sources. `--store` writes what came of them (`tests.mutation.summary`).
 """
 
 import argparse
@@ -19,26 +20,30 @@ from tqdm import tqdm
 from camopt.storage import write_json
 from tests.mutation.choice import Choice
 from tests.mutation.mutants import Mutant, difference, mutants
-from tests.mutation.summary import STORED, summary, table
+from tests.mutation.summary import STORED, reasons, summary, table
 from tests.mutation.trial import copied, outcome, prepared, warmed, watched
 
 
 def main() -> int:
-    """0 where at least 95 in 100 of those that can be caught were caught, else 3."""
+    """0 where at least 95 in 100 of those that can be caught were caught, and for known survivors, else 3."""
     ask = argparse.ArgumentParser(prog="python -m tests.mutation", description=__doc__)
     ask.add_argument("--mutants", type=int, default=500)
     ask.add_argument("--seed", type=int, default=0)
     ask.add_argument("--journal", type=Path, required=True, help="one line of JSON for each mutant")
     ask.add_argument("--minutes", type=float, default=float("inf"))
     ask.add_argument("--again", action="store_true", help="ask those that survived once more")
+    ask.add_argument("--survivors", action="store_true", help="try those whose reasons are kept")
     ask.add_argument("--store", action="store_true", help=f"write {STORED.name}")
     args = ask.parse_args()
-    drawn = mutants(args.seed)[: args.mutants]
+    known = reasons()
+    drawn = [one["mutant"] for one in known.values()] if args.survivors else mutants(args.seed)[: args.mutants]
     if args.minutes > 0:
         prepared()
         tried(args.journal, drawn, time.monotonic() + 60 * args.minutes, args.again)
-    found = summary(rows(args.journal), drawn, args.seed)
+    found = summary(rows(args.journal), drawn, args.seed, known)
     print(table(found))
+    if args.survivors:
+        return 0
     if args.store:
         write_json(STORED, found)
     return 0 if found["caught"] >= 0.95 * (found["tried"] - found["equivalent"]) else 3

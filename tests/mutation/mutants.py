@@ -44,12 +44,32 @@ def mutants(seed: int) -> list[Mutant]:
     found = []
     for folder in MUTATED:
         for path in sorted((ROOT / "camopt" / folder).rglob("*.py")):
-            nodes = list(ast_nodes(get_ast(path.read_text(encoding="utf-8"))))
-            for name, operator in OPERATORS.items():
-                places = sum(len(list(operator.mutation_positions(node))) for node in nodes)
-                found += [Mutant(path.relative_to(ROOT).as_posix(), name, i) for i in range(places)]
+            file, nodes = path.relative_to(ROOT).as_posix(), list(ast_nodes(get_ast(path.read_text(encoding="utf-8"))))
+            for name in OPERATORS:
+                found += [Mutant(file, name, i) for i in range(len(_lines(nodes, name)))]
     Random(seed).shuffle(found)
     return found
+
+
+def _lines(nodes: list, operator: str) -> list[int]:
+    """The lines at which an operator applies, in the order of its occurrences."""
+    return [start[0] for node in nodes for start, _ in OPERATORS[operator].mutation_positions(node)]
+
+
+def mutants_with(file: str, operator: str, change: str) -> list[Mutant]:
+    """The mutants of a file whose lines differ so, without their numbers: their occurrences move with other lines."""
+    text = (ROOT / file).read_text(encoding="utf-8") if (ROOT / file).exists() else ""
+    lost = {line[1:] for line in change.splitlines() if line.startswith("-")}
+    at = {number for number, line in enumerate(text.splitlines(), 1) if line in lost}
+    found = [
+        Mutant(file, operator, i) for i, k in enumerate(_lines(list(ast_nodes(get_ast(text))), operator)) if k in at
+    ]
+    return [mutant for mutant in found if bare(difference(mutant, mutant.text())[0]) == bare(change)]
+
+
+def bare(change: str) -> str:
+    """The lines that differ without their numbers, which move."""
+    return "\n".join(line for line in change.splitlines() if line and not line.startswith("@@"))
 
 
 def difference(mutant: Mutant, changed: str) -> tuple[str, range]:

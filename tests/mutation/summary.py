@@ -5,28 +5,34 @@ from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
-from tests.mutation.mutants import Mutant
+from tests.mutation.mutants import Mutant, bare, mutants_with
 
 STORED = Path(__file__).parents[1] / "data/mutants.json"
 REASONS = Path(__file__).parent / "survivors.toml"
 """What is known of survivors: kind `equivalent`, the same behaviour, or `harmless`, another that no one would call
-wrong, with the reason. The lines that differ tell a mutant from another one of its name after a change of its file."""
+wrong, with the reason. File, operator and the lines that differ name a mutant; where a file has these lines several
+times, `which` of them counts from 0."""
 
 
-def reasons(file: Path = REASONS) -> dict[tuple[str, str], dict]:
-    """What is known of survivors, by name and lines that differ."""
-    found = tomllib.loads(file.read_text(encoding="utf-8")).get("survivor", [])
-    return {(one["mutant"], _bare(one["difference"])): one for one in found}
+def reasons(file: Path = REASONS) -> dict[str, dict]:
+    """What is known of survivors, by the mutant's name in the sources as they are; of lines that are gone, nothing."""
+    found = {}
+    for one in tomllib.loads(file.read_text(encoding="utf-8")).get("survivor", []):
+        places, which = mutants_with(one["file"], one["operator"], one["difference"]), one.get("which", 0)
+        if which < len(places):
+            found[places[which].key] = one | {"mutant": places[which]}
+    return found
 
 
-def summary(rows: dict[str, dict], drawn: Iterable[Mutant], seed: int, known: dict | None = None) -> dict:
+def summary(rows: dict[str, dict], drawn: Iterable[Mutant], seed: int, known: dict[str, dict]) -> dict:
     """Counts of the drawn mutants that were tried, by folder too, and those that no test noticed."""
-    drawn, known = list(drawn), reasons() if known is None else known
+    drawn = list(drawn)
     found = [rows[m.key] for m in drawn if m.key in rows]
     left = []
     for row in found:
         if row["outcome"] == "survived":
-            why = known.get((row["mutant"], _bare(row["difference"])), {})
+            why = known.get(row["mutant"], {})
+            why = why if bare(why.get("difference", "")) == bare(row["difference"]) else {}
             kind, reason = why.get("kind", "survived"), why.get("reason", "")
             left.append({"mutant": row["mutant"], "difference": row["difference"], "kind": kind, "reason": reason})
     kinds = {one["mutant"]: one["kind"] for one in left}
@@ -57,8 +63,3 @@ def table(found: dict) -> str:
         lines += [f"{one['mutant']}: {one['kind']} {one['reason']}".rstrip(), one["difference"]]
     counts = f"{found['tried']} of {found['drawn']} mutants tried, {found['caught']} caught"
     return "\n".join([*lines, f"{counts}, {found['equivalent']} equivalent, {found['seconds_mean']} s each"])
-
-
-def _bare(difference: str) -> str:
-    """The lines that differ without their numbers, which move."""
-    return "\n".join(line for line in difference.splitlines() if not line.startswith("@@"))

@@ -136,7 +136,7 @@ def test_survivors_count_with_their_reasons_as_long_as_their_lines_are_the_same(
         (drawn[2].key, "equivalent", "-other\n+x"),
         (drawn[3].key, "harmless", "@@ -90 +90 @@\n-3\n+x"),
     ]
-    known = {(k, d.split("@@\n")[-1]): {"kind": kind, "reason": "so"} for k, kind, d in reasons}
+    known = {k: {"kind": kind, "reason": "so", "difference": d} for k, kind, d in reasons}
     found = summary(rows, drawn, 0, known)
     assert [found[name] for name in ("drawn", "tried", "caught", "equivalent")] == [5, 4, 1, 1]
     assert [one["kind"] for one in found["survivors"]] == ["equivalent", "survived", "harmless"]
