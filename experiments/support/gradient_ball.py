@@ -88,9 +88,9 @@ def smooth_path(width: float) -> Callable[[], Answer]:
         own = system_with(train, {"damping": c[None], "stiffness": k[None]})
         driven = DrivenSystem(own, samples, 2 * jnp.pi / END)
         motion = response_arrays(driven, jnp.stack([distance[None], -speed[None]]), Layer(width), steps=steps)
-        return jnp.stack([motion.x[-1, 0], motion.v[-1, 0]])
+        return jnp.stack([motion.x[-1, 0], motion.v[-1, 0]]), steps
 
-    return _by_jax(end, jax.jacrev, steps)
+    return _by_jax(end)
 
 
 def diffrax_switch(tolerance: float) -> Callable[[], Answer]:
@@ -102,10 +102,10 @@ def diffrax_switch(tolerance: float) -> Callable[[], Answer]:
         return jnp.stack([v, force])
 
     def solved(numbers):
-        return _solve(rate, 0.0, jnp.stack([numbers[1], -numbers[0]]), numbers, tolerance)
+        found = _solve(rate, 0.0, jnp.stack([numbers[1], -numbers[0]]), numbers, tolerance)
+        return found.ys[-1], found.stats["num_steps"]
 
-    steps = int(jax.jit(solved)(jnp.asarray(AT)).stats["num_steps"])
-    return _by_jax(lambda numbers: solved(numbers).ys[-1], jax.jacrev, steps)
+    return _by_jax(solved)
 
 
 def diffrax_events(tolerance: float) -> Callable[[], Answer]:
@@ -124,8 +124,7 @@ def diffrax_events(tolerance: float) -> Callable[[], Answer]:
         three = _solve(fly, two.ts[-1], two.ys[-1], numbers, tolerance)
         return three.ys[-1], sum(part.stats["num_steps"] for part in (one, two, three))
 
-    steps = int(jax.jit(solved)(jnp.asarray(AT))[1])
-    return _by_jax(lambda numbers: solved(numbers)[0], jax.jacrev, steps)
+    return _by_jax(solved)
 
 
 def _solve(rate, begin, y, numbers, tolerance: float, surface=None):
@@ -136,9 +135,16 @@ def _solve(rate, begin, y, numbers, tolerance: float, surface=None):
     )  # fmt: skip
 
 
-def _by_jax(end: Callable, jacobian: Callable, steps: int) -> Callable[[], Answer]:
-    value, slopes = jax.jit(end), jax.jit(jacobian(end))
-    return lambda: (np.asarray(value(jnp.asarray(AT))), np.asarray(slopes(jnp.asarray(AT))), steps)
+def _by_jax(end: Callable, jacobian: Callable = jax.jacrev) -> Callable[[], Answer]:
+    """By a function of the numbers that gives the end and the number of steps."""
+    value, slopes = jax.jit(end), jax.jit(jacobian(end, has_aux=True))
+
+    def answer() -> Answer:
+        at = jnp.asarray(AT)
+        found, steps = value(at)
+        return np.asarray(found), np.asarray(slopes(at)[0]), int(steps)
+
+    return answer
 
 
 def judged(method: Callable[[], Answer], repeats: int) -> dict:

@@ -58,6 +58,6 @@ def _method(steps: int, *, contact: bool) -> Callable[[], Answer]:
 
         data = rest.replace(qpos=distance[None], qvel=-speed[None])
         data, _ = jax.lax.scan(step, data, None, length=steps)
-        return jnp.stack([data.qpos[0], data.qvel[0]])
+        return jnp.stack([data.qpos[0], data.qvel[0]]), steps
 
-    return _by_jax(end, jax.jacfwd, steps)
+    return _by_jax(end, jax.jacfwd)

@@ -36,7 +36,8 @@ def accuracy_promise(content):
 
 
 def batch_scaling(content):
-    assert [(row["trains"], row["cams"], row["speeds"]) for row in content["rows"]] == 2 * [(2, 1, 5), (1, 2, 2)]
+    assert [(row["trains"], row["cams"], row["speeds"]) for row in content["rows"]] == [(2, 1, 5), (1, 2, 2), (2, 1, 5)]
+    assert [row["precision"] for row in content["rows"]] == ["float64", "float64", "float32"]
     for row in content["rows"]:
         assert row["motion_ms"] > 0.01 and row["gradient_processor_ms"] > row["motion_processor_ms"]
     assert 0.0 < content["float32_error_N"] < 100.0  # of forces of a thousand newtons

@@ -116,6 +116,12 @@ def best_angles(
     `starts` holds section angles, in shares of half the duration, that join the first population. Raises InputError
     where no member of the family was found that meets the limits.
     """
+    asked = table, design, ramp, jerk, tuple(map(tuple, starts)), generations, seed
+    return _best_angles(*asked).copy()  # pyright: ignore[reportArgumentType]  # frozen, so it has a hash
+
+
+@lru_cache(maxsize=64)  # a comparison asks for members that the search for the largest confirmed cam has had
+def _best_angles(table, design, ramp, jerk, starts, generations, seed) -> np.ndarray:
     from scipy.stats import qmc  # all statistics come with it, which only a search needs
 
     half, count = design.duration_deg * DEG / 2, len(table.sections)

@@ -42,7 +42,7 @@ Without any start, the search of experiments/cam_families.py finds at most 2e-4 
 
 def table_2(quintic: bool, start_ratio: float) -> SectionTable:
     """Table 2 in one of its readings: section II has degree five, or degree four with its end jerk as a result."""
-    multiples = {"a12*": (start_ratio, "a12")}
+    multiples = (("a12*", start_ratio, "a12"),)
     if quintic:
         return replace(TABLE_2, multiples=multiples)
     first, second, *others = TABLE_2.sections

@@ -7,8 +7,8 @@ angles everything is linear in them: the pieces, the area, and every limit impos
 runs on arrays of NumPy, and on those of JAX for `camopt.smooth.families`.
 """
 
-from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import cache, cached_property
 
 import numpy as np
@@ -71,7 +71,7 @@ class SectionTable:
     sections: tuple[Section, ...]
     levels: tuple[str, ...]
     closed_by: tuple[str, ...]
-    multiples: Mapping[str, tuple[float, str]] = field(default_factory=dict)
+    multiples: tuple[tuple[str, float, str], ...] = ()
 
     @cached_property
     def symbols(self) -> dict[str | float, np.ndarray]:
@@ -79,7 +79,7 @@ class SectionTable:
         unit = np.eye(2 + len(self.levels))
         rows: dict[str | float, np.ndarray] = {s: unit[i] for s, i in RAMP.items()}
         rows |= {level: unit[2 + i] for i, level in enumerate(self.levels)}
-        rows |= {s: factor * rows[level] for s, (factor, level) in self.multiples.items()}
+        rows |= {s: factor * rows[level] for s, factor, level in self.multiples}
         return rows | {0: np.zeros(len(unit))}
 
     def orders(self) -> np.ndarray:
