@@ -26,16 +26,16 @@ first slope of the next step."""
 
 
 def lift_at(
-    samples: Float[Array, "m_plus_1 2"], theta: Float[Array, " *shape"]
+    samples: Float[Array, "m_plus_1 2"], theta: Float[Array, " *shape"], first=-jnp.pi, span: float = 2 * jnp.pi
 ) -> tuple[Float[Array, " *shape"], Float[Array, " *shape"]]:
     """Lift [m] and its angle derivative [m/rad] at `theta` [rad], cubic between samples.
 
-    `samples` hold lift and its angle derivative at m + 1 equally spaced angles from -pi to pi. The result is
-    linear in `samples`.
+    `samples` hold lift and its angle derivative at m + 1 equally spaced angles over the `span` [rad] from the angle
+    `first` [rad], by default those of a revolution. The result is linear in `samples`.
     """
     count = samples.shape[0] - 1
-    width = 2 * jnp.pi / count
-    place = jnp.mod(theta + jnp.pi, 2 * jnp.pi) / width
+    width = span / count
+    place = jnp.mod(theta - first, 2 * jnp.pi) / width
     cell = jnp.clip(place.astype(int), 0, count - 1)
     s = place - cell
     left, right = samples[cell], samples[cell + 1]

@@ -40,9 +40,6 @@ TANGENT_N = 20.0
 MOST_TURNS, SETTLED = 40, 1e-10
 """Revolutions in which a motion may settle, and the change of its positions over one [m] at which it counts as such:
 the stiffest contacts then change their forces by some hundredths of a newton."""
-GROWS = 1.0 + 1e-6
-"""What of a disturbance is left after a revolution beyond which it counts as growing; of a memory that stands still it
-is one, but for rounding."""
 MOST_PARTS = 64
 """Parts of a step beyond which a train is too stiff for the lowest speed asked."""
 
@@ -106,7 +103,12 @@ class TiedPaths(NamedTuple):
     force: jax.Array  # (k, c, b) N, of the contacts between cam and valve
     gap: jax.Array  # (k, c, b) m, their separation: negative where they are compressed
     seat_gap: jax.Array  # (k, b) m, of the valve from its seat
-    end: jax.Array  # (2, n + r, b), the state at the end
+    states: jax.Array  # (k, 2, n + r, b)
+
+    @property
+    def end(self) -> jax.Array:
+        """The state (2, n + r, b) at the end of the revolution."""
+        return self.states[-1]
 
 
 def path_angles(steps: int = STEPS) -> np.ndarray:
@@ -121,10 +123,11 @@ def parts_of_steps(tied: TiedSystem, slowest: float, steps: int = STEPS) -> int:
 
 
 class DrivenTies(eqx.Module):
-    """A train with tied contacts under a cam; the arguments are those of `tied_paths`.
+    """A train with tied contacts under a cam; the arguments are those of `tied_paths`, and the samples begin at the
+    angle `first` and cover the `span` [rad].
 
-    Both functions are programs of their own inside the revolution's. Its loop is differentiated in several passes, each
-    of which would otherwise go through all of their operations.
+    Rate and reading are programs of their own inside the revolution's. Its loop is differentiated in several passes,
+    each of which would otherwise go through all of their operations.
     """
 
     tied: TiedSystem
@@ -133,6 +136,8 @@ class DrivenTies(eqx.Module):
     event: Any
     tie: Any
     layer: Layer
+    first: Any = -np.pi
+    span: float = eqx.field(static=True, default=2 * np.pi)
 
     @jax.jit
     def rate(self, theta, y):
@@ -141,17 +146,27 @@ class DrivenTies(eqx.Module):
         change = self.tied.rate(y, lift, lift_dt, self.layer, share, self.tied.system.push(theta))
         return change / self.cam_speed[None, None]
 
-    @partial(jax.jit, static_argnums=3)
-    def reading(self, theta, y, whole: bool):
-        """What `tied_paths` reads of the state at an angle."""
+    @jax.jit
+    def reading(self, theta, y) -> TiedPaths:
+        """What is limited at an angle, in the state y."""
         lift, lift_dt, share = self._drive(theta)
         system, on = self.tied.system, np.array(self.tied.system.topology.cam_side)
         force, (u, _) = self.tied.force(y, lift, lift_dt, self.layer, share), system.compression(y, lift, lift_dt)
-        return (y, force) if whole else (force[on], -u[on], -u[system.topology.seat])
+        return TiedPaths(force[on], -u[on], -u[system.topology.seat], y)
+
+    @jax.jit
+    def forces(self, theta, states) -> jax.Array:
+        """The forces (k, e, b) [N] of all elements at angles (k) [rad], in states (k, 2, n + r, b)."""
+
+        def at(theta, y):
+            lift, lift_dt, share = self._drive(theta)
+            return self.tied.force(y, lift, lift_dt, self.layer, share)
+
+        return jax.vmap(at)(theta, states)
 
     def _drive(self, theta):
         inside = (theta >= self.event[0] - 1e-9) & (theta < self.event[1] - 1e-9)
-        lift, lift_dtheta = lift_at(self.samples, theta)
+        lift, lift_dtheta = lift_at(self.samples, theta, self.first, self.span)
         return lift, lift_dtheta * self.cam_speed, self.tie * jnp.where(inside, 1.0, self.tied.at_rest)[:, None]
 
 
@@ -168,7 +183,7 @@ class Grid(diffrax.StepTo):
         return self.ts[1], 2
 
 
-@partial(jax.jit, static_argnames=("parts", "adjoint", "whole"))
+@partial(jax.jit, static_argnames=("parts", "adjoint"))
 def tied_paths(
     tied: TiedSystem,
     samples,
@@ -180,10 +195,8 @@ def tied_paths(
     *,
     parts: int,
     adjoint: str = "forward",
-    whole: bool = False,
-) -> Any:
-    """One revolution from the states y0 (2, n + r, b) at the cam speeds (b) [rad/s]: its `TiedPaths` or, the `whole` of
-    it, the states (k, 2, n + r, b) at the ends of its steps and the forces (k, e, b) [N] there.
+) -> TiedPaths:
+    """One revolution from the states y0 (2, n + r, b) at the cam speeds (b) [rad/s].
 
     The `event` is where the contacts are tied, from one angle to another [rad]. `samples` (k + 1, 2) are lift and slope
     at the ends of the revolution's k equal steps (`camopt.smooth.simulate.lift_samples`). `adjoint` is "forward" or
@@ -191,10 +204,6 @@ def tied_paths(
     start.
     """
     steps, driven = samples.shape[0] - 1, DrivenTies(tied, samples, cam_speed, event, tie, layer)
-
-    def read(theta, y, _):
-        return driven.reading(theta, y, whole)
-
     grid = jnp.asarray(equal_grid(steps), y0.dtype)
     solution = diffrax.diffeqsolve(
         diffrax.ODETerm(lambda theta, y, _: driven.rate(theta, y)),
@@ -203,50 +212,14 @@ def tied_paths(
         grid[-1],
         None,
         y0,
-        saveat=diffrax.SaveAt(subs=[diffrax.SubSaveAt(steps=True, fn=read), diffrax.SubSaveAt(t1=True)]),
+        saveat=diffrax.SaveAt(steps=True, fn=lambda theta, y, _: driven.reading(theta, y)),
         stepsize_controller=Grid(ts=grid),
         adjoint=ADJOINTS[adjoint](),
         max_steps=steps,
         throw=False,
     )
     assert solution.ys is not None
-    found, (end,) = solution.ys
-    return found if whole else TiedPaths(found[0], found[1], found[2], end)
-
-
-class Directions(NamedTuple):
-    """Directions (d) in which a revolution moves; None for what stays in all of them."""
-
-    tied: TiedSystem | None = None  # every number with a first axis (d)
-    samples: jax.Array | None = None  # (d, STEPS + 1, 2)
-    start: jax.Array | None = None  # (d, 2, n + r, b)
-
-
-class PeriodicSlopes(NamedTuple):
-    """Derivatives of a revolution that repeats itself along directions (d)."""
-
-    force: np.ndarray  # (k, c, b, d)
-    gap: np.ndarray  # (k, c, b, d)
-    seat_gap: np.ndarray  # (k, b, d)
-    start: np.ndarray  # (2, n + r, b, d)
-
-
-@partial(jax.jit, static_argnames="parts")
-def path_slopes(tied, samples, cam_speed, y0, event, tie, layer: Layer, moved: Directions, *, parts: int):
-    """The slopes of one revolution's paths along the directions, their last axis; the arguments are `tied_paths`'."""
-    stays = Directions(tied, samples, y0)
-    varies = [i for i, directions in enumerate(moved) if directions is not None]
-
-    def revolution(*varied):
-        now = list(stays)
-        for i, value in zip(varies, varied, strict=True):
-            now[i] = value
-        return tied_paths(now[0], now[1], cam_speed, now[2], event, tie, layer, parts=parts)
-
-    def along(*direction):
-        return jax.jvp(revolution, tuple(stays[i] for i in varies), direction)[1]
-
-    return jax.vmap(along, out_axes=-1)(*(moved[i] for i in varies))
+    return solution.ys
 
 
 def settled_paths(
@@ -263,33 +236,3 @@ def settled_paths(
         if not np.isfinite(moved) or moved < within:
             break
     return start, paths
-
-
-def periodic_slopes(
-    tied, samples, cam_speed, start, event, tie, layer: Layer, directions: list[Directions], *, parts: int
-) -> PeriodicSlopes:
-    """The slopes along all directions of the motion that repeats itself: the start moves with its end.
-
-    With M the slope of the end by the start, and e that by a direction, the start's slope solves s = M s + e. A memory
-    that stands still all along keeps its value, and so does the start where disturbances of it grow: there no motion
-    settles.
-    """
-    arguments = tied, samples, cam_speed, start, event, tie, layer
-    n, (_, width, cases) = tied.system.mass.shape[0], start.shape
-    states = np.flatnonzero(np.arange(2 * width) < width + n)
-    units = np.zeros((len(states), 2 * width))
-    units[np.arange(len(states)), states] = np.where(states < width, 1.0, float(tied.system.stiffest()))
-    of_start = Directions(start=jnp.repeat(jnp.asarray(units).reshape(-1, 2, width, 1), cases, axis=3))
-    by_start, *others = (path_slopes(*arguments, moved, parts=parts) for moved in (of_start, *directions))
-    by_direction = [np.concatenate([np.asarray(q) for q in part], axis=-1) for part in zip(*others, strict=True)]
-    end, pushed = (
-        np.moveaxis(np.asarray(q).reshape(2 * width, cases, -1)[states], 1, 0) / units.max(axis=1)[:, None]
-        for q in (by_start.end, by_direction[-1])
-    )
-    begin = np.linalg.pinv(np.eye(len(states)) - end, rcond=1e-12) @ pushed  # (b, q, d)
-    begin[np.abs(np.linalg.eigvals(end)).max(axis=1) > GROWS] = 0.0
-    force, gap, seat_gap = (
-        own + np.einsum("...bq,bqd->...bd", np.asarray(by), begin)
-        for own, by in zip(by_direction[:3], by_start[:3], strict=True)
-    )
-    return PeriodicSlopes(force, gap, seat_gap, np.einsum("bqd,qx->xbd", begin, units).reshape(*start.shape, -1))

@@ -21,15 +21,14 @@ from camopt.scene.errors import NoCamFound
 from camopt.scene.train import Train
 from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
+from camopt.smooth.periodic_slopes import Directions, periodic_slopes
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples
 from camopt.smooth.tied import (
     STEPS,
     WIDTH,
-    Directions,
     parts_of_steps,
     path_angles,
-    periodic_slopes,
     settled_paths,
     tied_paths,
     tied_system,
@@ -59,8 +58,7 @@ class SmoothForces:
         self._parts = max(parts_of_steps(tied, slowest) for tied in (self._tied, *self._systems))
         self._starts: list[jnp.ndarray] = []  # where the trains' last motions ended
         grid = equal_grid(STEPS)
-        basis = np.stack([(cam.basis(grid, k)[0] @ cam.Z).T for k in (0, 1)], axis=-1)
-        self._along = Directions(samples=jnp.asarray(basis))
+        self._along = Directions(np.stack([cam.basis(grid, k)[0] @ cam.Z for k in (0, 1)], axis=1))
 
     def about(self, z: np.ndarray) -> np.ndarray:
         """The forces (t, s, c, k, 1 + m) [N] in single precision: those with the cam of z (m), with slopes by z."""
@@ -102,15 +100,15 @@ class SmoothForces:
         return np.moveaxis(force, (3, 2), (1, 2))
 
     def _slopes(self, lift: Lift, cam_speeds: np.ndarray) -> tuple[np.ndarray, jnp.ndarray]:
-        """Slopes (s, c, k, m) [N/m] of the train as designed, and the states at which its settled motion begins."""
+        """Slopes (s, c, k, m) [N/m] of the train as designed, and the states at which its settled motion ends."""
         speeds, samples = jnp.asarray(cam_speeds), jnp.asarray(lift_samples(lift, STEPS))
         rest = jnp.repeat(rest_state(self._nominal)[:, :, None], len(speeds), axis=2)
         rule = self._event, 1.0, Layer(WIDTH)
-        start, _ = settled_paths(
+        _, paths = settled_paths(
             self._tied, samples, speeds, rest, *rule, parts=self._parts, most=MOST_TURNS, within=SETTLED
         )
-        slopes = periodic_slopes(self._tied, samples, speeds, start, *rule, [self._along], parts=self._parts)
-        return np.moveaxis(slopes.force[self._at], (2, 1), (0, 1)), start
+        slopes = periodic_slopes(self._tied, samples, speeds, paths, *rule, self._along, parts=self._parts)
+        return np.moveaxis(slopes.force[self._at], (2, 1), (0, 1)), paths.end
 
 
 @partial(jax.jit, static_argnames="parts")

@@ -25,17 +25,9 @@ from camopt.scene.train import Train
 from camopt.scene.units import MM
 from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
+from camopt.smooth.periodic_slopes import Directions, PeriodicSlopes, periodic_slopes
 from camopt.smooth.rest import rest_state
-from camopt.smooth.tied import (
-    Directions,
-    PeriodicSlopes,
-    TiedPaths,
-    parts_of_steps,
-    path_angles,
-    periodic_slopes,
-    settled_paths,
-    tied_system,
-)
+from camopt.smooth.tied import TiedPaths, parts_of_steps, path_angles, settled_paths, tied_system
 
 MOST_TURNS = 12
 """Revolutions that the tied motion may take to settle from where the one before ended."""
@@ -120,7 +112,7 @@ class SmoothRows:
         if self._paths is None:
             raise NoCamFound("the smoothed motion with tied contacts grows without bound at one of the speeds searched")
         known = self._known
-        slopes = known.slopes if known and self._missed < KEPT else self._slopes(program, z, self._paths.end)
+        slopes = known.slopes if known and self._missed < KEPT else self._slopes(program, z, self._paths)
         self._known = _Known(self._paths, slopes, z)
         program = replace(program, blocks=self._blocks(program, self._known))
         return (
@@ -131,14 +123,14 @@ class SmoothRows:
         """Lift and slope of the cam of z (m) at the ends of the steps (k + 1, 2)."""
         return jnp.asarray(self._offset + self._basis @ z)
 
-    def _slopes(self, program: NoJumpProgram, z: np.ndarray, start: jax.Array) -> PeriodicSlopes:
-        """The slopes by z (m) of the motion that repeats itself from `start`; of the forces in the event alone."""
+    def _slopes(self, program: NoJumpProgram, z: np.ndarray, paths: TiedPaths) -> PeriodicSlopes:
+        """The slopes by z (m) of the motion with these paths; of the forces in the event alone."""
         self._known = None  # both Jacobians at once would be most of what a search needs of memory
         self.jacobians += 1
-        along = Directions(samples=jnp.asarray(np.moveaxis(self._basis, 2, 0)))
-        motion = self._samples(z), self._speeds, start, self._tied_in, *self._law
-        slopes = periodic_slopes(self._tied, *motion, [along], parts=self._parts)
-        return slopes._replace(force=slopes.force[self._event(program)], gap=np.zeros(0))
+        motion = self._samples(z), self._speeds, paths, self._tied_in, *self._law
+        slopes = periodic_slopes(self._tied, *motion, Directions(self._basis), parts=self._parts)
+        force, seat_gap = slopes.force[self._event(program)], slopes.seat_gap.copy()
+        return slopes._replace(force=force, gap=np.zeros(0), seat_gap=seat_gap)
 
     def _settled(self, z: np.ndarray, start: jax.Array) -> TiedPaths | None:
         """The settled motion's paths from `start` or, at speeds at which the valve is off its seat at the end, from

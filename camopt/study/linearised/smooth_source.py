@@ -13,9 +13,10 @@ from camopt.scene.smoothing import Smoothing
 from camopt.scene.units import RPM
 from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
+from camopt.smooth.periodic_slopes import Directions, periodic_slopes
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples
-from camopt.smooth.tied import Directions, parts_of_steps, periodic_slopes, settled_paths, tied_system
+from camopt.smooth.tied import TiedSystem, parts_of_steps, settled_paths, tied_system
 from camopt.study.linearised.linearised import LinearisedCase, LinearPaths
 
 
@@ -27,7 +28,7 @@ def smooth_paths(
     systems = [tied_system(case.nominal[0]) for case in cases]
     parts = max(parts_of_steps(tied, float(cam_speeds.min()), steps) for tied in systems)
     grid = equal_grid(steps)
-    basis = Directions(samples=jnp.asarray(np.stack([(cam.basis(grid, k)[0] @ cam.Z).T for k in (0, 1)], axis=-1)))
+    basis = np.stack([cam.basis(grid, k)[0] @ cam.Z for k in (0, 1)], axis=1)
     event, speeds, by_train = (-cam.breaks[-1], cam.breaks[-1]), jnp.asarray(cam_speeds), []
     for case, tied in zip(cases, systems, strict=True):
         train, lift = case.nominal
@@ -42,8 +43,8 @@ def smooth_paths(
                 f"the smoothed motion with tied contacts grows without bound at {lost:g} r/min of the camshaft: give a "
                 f"larger width_um, another speed, or more damping_N_s_per_m"
             )
-        directions = [basis, _numbers(case, tied, steps)] if len(case.steps) else [basis]
-        slopes = periodic_slopes(tied, samples, speeds, start, *motion[1:], directions, parts=parts)
+        along = _with_numbers(basis, case, tied, steps) if len(case.steps) else Directions(basis)
+        slopes = periodic_slopes(tied, samples, speeds, paths, *motion[1:], along, parts=parts)
         values = paths.force, paths.gap, paths.seat_gap
         pairs = zip(values, slopes[:3], strict=True)
         joined = [np.concatenate([np.asarray(v)[..., None], s], axis=-1) for v, s in pairs]
@@ -52,13 +53,16 @@ def smooth_paths(
     return by_train
 
 
-def _numbers(case: LinearisedCase, tied, steps: int) -> Directions:
-    """How system and lift move with each free number; which contacts are closed at rest stays."""
+def _with_numbers(basis: np.ndarray, case: LinearisedCase, tied: TiedSystem, steps: int) -> Directions:
+    """The directions of the cam's `basis` (k + 1, 2, m), and those in which system and lift move with each free number;
+    which contacts are closed at rest stays."""
 
     def slope(below, above, step):
         system = jax.tree.map(lambda a, b: (b - a) / (2 * step), tied_system(below[0]), tied_system(above[0]))
         samples = (lift_samples(above[1], steps) - lift_samples(below[1], steps)) / (2 * step)
-        return eqx.tree_at(lambda t: t.at_rest, system, jnp.zeros_like(tied.at_rest)), jnp.asarray(samples)
+        return samples, eqx.tree_at(lambda t: t.at_rest, system, jnp.zeros_like(tied.at_rest))
 
     pairs = [slope(*sides, step) for sides, step in zip(case.beside, case.steps, strict=True)]
-    return Directions(*jax.tree.map(lambda *leaves: jnp.stack(leaves), *pairs))
+    samples, systems = zip(*pairs, strict=True)
+    numbers = jax.tree.map(lambda *leaves: jnp.stack(leaves), *systems)
+    return Directions(np.concatenate([basis, np.stack(samples, axis=2)], axis=2), numbers)

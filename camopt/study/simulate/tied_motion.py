@@ -10,7 +10,7 @@ from camopt.scene.units import RPM
 from camopt.smooth.contact import Layer
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples
-from camopt.smooth.tied import parts_of_steps, tied_paths, tied_system
+from camopt.smooth.tied import DrivenTies, parts_of_steps, path_angles, tied_paths, tied_system
 
 
 def tied_motion(train: Train, lift: Lift, cam_speed: float, revolutions: int, smoothing: Smoothing) -> Response:
@@ -19,11 +19,12 @@ def tied_motion(train: Train, lift: Lift, cam_speed: float, revolutions: int, sm
     tied, samples = tied_system(train), jnp.asarray(lift_samples(lift, steps))
     speed, half, parts = jnp.asarray([cam_speed]), lift.half_duration, parts_of_steps(tied, cam_speed, steps)
     states, forces = [rest_state(train)[None, ..., None]], []
+    event, layer = (-half, half), Layer(width)
+    driven = DrivenTies(tied, samples, speed, event, tie, layer)
     for _ in range(revolutions):
-        motion = speed, states[-1][-1], (-half, half), tie, Layer(width)
-        state, force = tied_paths(tied, samples, *motion, parts=parts, whole=True)
-        states.append(state)
-        forces.append(force)
+        paths = tied_paths(tied, samples, speed, states[-1][-1], event, tie, layer, parts=parts)
+        states.append(paths.states)
+        forces.append(driven.forces(path_angles(steps), paths.states))
     if not bool(jnp.all(jnp.isfinite(states[-1]))):
         raise MotionRefused(
             f"the smoothed motion with tied contacts grows without bound at {cam_speed / RPM:g} r/min of the camshaft: "

@@ -1,0 +1,117 @@
+"""Derivatives of a motion with tied contacts that repeats itself, step by step.
+
+The end of a step depends on its beginning, on lift and slope at its two ends, and on the numbers of the train. JAX
+differentiates every step by these few numbers alone, and a recurrence of small matrices carries any number of
+directions through the revolution: the condensing of multiple shooting (Bock and Plitt 1984). Its cost hardly grows with
+the number of coefficients, and one compiled program serves cams with any number of them.
+"""
+
+from functools import partial
+from typing import NamedTuple
+
+import diffrax
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from camopt.smooth.contact import Layer
+from camopt.smooth.grid import equal_grid
+from camopt.smooth.low_storage import LowStorage
+from camopt.smooth.tied import DrivenTies, TiedPaths, TiedSystem
+
+GROWS = 1.0 + 1e-6
+"""What of a disturbance is left after a revolution beyond which it counts as growing; of a memory that stands still it
+is one, but for rounding."""
+AT_ONCE = 16
+"""Steps that are differentiated side by side."""
+
+
+class Directions(NamedTuple):
+    """Directions (d) in which the cam moves, and the last of them, as many as `numbers` has, the train too."""
+
+    samples: np.ndarray  # (k + 1, 2, d), of lift and slope
+    numbers: TiedSystem | None = None  # every number with a first axis
+
+
+class PeriodicSlopes(NamedTuple):
+    """Derivatives of a revolution that repeats itself along directions (d)."""
+
+    force: np.ndarray  # (k, c, b, d)
+    gap: np.ndarray  # (k, c, b, d)
+    seat_gap: np.ndarray  # (k, b, d)
+    start: np.ndarray  # (2, n + r, b, d)
+
+
+@partial(jax.jit, static_argnames="parts")
+def step_slopes(tied, samples, cam_speed, states, event, tie, layer: Layer, numbers, steps, *, parts: int) -> jax.Array:
+    """Matrices (k, b, q + 2c + 1, q + 4 + p) of the slopes of some `steps` (k), from their beginnings in `states`
+    (k, 2, n + r, b).
+
+    Rows: the state at the step's end (q), force (c), gap (c) and the gap at the seat there, as `tied_paths` reads them.
+    Columns: the state at its beginning, lift and slope at its two ends, and the `numbers` (p) of the train along which
+    it moves, if any. Velocities count as times the largest frequency of a mass. The other arguments are `tied_paths`'.
+    """
+    (_, width, cases), masses = states.shape[1:], tied.system.mass.shape[0]
+    size = width + masses  # of a state, whose memories have no velocities
+    p = 0 if numbers is None else len(numbers.at_rest)
+    count, grid, solver = samples.shape[0] - 1, jnp.asarray(equal_grid(samples.shape[0] - 1)), LowStorage(parts)
+    unit = jnp.where(jnp.arange(size) < width, 1.0, tied.system.stiffest())
+    units = jnp.pad(jnp.diag(unit), ((0, 0), (0, width - masses))).reshape(size, 2, width, 1)
+
+    def placed(part, before):
+        return jnp.pad(part, ((before, size + 4 + p - before - len(part)), *((0, 0),) * (part.ndim - 1)))
+
+    directions = placed(jnp.repeat(units, cases, axis=3), 0), placed(jnp.eye(4).reshape(4, 2, 2), size)
+    if numbers is not None:
+        directions = *directions, jax.tree.map(lambda part: placed(part, size + 4), numbers)
+
+    def of_step(k, begin):
+        def end(y, edges, tied=tied):
+            driven = DrivenTies(tied, edges, cam_speed, event, tie, layer, grid[k], 2 * np.pi / count)
+            term = diffrax.ODETerm(lambda theta, y, _: driven.rate(theta, y))
+            return driven.reading(grid[k + 1], solver.step(term, grid[k], grid[k + 1], y, None, None, False)[0])
+
+        here = (begin, jnp.stack([samples[k], samples[k + 1]]), tied)[: len(directions)]
+        moved = jax.vmap(lambda *along: jax.jvp(end, here, along)[1])(*directions)
+        state = moved.states.reshape(-1, 2 * width, cases)[:, :size] / unit[None, :, None]
+        return jnp.concatenate([state, moved.force, moved.gap, moved.seat_gap[:, None]], axis=1).T
+
+    return jax.vmap(of_step)(steps, states)
+
+
+def periodic_slopes(
+    tied, samples, cam_speed, paths: TiedPaths, event, tie, layer: Layer, directions: Directions, *, parts: int
+) -> PeriodicSlopes:
+    """The slopes along all directions of the motion whose settled revolution has these `paths`: the start moves with
+    its end. The other arguments are those of `tied_paths`.
+
+    With M the slope of the end by the start, and e that by a direction, the start's slope solves s = M s + e. A memory
+    that stands still all along keeps its value, and so does the start where disturbances of it grow: there no motion
+    settles.
+    """
+    (count, _, width, cases), contacts = paths.states.shape, paths.force.shape[1]
+    size, along = width + tied.system.mass.shape[0], directions.samples.shape[2]
+    numbers, begins = directions.numbers, np.roll(np.asarray(paths.states), 1, axis=0)
+    moved = 0 if numbers is None else len(numbers.at_rest)
+    carried = np.zeros((cases, size + 4 + moved, size + along))
+    carried[:, :size, :size] = np.eye(size)
+    carried[:, size + 4 :, size + along - moved :] = np.eye(moved)
+    read = np.empty((count, cases, 2 * contacts + 1, size + along))
+    for first in range(0, count, AT_ONCE):
+        steps = np.minimum(np.arange(first, first + AT_ONCE), count - 1)  # of one number, for one compiled program
+        matrices = step_slopes(tied, samples, cam_speed, begins[steps], event, tie, layer, numbers, steps, parts=parts)
+        for k, matrix in zip(range(first, count), np.asarray(matrices), strict=False):
+            carried[:, size : size + 4, size:] = directions.samples[k : k + 2].reshape(4, along)
+            ahead = matrix @ carried
+            carried[:, :size], read[k] = ahead[:, :size], ahead[:, size:]
+    end, pushed = carried[:, :size, :size], carried[:, :size, size:]
+    begin = np.linalg.pinv(np.eye(size) - end, rcond=1e-12) @ pushed  # (b, q, d)
+    begin[np.abs(np.linalg.eigvals(end)).max(axis=1) > GROWS] = 0.0
+    for row in read:
+        row[..., size:] += row[..., :size] @ begin
+    start = np.zeros((2 * width, cases, along))
+    start[:size] = np.moveaxis(begin, 1, 0)
+    start[width:] *= float(tied.system.stiffest())
+    slopes = np.moveaxis(read[..., size:], 1, 2)  # (k, 2c + 1, b, d)
+    force, gap, seat_gap = slopes[:, :contacts], slopes[:, contacts:-1], slopes[:, -1]
+    return PeriodicSlopes(force, gap, seat_gap, start.reshape(2, width, cases, along))
