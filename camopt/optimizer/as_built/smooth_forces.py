@@ -84,8 +84,8 @@ class SmoothForces:
         start = jnp.stack([begin[t] for t in some])
         before = force = jnp.full((len(some), 1, 1, 1), jnp.inf)
         for _ in range(MOST_TURNS):
-            paths = _of_trains(tied, samples, speeds, start, self._event, Layer(WIDTH), parts=self._parts)
-            now, start = paths.force[:, self._at], paths.end
+            force_along, start = _of_trains(tied, samples, speeds, start, self._event, Layer(WIDTH), parts=self._parts)
+            now = force_along[:, self._at]
             moved = jnp.minimum(*(jnp.abs(now - one).max(axis=(1, 2, 3)) for one in (force, before)))
             before, force = force, now
             if not float(moved.max()) > WITHIN:  # a motion that grows without bound does not go on either
@@ -113,5 +113,10 @@ class SmoothForces:
 
 @partial(jax.jit, static_argnames="parts")
 def _of_trains(tied, samples, cam_speeds, y0, event, layer: Layer, *, parts: int):
-    """`tied_paths` of trains, the first axis of systems, samples, speeds and starts."""
-    return jax.vmap(lambda *one: tied_paths(*one, event, 1.0, layer, parts=parts))(tied, samples, cam_speeds, y0)
+    """Forces and last states of `tied_paths` of trains, the first axis of systems, samples, speeds and starts."""
+
+    def of_train(*one):
+        paths = tied_paths(*one, event, 1.0, layer, parts=parts)
+        return paths.force, paths.end
+
+    return jax.vmap(of_train)(tied, samples, cam_speeds, y0)
