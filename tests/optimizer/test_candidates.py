@@ -227,8 +227,8 @@ def test_a_cam_with_the_reserve_is_preferred_to_larger_ones_without_it():
     assert offered(search_of((0.5, 0.3), (0.55, 0.7), (0.57, 0.95))) == [0.5, 0.55]
 
 
-def test_of_cams_that_use_alike_only_the_largest_goes_to_the_verdict():
-    assert offered(search_of((0.5, 0.30), (0.54, 0.70), (0.55, 0.71))) == [0.5, 0.55]
+def test_of_cams_that_are_alike_only_the_largest_goes_to_the_verdict():
+    assert offered(search_of((0.5, 0.30), (0.5497, 0.70), (0.55, 0.71))) == [0.5, 0.55]
 
 
 def test_no_cam_found_is_an_input_error_for_who_catches_these():

@@ -102,10 +102,18 @@ def test_a_cam_that_holds_is_offered_although_a_larger_one_was_found_before_it()
     def tried(area_ratio, used):
         return SimpleNamespace(area_ratio=area_ratio, judged=SimpleNamespace(used=used))
 
-    first, unlike, alike, broken, small = map(tried, (0.60, 0.59, 0.58, 0.61, 0.57), (0.85, 0.5, 0.49, 1.2, 0.4))
-    search = Search(None, None, None, None, "calmest", seen=[first, unlike, alike, broken, small])
+    cams = (0.60, 0.85), (0.59, 0.5), (0.58, 0.49), (0.61, 1.2), (0.57, 0.4), (0.55, 0.3), (0.54, 0.2)
+    largest, unlike, alike, broken, small, smaller, smallest = (tried(*cam) for cam in cams)
+    search = Search(None, None, None, None, "calmest", seen=[largest, unlike, alike, broken, small, smaller, smallest])
     search.confirm()
-    assert search.confirmed == [small, unlike, first]
+    assert search.confirmed == [smaller, small, unlike, largest]
+
+
+def test_places_that_are_left_go_to_cams_that_differ_in_area():
+    cams = [SimpleNamespace(area_ratio=area, judged=SimpleNamespace(used=0.8)) for area in (0.6, 0.5996, 0.599, 0.598)]
+    search = Search(None, None, None, None, "calmest", seen=cams)
+    search.confirm()
+    assert [cam.area_ratio for cam in search.confirmed] == [0.598, 0.599, 0.6]
 
 
 def test_slopes_are_kept_where_they_foretell_the_forces(found):

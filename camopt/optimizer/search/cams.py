@@ -17,8 +17,9 @@ from camopt.scene.units import DEG, MM
 FOLDER = "judged"
 ARRAYS = ("speeds_rpm", "limit", "share", "states", "spread")
 FIGURE = "figure:"
-CANDIDATES, USES_LESS = 4, 0.02
-"""Cams that are offered to the verdict, and by how much less of its limits each of them uses than the larger one."""
+CANDIDATES, USES_LESS, APART = 4, 0.02, 5e-4
+"""Cams that are offered to the verdict, by how much less of its limits each of them uses than the larger one, and by how
+much those that use no less differ in area ratio."""
 BETWEEN_SHARE = 0.9
 """Part of every limit on the motion that a cam may use between the speeds at which it was searched."""
 RESOLUTION = 5e-5
@@ -141,14 +142,19 @@ class Search:
 
     def confirm(self) -> None:
         """Offers cams that hold to the verdict, the largest first, and of smaller ones those that use less of their
-        limits: where the verdict refuses a cam, one that is hardly another would be refused too."""
+        limits: where the verdict refuses a cam, one that is hardly another would be refused too. In places that are
+        left stand the largest of the others that differ in area."""
         by_area = sorted(self.seen, key=lambda tried: -tried.area_ratio)
-        least = np.inf
-        for tried in by_area:
-            used = tried.judged.used
-            if used <= BETWEEN_SHARE and used < least - USES_LESS and len(self.confirmed) < CANDIDATES:
-                least = used
-                self.confirmed.insert(0, tried)
-        if not self.confirmed:  # no cam that holds is refused for a reserve
-            holding = [tried for tried in by_area if tried.judged.share.max(initial=0.0) <= 1.0]
-            self.confirmed = holding[:CANDIDATES][::-1]
+        holding = [tried for tried in by_area if tried.judged.used <= BETWEEN_SHARE]
+        offered: list[Tried] = []
+        for tried in holding:
+            if not offered or tried.judged.used < offered[-1].judged.used - USES_LESS:
+                offered.append(tried)
+        del offered[CANDIDATES:]
+        for tried in holding:
+            apart = min(abs(tried.area_ratio - other.area_ratio) for other in offered)
+            if apart >= APART and len(offered) < CANDIDATES:
+                offered.append(tried)
+        if not holding:  # no cam that holds is refused for a reserve
+            offered = [tried for tried in by_area if tried.judged.share.max(initial=0.0) <= 1.0][:CANDIDATES]
+        self.confirmed = sorted(offered, key=lambda tried: tried.area_ratio)
