@@ -37,17 +37,19 @@ class PeriodicSlopes(NamedTuple):
     """Derivatives of a revolution that repeats itself along directions (d)."""
 
     force: np.ndarray  # (k, c, b, d)
-    gap: np.ndarray  # (k, c, b, d)
+    gap: np.ndarray  # (k, c, b, d), or of no contact
     seat_gap: np.ndarray  # (k, b, d)
     start: np.ndarray  # (2, n + r, b, d)
 
 
-@partial(jax.jit, static_argnames="parts")
-def step_slopes(tied, samples, cam_speed, states, event, tie, layer: Layer, numbers, steps, *, parts: int) -> jax.Array:
-    """Matrices (k, b, q + 2c + 1, q + 4 + p) of the slopes of some `steps` (k), from their beginnings in `states`
+@partial(jax.jit, static_argnames=("parts", "gaps"))
+def step_slopes(
+    tied, samples, cam_speed, states, event, tie, layer: Layer, numbers, steps, *, parts: int, gaps: bool
+) -> jax.Array:
+    """Matrices (k, b, q + c + 1 + c, q + 4 + p) of the slopes of some `steps` (k), from their beginnings in `states`
     (k, 2, n + r, b).
 
-    Rows: the state at the step's end (q), force (c), gap (c) and the gap at the seat there, as `tied_paths` reads them.
+    Rows: the state at the step's end (q), force (c), the gap at the seat and, with `gaps`, those of the contacts (c).
     Columns: the state at its beginning, lift and slope at its two ends, and the `numbers` (p) of the train along which
     it moves, if any. Velocities count as times the largest frequency of a mass. The other arguments are `tied_paths`'.
     """
@@ -74,16 +76,27 @@ def step_slopes(tied, samples, cam_speed, states, event, tie, layer: Layer, numb
         here = (begin, jnp.stack([samples[k], samples[k + 1]]), tied)[: len(directions)]
         moved = jax.vmap(lambda *along: jax.jvp(end, here, along)[1])(*directions)
         state = moved.states.reshape(-1, 2 * width, cases)[:, :size] / unit[None, :, None]
-        return jnp.concatenate([state, moved.force, moved.gap, moved.seat_gap[:, None]], axis=1).T
+        rows = state, moved.force, moved.seat_gap[:, None], *((moved.gap,) if gaps else ())
+        return jnp.concatenate(rows, axis=1).T
 
     return jax.vmap(of_step)(steps, states)
 
 
 def periodic_slopes(
-    tied, samples, cam_speed, paths: TiedPaths, event, tie, layer: Layer, directions: Directions, *, parts: int
+    tied,
+    samples,
+    cam_speed,
+    paths: TiedPaths,
+    event,
+    tie,
+    layer: Layer,
+    directions: Directions,
+    *,
+    parts: int,
+    gaps: bool = True,
 ) -> PeriodicSlopes:
     """The slopes along all directions of the motion whose settled revolution has these `paths`: the start moves with
-    its end. The other arguments are those of `tied_paths`.
+    its end. Without `gaps` those of the contacts are left out; the other arguments are those of `tied_paths`.
 
     With M the slope of the end by the start, and e that by a direction, the start's slope solves s = M s + e. A memory
     that stands still all along keeps its value, and so does the start where disturbances of it grow: there no motion
@@ -96,10 +109,11 @@ def periodic_slopes(
     carried = np.zeros((cases, size + 4 + moved, size + along))
     carried[:, :size, :size] = np.eye(size)
     carried[:, size + 4 :, size + along - moved :] = np.eye(moved)
-    read = np.empty((count, cases, 2 * contacts + 1, size + along))
+    read = np.empty((count, cases, (1 + gaps) * contacts + 1, size + along))
     for first in range(0, count, AT_ONCE):
         steps = np.minimum(np.arange(first, first + AT_ONCE), count - 1)  # of one number, for one compiled program
-        matrices = step_slopes(tied, samples, cam_speed, begins[steps], event, tie, layer, numbers, steps, parts=parts)
+        moving = tied, samples, cam_speed, begins[steps], event, tie, layer, numbers, steps
+        matrices = step_slopes(*moving, parts=parts, gaps=gaps)
         for k, matrix in zip(range(first, count), np.asarray(matrices), strict=False):
             carried[:, size : size + 4, size:] = directions.samples[k : k + 2].reshape(4, along)
             ahead = matrix @ carried
@@ -112,6 +126,6 @@ def periodic_slopes(
     start = np.zeros((2 * width, cases, along))
     start[:size] = np.moveaxis(begin, 1, 0)
     start[width:] *= float(tied.system.stiffest())
-    slopes = np.moveaxis(read[..., size:], 1, 2)  # (k, 2c + 1, b, d)
-    force, gap, seat_gap = slopes[:, :contacts], slopes[:, contacts:-1], slopes[:, -1]
+    slopes = np.moveaxis(read[..., size:], 1, 2)  # (k, c + 1 + c, b, d)
+    force, seat_gap, gap = slopes[:, :contacts], slopes[:, contacts], slopes[:, contacts + 1 :]
     return PeriodicSlopes(force, gap, seat_gap, start.reshape(2, width, cases, along))

@@ -107,7 +107,8 @@ class SmoothForces:
         _, paths = settled_paths(
             self._tied, samples, speeds, rest, *rule, parts=self._parts, most=MOST_TURNS, within=SETTLED
         )
-        slopes = periodic_slopes(self._tied, samples, speeds, paths, *rule, self._along, parts=self._parts)
+        motion = self._tied, samples, speeds, paths, *rule, self._along
+        slopes = periodic_slopes(*motion, parts=self._parts, gaps=False)
         return np.moveaxis(slopes.force[self._at], (2, 1), (0, 1)), paths.end
 
 

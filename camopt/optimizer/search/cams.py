@@ -18,8 +18,8 @@ FOLDER = "judged"
 ARRAYS = ("speeds_rpm", "limit", "share", "states", "spread")
 FIGURE = "figure:"
 CANDIDATES, USES_LESS, APART = 4, 0.02, 5e-4
-"""Cams that are offered to the verdict, by how much less of its limits each of them uses than the larger one, and by how
-much those that use no less differ in area ratio."""
+"""Cams that are offered to the verdict, by how much less of its limits each of them uses than the larger one, and by
+how much those that use no less differ in area ratio."""
 BETWEEN_SHARE = 0.9
 """Part of every limit on the motion that a cam may use between the speeds at which it was searched."""
 RESOLUTION = 5e-5

@@ -80,8 +80,7 @@ def find_cam(
     from the calmest one. `smoothing` is how the smoothed motion stands in for the laws. `seed`, where it is not zero,
     draws the knots. Raises NoCamFound where no cam holds.
     """
-    design, operation = scene.design, scene.operation
-    assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
+    design, operation = scene.required_design, scene.required_operation
     log = log or Logbook()
     cam = program_cam(design, knot_interval_deg(effort, seed))
     searched, band = design_speeds(operation, speeds, effort)

@@ -128,9 +128,9 @@ class SmoothRows:
         self._known = None  # both Jacobians at once would be most of what a search needs of memory
         self.jacobians += 1
         motion = self._samples(z), self._speeds, paths, self._tied_in, *self._law
-        slopes = periodic_slopes(self._tied, *motion, Directions(self._basis), parts=self._parts)
-        force, seat_gap = slopes.force[self._event(program)], slopes.seat_gap.copy()
-        return slopes._replace(force=force, gap=np.zeros(0), seat_gap=seat_gap)
+        slopes = periodic_slopes(self._tied, *motion, Directions(self._basis), parts=self._parts, gaps=False)
+        force, seat_gap = slopes.force[self._event(program)], slopes.seat_gap.copy()  # of all that was read
+        return slopes._replace(force=force, gap=slopes.gap.copy(), seat_gap=seat_gap)
 
     def _settled(self, z: np.ndarray, start: jax.Array) -> TiedPaths | None:
         """The settled motion's paths from `start` or, at speeds at which the valve is off its seat at the end, from
