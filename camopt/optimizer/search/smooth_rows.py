@@ -27,7 +27,7 @@ from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.periodic_slopes import Directions, PeriodicSlopes, periodic_slopes
 from camopt.smooth.rest import rest_state
-from camopt.smooth.tied import TiedPaths, parts_of_steps, path_angles, settled_paths, tied_system
+from camopt.smooth.tied import TiedPaths, parts_of_steps, path_angles, settled_paths, tied_paths, tied_system
 
 MOST_TURNS = 12
 """Revolutions that the tied motion may take to settle from where the one before ended."""
@@ -35,6 +35,9 @@ SETTLED = 2e-7
 """Change of the positions over a revolution [m] at which the motion counts as settled; the judge settles further."""
 TAME_N, TAME_GAP = -250.0, 1e-4
 """Least force [N] and largest gap at the seat [m] of a tied motion that linear slopes describe."""
+REPEATS = 2e-6
+"""Change of a position over a revolution [m] up to which the motion of a train with memory counts as one that repeats
+itself: of another one the slopes are not those of any motion."""
 SMALL_N = 1e-3
 """Force [N] that counts as none."""
 SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.0)
@@ -77,12 +80,14 @@ class SmoothRows:
     def first(self, program: NoJumpProgram, z: np.ndarray) -> tuple[NoJumpProgram, np.ndarray]:
         """The program about the largest share of z (m) whose motion is tame, and that share of z.
 
-        An adjuster fills with oil where its contacts do not push, and its slopes mislead.
+        An adjuster fills with oil where its contacts do not push, and its slopes mislead; so do those of its motion
+        where it does not repeat itself.
         """
         least = -SMALL_N if program.train.memory else TAME_N
         for share in SHARES:
             paths = self._settled(share * z, self._rest)
-            if paths is not None and float(paths.force.min()) > least and not bool(_open_ends(paths).any()):
+            tame = paths is not None and float(paths.force.min()) > least and not bool(_open_ends(paths).any())
+            if tame and (not program.train.memory or self._change(share * z, paths) < REPEATS):
                 break
         self._paths = paths
         program = self.about(program, share * z)
@@ -144,6 +149,11 @@ class SmoothRows:
                 break
             start = jnp.where(_open_ends(paths), self._rest, paths.end)
         return paths
+
+    def _change(self, z: np.ndarray, paths: TiedPaths) -> float:
+        """By how much a position [m] changes over another revolution of the cam of z (m) with these paths."""
+        motion = self._samples(z), self._speeds, paths.end, self._tied_in, *self._law
+        return float(jnp.abs(tied_paths(self._tied, *motion, parts=self._parts).end - paths.end)[0].max())
 
     def _blocks(self, program: NoJumpProgram, known: "_Known") -> tuple[SpeedRows, ...]:
         design, train, theta, z = program.design, program.train, self._theta, known.at
