@@ -78,16 +78,10 @@ class SmoothRows:
         self.jacobians = 0
 
     def first(self, program: NoJumpProgram, z: np.ndarray) -> tuple[NoJumpProgram, np.ndarray]:
-        """The program about the largest share of z (m) whose motion is tame, and that share of z.
-
-        An adjuster fills with oil where its contacts do not push, and its slopes mislead; so do those of its motion
-        where it does not repeat itself.
-        """
-        least = -SMALL_N if program.train.memory else TAME_N
+        """The program about the largest share of z (m) whose motion linear slopes describe, and that share of z."""
         for share in SHARES:
             paths = self._settled(share * z, self._rest)
-            tame = paths is not None and float(paths.force.min()) > least and not bool(_open_ends(paths).any())
-            if tame and (not program.train.memory or self._change(share * z, paths) < REPEATS):
+            if paths is not None and self._tame(share * z, paths):
                 break
         self._paths = paths
         program = self.about(program, share * z)
@@ -150,10 +144,18 @@ class SmoothRows:
             start = jnp.where(_open_ends(paths), self._rest, paths.end)
         return paths
 
-    def _change(self, z: np.ndarray, paths: TiedPaths) -> float:
-        """By how much a position [m] changes over another revolution of the cam of z (m) with these paths."""
+    def _tame(self, z: np.ndarray, paths: TiedPaths) -> bool:
+        """Whether linear slopes describe the motion of the cam of z (m) with these paths.
+
+        An adjuster fills with oil where its contacts do not push, and its slopes mislead; so do those of its motion
+        where it does not repeat itself.
+        """
+        memory = self._tied.system.topology.memory
+        if bool(_open_ends(paths).any()) or float(paths.force.min()) <= (-SMALL_N if memory else TAME_N):
+            return False
         motion = self._samples(z), self._speeds, paths.end, self._tied_in, *self._law
-        return float(jnp.abs(tied_paths(self._tied, *motion, parts=self._parts).end - paths.end)[0].max())
+        again = tied_paths(self._tied, *motion, parts=self._parts) if memory else paths
+        return float(jnp.abs(again.end - paths.end)[0].max()) < REPEATS
 
     def _blocks(self, program: NoJumpProgram, known: "_Known") -> tuple[SpeedRows, ...]:
         design, train, theta, z = program.design, program.train, self._theta, known.at
