@@ -5,6 +5,7 @@ pushes from there on. So the touch is the root of s, not the first sample that s
 """
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import lru_cache
 
 import numpy as np
@@ -17,6 +18,7 @@ from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
 
 TURN = 2 * np.pi
+SERIES = ("angle", "lift", "x", "v", "force", "memory")
 BEYOND = 3
 """Samples beyond the ends of a span that its curves read: of two at one angle, a curve drops one."""
 
@@ -43,10 +45,8 @@ def measure_first(one: Response, after: Response, lift: Lift) -> dict[str, Float
     Of the latter only the bounce window is read, and no record of both is made.
     """
     window = slice(np.searchsorted(after.angle, lift.opening_foot, "right") + BEYOND)
-    series = (getattr(after, name)[window] for name in ("angle", "lift", "x", "v", "force"))
-    memory = after.memory[window] if after.memory.size else after.memory
-    window = Response(after.train, after.cam_speed, *series, memory)
-    return {name: np.array([value]) for name, value in _Curves((one, window), lift).revolution(0.0).items()}
+    after = replace(after, **{name: getattr(after, name)[window] for name in SERIES})
+    return {name: np.array([value]) for name, value in _Curves((one, after), lift).revolution(0.0).items()}
 
 
 class _Curves:
@@ -65,12 +65,15 @@ class _Curves:
         self.shortening = whole(lambda part: part.memory[:, oil].sum(axis=1)) if oil else None
         self.forces = whole(lambda part: part.force[:, list(train.cam_side)])
         self.cam, self.cam_rate = whole(lambda part: part.lift), lift(self.angle, 1)
-        self.s, self.s_rate = whole(Response.seat_separation), whole(lambda part: part.v[:, train.valve]) / self.speed
+        self.s, self.s_rate = whole(Response.seat_separation), whole(lambda part: part.v[:, train.valve] / self.speed)
         self.seat = Hermite(self.angle, self.s, self.s_rate)
-        self.gaps = [whole(lambda part, e=e: part.gap(e)) for e in train.cam_side]
-        slopes = [whole(lambda part, e=e: (part.v / self.speed) @ train.incidence[e]) for e in train.cam_side]
-        driven = train.cam_driven[list(train.cam_side)]
-        self.gap_rates = [-(slope + d * self.cam_rate) for slope, d in zip(slopes, driven, strict=True)]
+        self.gaps = [
+            (
+                whole(lambda part, e=e: part.gap(e)),
+                -(whole(lambda part, e=e: part.across(part.v, e, self.speed)) + train.cam_driven[e] * self.cam_rate),
+            )
+            for e in train.cam_side
+        ]
 
     def _within(self, low: float, high: float) -> slice:
         """The samples that curves over [low, high] hang on."""
@@ -82,7 +85,7 @@ class _Curves:
         start, end, half = nose - np.pi, nose + np.pi, self.lift.half_duration
         event = nose - half, nose + half
         at = self._within(*event)
-        gaps = [Hermite(self.angle[at], y[at], rate[at]) for y, rate in zip(self.gaps, self.gap_rates, strict=True)]
+        gaps = [Hermite(self.angle[at], gap[at], rate[at]) for gap, rate in self.gaps]
         open_spans = [gap.positive_spans(*event) for gap in gaps]
         forces = [_force_extremes(self.angle, f, *event) for f in self.forces.T]
         spans = self.seat.positive_spans(start, end)

@@ -263,5 +263,5 @@ def _bounded(state: State, memories: int) -> State:
 def _finite(response: Response) -> Response:
     """The response, unless it has left all bounds on the way or at its end."""
     _bounded(end_state(response), len(response.train.memory))
-    _bounded(np.abs(response.x).max(axis=0).repeat(2), 0)
+    _bounded(np.tile([response.x.min(), response.x.max()], 2), 0)
     return response
