@@ -1,6 +1,7 @@
 """`design.json`: a cam's lift pieces in millimetres and degrees, exact both ways."""
 
 import json
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -51,6 +52,7 @@ def read_design(path: str | Path, scene: Scene) -> Lift:
     return lift_of_text(read_text(Path(path), MAX_FILE_BYTES, "design"), scene, path)
 
 
+@lru_cache(maxsize=8)  # what is known of a cam is known of the same file's
 def lift_of_text(text: str, scene: Scene, path: object) -> Lift:
     """The lift law of the text of a `design.json`; `path` begins the sentences. Errors as of `read_design`."""
     data = _json_object(text, path)

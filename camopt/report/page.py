@@ -87,7 +87,7 @@ def render(run: RunFolder, cams: RunCams) -> str:
     """The page of a run folder's data and cams; every text from the folder is escaped."""
     lift, design = cams.lifts.get(DESIGN), cams.scene.design if cams.scene else None
     shape = None if lift is None or design is None else (lift, design)
-    limits, assumed = limit_rows(run, shape), ranked(cams.scene, lift) if cams.scene and lift else []
+    limits, assumed = limit_rows(run, shape), ranked(cams.scene, lift) if cams.scene and lift else ()
     return (
         _environment()
         .get_template("page.html.j2")
