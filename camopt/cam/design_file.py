@@ -49,7 +49,8 @@ def read_design(path: str | Path, scene: Scene) -> Lift:
     Raises InputError for a file that is no design: unreadable, not JSON, missing or misshapen pieces, pieces that do
     not cover -180 to 180 deg without gap or step in lift.
     """
-    return lift_of_text(read_text(Path(path), MAX_FILE_BYTES, "design"), scene, path)
+    text = read_text(Path(path), MAX_FILE_BYTES, "design")
+    return lift_of_text(text, scene, path)  # pyright: ignore[reportArgumentType]  # frozen, so it has a hash
 
 
 @lru_cache(maxsize=8)  # what is known of a cam is known of the same file's
