@@ -1,6 +1,7 @@
 """`design.json`: a cam's lift pieces in millimetres and degrees, exact both ways."""
 
 import json
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
@@ -48,9 +49,11 @@ def read_design(path: str | Path, scene: Scene) -> Lift:
     Raises InputError for a file that is no design: unreadable, not JSON, missing or misshapen pieces, pieces that do
     not cover -180 to 180 deg without gap or step in lift.
     """
-    return lift_of_text(read_text(Path(path), MAX_FILE_BYTES, "design"), scene, path)
+    text = read_text(Path(path), MAX_FILE_BYTES, "design")
+    return lift_of_text(text, scene, path)  # pyright: ignore[reportArgumentType]  # frozen, so it has a hash
 
 
+@lru_cache(maxsize=8)  # what is known of a cam is known of the same file's
 def lift_of_text(text: str, scene: Scene, path: object) -> Lift:
     """The lift law of the text of a `design.json`; `path` begins the sentences. Errors as of `read_design`."""
     data = _json_object(text, path)

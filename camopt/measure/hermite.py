@@ -57,7 +57,7 @@ class Hermite:
 
     def integral(self, low, high) -> np.ndarray | np.floating:
         """Integral from `low` to `high` [rad], any shape."""
-        total = np.concatenate([[0.0], np.cumsum(self._partial(np.arange(len(self.step)), 1.0))])
+        total = np.concatenate([[0.0], np.cumsum(self._partial(slice(None), 1.0))])
         (i, u), (j, w) = self._locate(low), self._locate(high)
         return total[j] + self._partial(j, w) - total[i] - self._partial(i, u)
 

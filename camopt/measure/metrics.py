@@ -4,6 +4,10 @@ The seat force becomes positive where the signed distance s falls through zero: 
 pushes from there on. So the touch is the root of s, not the first sample that shows a force.
 """
 
+from collections.abc import Callable
+from dataclasses import replace
+from functools import lru_cache
+
 import numpy as np
 
 from camopt.cam.lift import Lift
@@ -14,6 +18,9 @@ from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
 
 TURN = 2 * np.pi
+SERIES = ("angle", "lift", "x", "v", "force", "memory")
+BEYOND = 3
+"""Samples beyond the ends of a span that its curves read: of two at one angle, a curve drops one."""
 
 
 def measure(response: Response, lift: Lift) -> dict[str, Float[np.ndarray, " revolutions"]]:
@@ -27,42 +34,64 @@ def measure(response: Response, lift: Lift) -> dict[str, Float[np.ndarray, " rev
     """
     if response.revolutions < 2:
         raise ValueError("metrics need a record of two revolutions or more: a bounce window runs into the next one")
-    motion = _Curves(response, lift)
+    motion = _Curves((response,), lift)
     rows = [motion.revolution(TURN * r) for r in range(response.revolutions - 1)]
     return {name: np.array([row[name] for row in rows]) for name in QUANTITIES}
 
 
-class _Curves:
-    """The record as piecewise cubics by cam angle: distance from the seat touch, contact gaps, lift above the lash."""
+def measure_first(one: Response, after: Response, lift: Lift) -> dict[str, Float[np.ndarray, " 1"]]:
+    """The metrics of the revolution `one`: those that `measure` has of it and the revolution `after` it together.
 
-    def __init__(self, response: Response, lift: Lift):
-        train, angle, speed = response.train, response.angle, response.cam_speed
-        self.angle, self.speed, self.lift = angle, speed, lift
-        self.lash = train.lash
-        oil = [train.memory.index(e) for e in train.adjusters]
-        self.shortening = response.memory[:, oil].sum(axis=1) if oil else None
-        self.forces = response.force[:, list(train.cam_side)]
-        rate = lift(angle, 1)
-        slope = response.v / speed
-        s, s_rate = response.seat_separation(), slope[:, train.valve]
-        self.seat = Hermite(angle, s, s_rate)
-        self.above_lash = Hermite(angle, response.lift - train.lash, rate)
-        self.excess = Hermite(angle, s - response.lift + train.lash, s_rate - rate)
+    Of the latter only the bounce window is read, and no record of both is made.
+    """
+    window = slice(np.searchsorted(after.angle, lift.opening_foot, "right") + BEYOND)
+    after = replace(after, **{name: getattr(after, name)[window] for name in SERIES})
+    return {name: np.array([value]) for name, value in _Curves((one, after), lift).revolution(0.0).items()}
+
+
+class _Curves:
+    """A record, in consecutive parts of whole revolutions but for the last one, as piecewise cubics by cam angle: the
+    distance from the seat touch and, over the part of a revolution that is asked for, contact gaps and lift above the
+    lash."""
+
+    def __init__(self, parts: tuple[Response, ...], lift: Lift):
+        train, self.speed, self.lift = parts[0].train, parts[0].cam_speed, lift
+        self.train, self.lash, oil = train, train.lash, [train.memory.index(e) for e in train.adjusters]
+
+        def whole(series: Callable[[Response], np.ndarray]) -> np.ndarray:
+            return np.concatenate([series(part) for part in parts])
+
+        self.angle = np.concatenate([part.angle + TURN * i for i, part in enumerate(parts)])
+        self.shortening = whole(lambda part: part.memory[:, oil].sum(axis=1)) if oil else None
+        self.forces = whole(lambda part: part.force[:, list(train.cam_side)])
+        self.cam, self.cam_rate = whole(lambda part: part.lift), lift(self.angle, 1)
+        self.s, self.s_rate = whole(Response.seat_separation), whole(lambda part: part.v[:, train.valve] / self.speed)
+        self.seat = Hermite(self.angle, self.s, self.s_rate)
         self.gaps = [
-            Hermite(angle, response.gap(e), -(slope @ train.incidence[e] + train.cam_driven[e] * rate))
+            (
+                whole(lambda part, e=e: part.gap(e)),
+                -(whole(lambda part, e=e: part.across(part.v, e, self.speed)) + train.cam_driven[e] * self.cam_rate),
+            )
             for e in train.cam_side
         ]
+
+    def _within(self, low: float, high: float) -> slice:
+        """The samples that curves over [low, high] hang on."""
+        first, last = np.searchsorted(self.angle, low, "right"), np.searchsorted(self.angle, high, "right")
+        return slice(max(0, first - BEYOND), last + BEYOND)
 
     def revolution(self, nose: float) -> dict[str, float]:
         """Metrics of the revolution whose nose is at the angle `nose` [rad], in the units of their names."""
         start, end, half = nose - np.pi, nose + np.pi, self.lift.half_duration
         event = nose - half, nose + half
-        open_spans = [gap.positive_spans(*event) for gap in self.gaps]
+        at = self._within(*event)
+        gaps = [Hermite(self.angle[at], gap[at], rate[at]) for gap, rate in self.gaps]
+        open_spans = [gap.positive_spans(*event) for gap in gaps]
         forces = [_force_extremes(self.angle, f, *event) for f in self.forces.T]
         spans = self.seat.positive_spans(start, end)
         return {
             **self._closed(nose),
-            "jump_mm": max(0.0, *(gap.maximum(*event) for gap in self.gaps)) / MM,
+            "jump_mm": max(0.0, *(gap.maximum(*event) for gap in gaps)) / MM,
             "jump_deg": max(float(np.sum(s[:, 1] - s[:, 0])) for s in open_spans) / DEG,
             "contact_force_min_N": min(low for low, _ in forces),
             "contact_force_max_N": max(high for _, high in forces),
@@ -91,16 +120,26 @@ class _Curves:
         """Angle from the nose [rad] at which the lift has fallen to the lash and what the adjusters have leaked, from
         the opening foot to the touch, by which they are shorter."""
         if self.shortening is None:
-            return self.lift.closing_angle(self.lash)
+            return _closing_angle(self.lift, self.lash)
         before, after = np.interp([nose + self.lift.opening_foot, touch], self.angle, self.shortening)
         return self.lift.closing_angle(self.lash + max(0.0, after - before))
 
     def _excess(self, start: float, end: float) -> float:
         """Largest s - max(0, lift - lash) [m], taken separately where the lift is above and below the lash."""
-        lifted = self.above_lash.positive_spans(start, end)
+        at = self._within(start, end)
+        angle, s, cam = self.angle[at], self.s[at], self.cam[at]
+        above_lash = Hermite(angle, cam - self.lash, self.cam_rate[at])
+        excess = Hermite(angle, s - cam + self.lash, self.s_rate[at] - self.cam_rate[at])
+        lifted = above_lash.positive_spans(start, end)
         seated = np.concatenate([[start], lifted.ravel(), [end]]).reshape(-1, 2)
-        best = [self.excess.maximum(*span) for span in lifted]
+        best = [excess.maximum(*span) for span in lifted]
         return max(best + [self.seat.maximum(*span) for span in seated])
+
+
+@lru_cache(maxsize=64)
+def _closing_angle(lift: Lift, lash: float) -> float:
+    """Angle from the nose [rad] at which the lift has fallen to the lash [m]: the same at every speed."""
+    return lift.closing_angle(lash)
 
 
 def _force_extremes(angle: np.ndarray, force: np.ndarray, low: float, high: float) -> tuple[float, float]:

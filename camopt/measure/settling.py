@@ -7,7 +7,7 @@ from itertools import pairwise
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.measure.metrics import measure
+from camopt.measure.metrics import measure, measure_first
 from camopt.measure.periodic import periodic_state
 from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import LESS_IS_WORSE
@@ -131,9 +131,8 @@ def settle_and_measure(
     way = _Way(revolve, state, most, position, decay)
     while True:
         periodic = way.stands()
-        rows = [
-            measure(joined([*both]), lift) for both in pairwise(way.measured((MEASURED if periodic else aperiodic) + 1))
-        ]
+        turns = (MEASURED if periodic else aperiodic) + 1
+        rows = [measure_first(one, after, lift) for one, after in pairwise(way.measured(turns))]
         if not way.goes_on(periodic, len(rows) + 1):
             figures = Figures({name: np.concatenate([row[name] for row in rows]) for name in rows[0]})
             return Measured(figures, way.state, way.revolutions, periodic, periodic or way.faded)
@@ -264,5 +263,5 @@ def _bounded(state: State, memories: int) -> State:
 def _finite(response: Response) -> Response:
     """The response, unless it has left all bounds on the way or at its end."""
     _bounded(end_state(response), len(response.train.memory))
-    _bounded(np.abs(response.x).max(axis=0).repeat(2), 0)
+    _bounded(np.tile([response.x.min(), response.x.max()], 2), 0)
     return response

@@ -6,6 +6,7 @@ motion at the highest listed speed: a number ranks by how much it raises the use
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 from camopt.cam.lift import Lift
 from camopt.exact.settled import settled_metrics
@@ -43,12 +44,13 @@ def assumed_numbers(scene: Scene) -> list[SceneNumber]:
     return [number for number in numbers if number.of(scene)]
 
 
-def ranked(scene: Scene, lift: Lift) -> list[AssumedNumber]:
+@lru_cache(maxsize=4)  # a run writes its page before the comparison, and after it once more
+def ranked(scene: Scene, lift: Lift) -> tuple[AssumedNumber, ...]:
     """The assumed numbers, the most influential first; empty where the scene limits no motion, and where event-exact
     cannot compute it."""
     limits, numbers, train = motion_limits(scene.design), assumed_numbers(scene), build_train(scene)
     if not limits or not numbers or scene.operation is None or not train.straight:
-        return []
+        return ()
     moved = [with_numbers(scene, {n: n.of(scene) * f}) for n in numbers for f in (1 - MOVED, 1 + MOVED)]
     speeds = [scene.cam_speed(scene.operation.speeds_rpm[-1])]
     metrics = settled_metrics([train, *map(build_train, moved)], [lift], speeds)
@@ -58,7 +60,7 @@ def ranked(scene: Scene, lift: Lift) -> list[AssumedNumber]:
         both = {key: share[1 + 2 * i : 3 + 2 * i].max() for key, share in shares.items()}
         key = max(both, key=lambda key: both[key] - shares[key][0])
         rows.append(AssumedNumber(number.named(scene), number.of(scene), key, float(shares[key][0]), float(both[key])))
-    return sorted(rows, key=lambda row: row.share - row.moved_to)
+    return tuple(sorted(rows, key=lambda row: row.share - row.moved_to))
 
 
 def first_to_measure(ranking: Sequence[AssumedNumber]) -> str:

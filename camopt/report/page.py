@@ -87,7 +87,8 @@ def render(run: RunFolder, cams: RunCams) -> str:
     """The page of a run folder's data and cams; every text from the folder is escaped."""
     lift, design = cams.lifts.get(DESIGN), cams.scene.design if cams.scene else None
     shape = None if lift is None or design is None else (lift, design)
-    limits, assumed = limit_rows(run, shape), ranked(cams.scene, lift) if cams.scene and lift else []
+    limits, scene = limit_rows(run, shape), cams.scene
+    assumed = ranked(scene, lift) if scene and lift else ()  # pyright: ignore[reportArgumentType]  # has a hash
     return (
         _environment()
         .get_template("page.html.j2")
@@ -113,7 +114,7 @@ def render(run: RunFolder, cams: RunCams) -> str:
             edge=edge_sentences(run),
             spoiling=yield_sentences(run),
             matrix=matrix(run, limits),
-            scene=cams.scene,
+            scene=scene,
             ranked=assumed,
             moved=f"{100 * MOVED:.0f} %",
             stress=stress(cams),

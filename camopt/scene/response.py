@@ -46,7 +46,13 @@ class Response:
     def gap(self, e: int) -> np.ndarray:
         """Signed separation of a contact from where it touches [m], shape (k): negative where it is compressed."""
         t = self.train
-        return -(self.x @ t.incidence[e] + t.cam_driven[e] * self.lift - t.gap[e] - t.touch_compression[e])
+        return -(self.across(self.x, e) + t.cam_driven[e] * self.lift - t.gap[e] - t.touch_compression[e])
+
+    def across(self, values: np.ndarray, e: int, unit: float = 1.0) -> np.ndarray:
+        """Difference over an element (k), in units of `values`, of these values of the masses (k, n); the ground's are
+        zero."""
+        first, second = (0.0 if i < 0 else values[:, i] / unit for i in (self.train.a[e], self.train.b[e]))
+        return np.asarray(first - second)
 
 
 Revolve = Callable[[np.ndarray], Response]

@@ -74,7 +74,9 @@ def _scene(text: str, numbers: Numbers) -> Scene:
 @lru_cache(maxsize=64)
 def _cam(text: str, numbers: Numbers, cam: str) -> Lift:
     scene = _scene(text, numbers)
-    return lift_of_text(cam, scene, "the task's cam") if cam.startswith("{") else read_cam(cam, scene)
+    if not cam.startswith("{"):
+        return read_cam(cam, scene)
+    return lift_of_text(cam, scene, "the task's cam")  # pyright: ignore[reportArgumentType]  # has a hash
 
 
 @lru_cache(maxsize=16)

@@ -31,6 +31,7 @@ from camopt.verifier.convergence import (
     Tolerances,
     apart,
     at_once,
+    figures_of,
 )
 from camopt.verifier.record import HALVED, ONE_STEP, method_record, metrics_record
 
@@ -69,9 +70,8 @@ class Case:
     def refinement(self, method: str, speed_rpm: float, **changed) -> StepRefinement:
         """A method's refinement from rest at a speed [r/min], to the case's tolerances with those `changed`."""
         tolerances, rest = replace(self.tolerances, **changed), state_at_rest(self.train)
-        return StepRefinement(
-            self.methods[method], self.train, self.lift, self.scene.cam_speed(speed_rpm), rest, tolerances
-        )
+        cam_speed, many = self.scene.cam_speed(speed_rpm), self.many if method == self.first else None
+        return StepRefinement(self.methods[method], self.train, self.lift, cam_speed, rest, tolerances, many)
 
     def many_from_rest(self, speed_rpm: float) -> Converged:
         """The first method's settled motion by `many`. Raises MotionRefused."""
@@ -238,8 +238,7 @@ def neighbours(case: Case, speed_rpm: float, answer: Converged, many: SettledMan
         motions.append((scaled, cam_speed, answer.state))
         motions.append((lift, cam_speed, answer.state + sign * away))
     if many is not None:
-        answers = [at_once(many, train, *motion) for motion in motions]
-        return [Figures({name: np.array(ends) for name, ends in one.range.items()}) for one in answers]
+        return [figures_of(at_once(many, train, *motion)) for motion in motions]
     steps = answer.steps_per_revolution // 2  # the error estimate is what the last halving changed
     most, prepare = None if answer.periodic else WANDERING_REVOLUTIONS, case.methods[case.first]
     return [

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -119,16 +120,25 @@ class StepRefinement:
     most `tolerances.halvings` of them and, after the second, none beyond FINEST_STEPS. The error estimate is MARGIN
     times the largest distance to the coarser answers, COARSER of them at most, and never below FINEST. An aperiodic
     motion has converged when it changes by no more than its own range; with `tolerances.certain` its range is then that
-    of RANGED revolutions. A halved step takes one step more: were its samples among the coarser one's, a contact that
-    closes just before one of them would be as late at every step. A method may require more steps by an attribute
-    `enough_steps` (train, cam_speed). Nothing converges before the train's slowest mode had time to decay.
+    of RANGED revolutions, which `many`, where it is given, measures without samples of the finest step. A halved step
+    takes one step more: were its samples among the coarser one's, a contact that closes just before one of them would
+    be as late at every step. A method may require more steps by an attribute `enough_steps` (train, cam_speed). Nothing
+    converges before the train's slowest mode had time to decay.
     """
 
     def __init__(
-        self, prepare: Prepare, train: Train, lift: Lift, cam_speed: float, start: np.ndarray, tolerances: Tolerances
+        self,
+        prepare: Prepare,
+        train: Train,
+        lift: Lift,
+        cam_speed: float,
+        start: np.ndarray,
+        tolerances: Tolerances,
+        many: SettledMany | None = None,
     ):
         first = tolerances.steps or first_steps(train, cam_speed)
         self._prepare, self._case, self._start, self._tolerances = prepare, (train, lift, cam_speed), start, tolerances
+        self._many = many
         self._first = self._steps = min(first, FINEST_STEPS // 4)
         self._enough = max(first, getattr(prepare, "enough_steps", lambda *_: 0)(train, cam_speed))
         self._allowed = tolerances.absolute
@@ -201,6 +211,9 @@ class StepRefinement:
     def _ranged(self) -> Figures:
         """The metrics of an aperiodic motion at the last step, over so many revolutions that their range is known."""
         train, lift, cam_speed = self._case
+        if self._many is not None:
+            many = partial(self._many, most=0, aperiodic=RANGED)
+            return figures_of(at_once(many, train, lift, cam_speed, self._state))
         revolve = self._prepare(train, lift, cam_speed, self._steps)
         return settle_and_measure(revolve, self._state, lift, 0, aperiodic=RANGED).figures
 
@@ -223,6 +236,11 @@ def at_once(many: SettledMany, train: Train, lift: Lift, cam_speed: float, start
     spread = {name: (float(settled.lowest[name][at]), float(settled.highest[name][at])) for name in QUANTITIES}
     errors, revolutions = dict(settled.errors), int(settled.revolutions[at])
     return Converged(0, False, worst, spread, errors, revolutions, bool(settled.periodic[at]), settled.states[at])
+
+
+def figures_of(answer: Converged) -> Figures:
+    """Both ends of the range of every metric of an answer, in place of its revolutions."""
+    return Figures({name: np.array(ends) for name, ends in answer.range.items()})
 
 
 def _errors(runs: list[Figures]) -> dict[str, float]:

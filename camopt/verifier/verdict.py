@@ -191,17 +191,17 @@ def _judged_band(
     """The band with the first method's metrics at all judged speeds, and the verdicts at its worst speeds [r/min].
 
     All methods judge the `suspects` of the sweep, and then the speed that is the worst of a limited metric; event-exact
-    alone with `few`. Without suspects they judge none.
+    alone with `few`. Without suspects they judge none, and no speed is judged twice.
     """
-    worst, method = (), case.first
-    band = swept.with_judged(method, {s.speed_rpm: s.first.worst for s in at_speeds})
+    known, worst = {s.speed_rpm: s for s in at_speeds}, set()
+    band = swept.with_judged(case.first, {rpm: s.first.worst for rpm, s in known.items()})
     for _ in range(ROUNDS if suspects else 0):
-        new = [s for s in suspects if s not in [w.speed_rpm for w in worst]]
-        worst += at_every(event_alone if few else judge_speed, case, new)
-        judged = {s.speed_rpm: s.first.worst for s in (*at_speeds, *worst)}
-        band = swept.with_judged(method, judged)
+        worst |= {*suspects}
+        judged = at_every(event_alone if few else judge_speed, case, sorted(worst - known.keys()))
+        known |= {s.speed_rpm: s for s in judged}
+        band = swept.with_judged(case.first, {rpm: s.first.worst for rpm, s in known.items()})
         suspects = [band.worst(name)[0] for name in case.tolerances.limited]
-    return band, tuple(sorted(worst, key=lambda s: s.speed_rpm))
+    return band, tuple(known[rpm] for rpm in sorted(worst))
 
 
 def _known_methods(scene: Scene, methods: tuple[str, ...] | None) -> tuple[str, ...]:

@@ -8,9 +8,10 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.measure.hermite import Hermite
-from camopt.measure.metrics import measure
+from camopt.measure.metrics import SERIES, measure, measure_first
 from camopt.scene import QUANTITIES, Response, load_scene
 from camopt.scene.laws import LINEAR, OIL
+from camopt.scene.response import joined
 from camopt.scene.train import GROUND
 from camopt.scene.units import DEG, MM
 from tests.verifier.trains import laws, train
@@ -231,6 +232,23 @@ def test_doubled_samples_change_nothing():
     plain, twice = measure(motion, lift()), measure(Response(TRAIN, SPEED, *fields), lift())
     for name in QUANTITIES:
         assert twice[name] == pytest.approx(plain[name], rel=1e-9, abs=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_revolution_is_measured_as_in_the_record_with_the_next_one(seed):
+    """Bit by bit, on a motion that trembles everywhere, over the span that each metric reads."""
+    motion, rng = (
+        hops(2, [event(0), (2.2, TURN - 1.9, 0.3 * MM), event(1)], 1001 + 2 * seed),
+        np.random.default_rng(seed),
+    )
+    x, v, force = (getattr(motion, k) * rng.uniform(0.9, 1.1, getattr(motion, k).shape) for k in ("x", "v", "force"))
+    middle = np.searchsorted(motion.angle, np.pi)
+    motion = replace(motion, x=x + 0.1 * MM * rng.normal(size=x.shape), v=v, force=force)
+    halves = [slice(None, middle + 1), slice(middle, None)]
+    one, after = (replace(motion, **{k: getattr(motion, k)[at] for k in SERIES if k != "memory"}) for at in halves)
+    after = replace(after, angle=after.angle - TURN)
+    together = measure(joined([one, after]), lift())
+    assert measure_first(one, after, lift()) == together and together["bounce_mm"] > 0
 
 
 def test_one_revolution_is_too_short():

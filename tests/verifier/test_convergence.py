@@ -6,8 +6,11 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.polydyne import polydyne
+from camopt.exact.engine import prepare
+from camopt.exact.settled import settled_metrics
 from camopt.measure.settling import Figures
 from camopt.scene import QUANTITIES, MotionRefused, build_train, load_scene, rest_position
+from camopt.scene.rest import state_at_rest
 from camopt.scene.settled import APERIODIC, RANGED
 from camopt.scene.train import GROUND
 from camopt.verifier import convergence as module
@@ -78,6 +81,19 @@ def test_the_range_of_a_wandering_motion_is_that_of_many_revolutions_where_it_is
     assert done.converged and not done.periodic and done.range["bounce_mm"] == spread
     assert done.doubt("bounce_mm") == done.error["bounce_mm"] + spread[1] - spread[0]
     assert certain == (ran[-1] == (done.steps_per_revolution, 0, RANGED))
+
+
+def test_the_range_of_a_wandering_motion_is_the_same_with_samples_and_without(monkeypatch):
+    """To a tenth of its width, since both follow a motion that multiplies their roundings."""
+    monkeypatch.setattr(module, "RANGED", 40)
+    scene = load_scene("kodama")
+    wanders, lift, tolerances = build_train(scene), polydyne(scene), Tolerances(5.0, 1, stands=1, certain=True)
+    case = wanders, lift, scene.cam_speed(5800.0), state_at_rest(wanders), tolerances
+    sampled, without = (StepRefinement(prepare, *case, many).answer() for many in (None, settled_metrics))
+    assert not sampled.periodic and not np.array_equal([*without.range.values()], [*sampled.range.values()])
+    for name in ("bounce_mm", "jump_mm", "contact_force_max_N", "seating_velocity_m_per_s"):
+        low, high = sampled.range[name]
+        assert without.range[name] == pytest.approx((low, high), rel=0, abs=0.1 * (high - low)) and high > low
 
 
 def test_error_is_twice_the_distance_to_the_coarser_answers(answers):

@@ -273,11 +273,15 @@ def motori(**limits):
 
 
 @pytest.mark.parametrize("bounce_max_mm", [1.0, 1e-4])
-def test_the_record_of_a_band_holds_what_any_report_states_about_it(bounce_max_mm):
+def test_the_record_of_a_band_holds_what_any_report_states_about_it(monkeypatch, bounce_max_mm):
     train = motori(bounce_max_mm=bounce_max_mm, jump_max_mm=None, seating_velocity_max_m_per_s=None)
+    judge, judged = verdict.judge_speed, []
+    monkeypatch.setattr(verdict, "judge_speed", lambda case, rpm: judged.append(rpm) or judge(case, rpm))
     result = verdict_on(
-        train, polydyne(train), (6000.0, 6500.0), band_step_rpm=500.0, tolerances=Tolerances(halvings=4)
+        train, polydyne(train), (5997.0, 6500.0), band_step_rpm=500.0, tolerances=Tolerances(halvings=4)
     )
+    assert sorted(judged) == sorted({s.speed_rpm for s in (*result.speeds, *result.worst_in_band)})  # each of them once
+    assert 5997.0 in [s.speed_rpm for s in result.worst_in_band]  # which is listed, too
     data = json.loads(json.dumps(result.as_dict(), allow_nan=False))
     assert data["verdict"] == ("rejected" if bounce_max_mm < 1 else result.verdict)
     band, listed, worst = data["band"], data["speeds"], data["worst_in_band"]
