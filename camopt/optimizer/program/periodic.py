@@ -132,6 +132,23 @@ class PeriodicResponse:
         readings = scale[:, None] * np.eye(2 * n, self.begin.shape[1])
         return np.stack([self._read(reading, every) for reading in readings], axis=1)
 
+    def to_error(self, error: CamSamples) -> "PeriodicResponse":
+        """What the error of a ground cam adds to this motion; its samples have the same edges, in blocks of which each
+        lies within one of this motion's, and column 0 alone, without the constant one."""
+        first, n2 = error.first, 2 * len(self.train.mass)
+        kind = self.kind[np.searchsorted(self.samples.first, first, side="right") - 1]
+        count = np.diff(np.append(first, len(error.edges) - 1))
+        scale = np.repeat([1.0, velocity_scale(self.train)], n2 // 2)
+        state, left = np.zeros(n2), np.eye(n2) - self.map / scale[:, None] * scale
+        begin = np.zeros((len(first), n2 + LIFT_DERIVATIVES + 1))
+        begin[:, n2:] = error.begin[..., 0]
+        for start in (True, False):  # from zero, and from where the motion then begins
+            for row, steps, of in zip(begin, count.tolist(), kind.tolist(), strict=True):
+                row[:n2] = state
+                state = self.powers[steps, of, :n2] @ row
+            state = np.linalg.solve(left, state) if start else state
+        return PeriodicResponse(self.train, self.cam_speed, error, kind, begin[..., None], self.powers, self.map)
+
     def force(self, element: int, at: np.ndarray) -> np.ndarray:
         """Force of an element [N] at ascending edges `at` (indices), as if it were closed: (len(at), 1 + m)."""
         t, n = self.train, len(self.train.mass)
