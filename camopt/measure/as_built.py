@@ -64,12 +64,23 @@ def trains_as_built(scene: Scene, count: int, *, seed: int = 0, first: int = 0) 
     return [_train_as_built(scene, seed, i) for i in range(first, first + count)]
 
 
+def draws_of_trains(scene: Scene, count: int, *, seed: int = 0) -> dict[str, np.ndarray]:
+    """The draws (t, k) of the first `count` trains by tolerance, as `TrainAsBuilt` has those of one."""
+    drawn = [_draws(scene, seed, i) for i in range(count)]
+    return {label: np.array([one[label] for one in drawn]) for label in drawn[0]}
+
+
 def _train_as_built(scene: Scene, seed: int, i: int) -> TrainAsBuilt:
-    draws = deviates(scene, seed, i)
+    draws = _draws(scene, seed, i)
     built = scene_as_built(scene, draws)
+    return TrainAsBuilt(i, seed, built, build_train(built), draws)
+
+
+def _draws(scene: Scene, seed: int, i: int) -> dict[str, np.ndarray]:
+    draws = deviates(scene, seed, i)
     if scene.grinding is not None:
         draws[GRINDING] = drawn_waves(key_of(seed, i, GRINDING), scene.grinding.harmonics).parts
-    return TrainAsBuilt(i, seed, built, build_train(built), draws)
+    return draws
 
 
 class Waves(NamedTuple):
