@@ -9,7 +9,7 @@ linear, straight lines along a motion stand for them (see `tangents`).
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -182,6 +182,8 @@ class PeriodicResponse:
             rows = (reading @ self.powers)[steps, kind]
         else:
             rows = (reading[:, None] @ self.powers[steps, kind])[:, 0]
+        if self.begin.shape[2] == 1:
+            return np.einsum("as,asm->am", rows, self.begin[block])
         found = np.empty((len(at), self.begin.shape[2]))
         borders = np.flatnonzero(np.diff(block, prepend=-1, append=-1))
         for low, high in pairwise(borders):
@@ -213,6 +215,7 @@ def periodic_response(train: Train, samples: CamSamples, cam_speed: float, angle
     return PeriodicResponse(train, cam_speed, samples, kind, begin, powers, turned, angles.tangents)
 
 
+@lru_cache(maxsize=64)
 def velocity_scale(train: Train) -> float:
     """A frequency [rad/s] by which velocities are divided to be as large as positions, so that exponentials keep their
     accuracy."""
