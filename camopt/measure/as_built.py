@@ -5,6 +5,7 @@ The error of a ground contour consists of waves over a revolution, of no more th
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -64,12 +65,23 @@ def trains_as_built(scene: Scene, count: int, *, seed: int = 0, first: int = 0) 
     return [_train_as_built(scene, seed, i) for i in range(first, first + count)]
 
 
+def draws_of_trains(scene: Scene, count: int, *, seed: int = 0) -> dict[str, np.ndarray]:
+    """The draws (t, k) of the first `count` trains by tolerance, as `TrainAsBuilt` has those of one."""
+    drawn = [_draws(scene, seed, i) for i in range(count)]
+    return {label: np.array([one[label] for one in drawn]) for label in drawn[0]}
+
+
 def _train_as_built(scene: Scene, seed: int, i: int) -> TrainAsBuilt:
-    draws = deviates(scene, seed, i)
+    draws = _draws(scene, seed, i)
     built = scene_as_built(scene, draws)
+    return TrainAsBuilt(i, seed, built, build_train(built), draws)
+
+
+def _draws(scene: Scene, seed: int, i: int) -> dict[str, np.ndarray]:
+    draws = deviates(scene, seed, i)
     if scene.grinding is not None:
         draws[GRINDING] = drawn_waves(key_of(seed, i, GRINDING), scene.grinding.harmonics).parts
-    return TrainAsBuilt(i, seed, built, build_train(built), draws)
+    return draws
 
 
 class Waves(NamedTuple):
@@ -108,7 +120,18 @@ def grinding_error(lift: Lift, seed: Seed, peak: float = PEAK, harmonics: tuple[
             f"grinding errors lie on the lobe of a cam, and this lift is {'never' if foot < 0 else 'everywhere'} zero: "
             f"give a cam that rises from a base circle, or leave [grinding] out"
         )
-    end, knot = lift.closing_angle(0.0), 2 * np.pi / (WAVE_KNOTS * harmonics[1])
+    return _error(
+        (foot, half, lift.closing_angle(0.0)), seed if isinstance(seed, int) else tuple(seed), peak, harmonics
+    )
+
+
+@lru_cache(maxsize=2048)  # the cams that a search judges on one train begin and end at the same angles
+def _error(
+    angles: tuple[float, float, float], seed: int | tuple[int, ...], peak: float, harmonics: tuple[int, int]
+) -> Lift:
+    """The error of a lobe whose foot, half duration and end are `angles`."""
+    foot, half, end = angles
+    knot = 2 * np.pi / (WAVE_KNOTS * harmonics[1])
     angle = np.linspace(foot, end, max(int(np.ceil((end - foot) / knot)), WAVE_KNOTS) + 1)
     wave = drawn_waves(seed, harmonics)(angle)
     opening, closing = (max(ramp, 2 * np.pi / harmonics[1]) for ramp in (-half - foot, end - half))

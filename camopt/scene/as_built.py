@@ -8,6 +8,7 @@ import zlib
 from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from fnmatch import fnmatchcase
+from functools import lru_cache
 
 import numpy as np
 
@@ -15,6 +16,7 @@ from camopt.scene.errors import did_you_mean
 from camopt.scene.parameters import KEYS, SceneNumber, has_wildcards, matching, with_numbers
 from camopt.scene.schema import Scene, Tolerance
 from camopt.scene.text_file import excerpt
+from camopt.scene.train import SceneKey
 
 REACH = 4.0
 """Standard deviations at which a normal draw is cut off, which one draw in 16 000 meets: no part beyond them is built
@@ -27,10 +29,16 @@ GRINDING = "grinding"
 
 def moved_together(scene: Scene, tolerance: Tolerance) -> list[list[SceneNumber]]:
     """The numbers that a tolerance moves, those with a common draw in one list."""
-    numbers = [number for text in tolerance.numbers for number in matching(scene, text)]
+    numbers = _meant(SceneKey(scene), *tolerance.numbers)
     if isinstance(tolerance.of, str):
         return [[number] for number in numbers]
     return [list(dict.fromkeys(numbers))]
+
+
+@lru_cache(maxsize=64)
+def _meant(key: SceneKey, *texts: str) -> list[SceneNumber]:
+    """The numbers that texts NAME.KEY mean, which every drawn train asks for."""
+    return [number for text in texts for number in matching(key.scene, text)]
 
 
 def deviates(scene: Scene, seed: int, train: int) -> dict[str, np.ndarray]:

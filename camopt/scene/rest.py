@@ -49,7 +49,7 @@ def rest_position(train: Train) -> np.ndarray:
     return _rest_of(train).copy()
 
 
-@lru_cache(maxsize=64)
+@lru_cache(maxsize=2048)
 def _rest_of(train: Train) -> np.ndarray:
     """`rest_position`, kept because tables, modes and starts of one train all ask for it."""
     contacts = int(np.sum(train.contact))

@@ -146,10 +146,10 @@ def build_train(scene: Scene) -> Train:
 
     The same scene gives the same train: what is kept by train, such as propagators, is made once for it.
     """
-    return _built(_SceneKey(scene))
+    return _built(SceneKey(scene))
 
 
-class _SceneKey:
+class SceneKey:
     """A scene as the key of a cache: by identity, since comparing all its numbers takes longer than building."""
 
     def __init__(self, scene: Scene):
@@ -159,11 +159,11 @@ class _SceneKey:
         return id(self.scene)
 
     def __eq__(self, other: object) -> bool:
-        return isinstance(other, _SceneKey) and other.scene is self.scene
+        return isinstance(other, SceneKey) and other.scene is self.scene
 
 
 @lru_cache(maxsize=16)
-def _built(key: _SceneKey) -> Train:
+def _built(key: SceneKey) -> Train:
     scene = key.scene
     masses, elements = scene.mass, parts_of(scene.element)
     index = {m.name: i for i, m in enumerate(masses)} | {"ground": GROUND}

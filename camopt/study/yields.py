@@ -11,7 +11,7 @@ import xarray as xr
 from tqdm import tqdm
 
 from camopt.cam.lift import Lift
-from camopt.measure.as_built import trains_as_built
+from camopt.measure.as_built import draws_of_trains
 from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.measure.yield_words import ADVISED, counted_trains, share_sentence, spoiling_sentences
 from camopt.measure.yields import Share, UsedLimits, counted, rank_correlation_shares, share_of, yield_record
@@ -182,8 +182,7 @@ def yield_lines(result: Yield) -> list[str]:
 
 def _summary(scene: Scene, cam: Lift, seed: int, used: UsedLimits, others: dict[str, np.ndarray]) -> Yield:
     holds, count = used.holds, len(used.used)
-    drawn = [one.draws for one in trains_as_built(scene, count, seed=seed)]
-    draws = {label: np.array([one[label] for one in drawn]) for label in drawn[0]}
+    draws = draws_of_trains(scene, count, seed=seed)
     halved = {}
     for label, theirs in others.items():
         now = UsedLimits(used.limits, used.speeds_rpm, theirs).holds

@@ -58,7 +58,7 @@ class CamArrays(NamedTuple):
     speed: float  # rad/s
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=2048)
 def train_arrays(train: Train) -> TrainArrays:
     """The train as the kernel reads it; raises InputError for more combinations of pieces than 64 bits number."""
     parts, e = parts_of(train, numbers_of(train)), len(train.a)

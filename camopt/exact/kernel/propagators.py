@@ -126,7 +126,7 @@ def propagators(train: Train, step: float, width: int, at_once: int) -> Lending:
         return _kept[key]
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=2048)
 def default_step(train: Train) -> float:
     """Step [s] at which the highest mode turns by `LARGEST_PHASE`."""
     return LARGEST_PHASE / highest_frequency(train)

@@ -122,24 +122,31 @@ class YieldSearch:
     def _judge(self, lift: Lift) -> np.ndarray:
         """Judges a cam with the trains that are watched and with scouts, and where a scout falls short with everyone.
 
-        It begins at the top of the band and ends there if too many trains fail. Returns which trains were judged at
+        It begins at the top of the band, and ends as soon as too many trains fail. Returns which trains were judged at
         which speeds (t, s: bool).
         """
         drawn, (watched, matters) = self.drawn, self._watched()
         turn = (np.arange(len(drawn.trains)) + self.steps)[:, None]
         scouts = ~watched & (turn % np.where(matters, SCOUTS, FAR_SCOUTS) == 0)
         judged = np.zeros_like(watched)
-        for speeds in (slice(-1, None), slice(None, -1)):
-            asked = np.zeros_like(watched)
-            asked[:, speeds] = (watched | scouts)[:, speeds]
+        for begin in (watched.shape[1] - 1, 0):
+            asked = (watched | scouts) & ~judged
+            asked[:, :begin] = False
             drawn.judge(lift, asked)
+            judged |= asked
+            if self._too_many_fail(begin):
+                break
             short = (scouts & asked & (drawn.used.max(axis=1) > NEAR)).any(axis=0)
             others = short & ~(watched | scouts)
             drawn.judge(lift, others)
-            judged |= asked | others
-            if np.sum(drawn.used[:, :, -1].max(axis=1) > 1.0) > self.allowed:
+            judged |= others
+            if self._too_many_fail(begin):
                 break
         return judged
+
+    def _too_many_fail(self, begin: int) -> bool:
+        """Whether more trains break a limit from the speed of a number on than may fail."""
+        return int(np.sum(self.drawn.used[:, :, begin:].max(axis=(1, 2)) > 1.0)) > self.allowed
 
     def _watched(self) -> tuple[np.ndarray, np.ndarray]:
         """Which trains are watched at which speeds (t, s: bool), and which speeds (s: bool) have many of them."""

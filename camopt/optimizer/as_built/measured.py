@@ -15,6 +15,7 @@ from camopt.cam.lift import Lift
 from camopt.exact.settled import settled_metrics
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.measure.limits import MotionLimit, motion_limits
+from camopt.optimizer.search.judge import IRREGULAR, MEASURES, SETTLES
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.settled import SettledMetrics
@@ -25,6 +26,8 @@ CHUNK = 20
 """Trains that are measured between two entries in the journal."""
 WORKERS = 2
 """Threads, each with a train of its own."""
+SHORT = {"most": SETTLES, "measured": MEASURES}
+"""How long the motions are by which a train is judged first, since most are far from its limits, on either side."""
 
 
 def used_limits(limits: Iterable[MotionLimit], found: SettledMetrics) -> np.ndarray:
@@ -48,9 +51,19 @@ class Track:
             return np.array(list(pool.map(self._used_by, trains)))
 
     def _used_by(self, one: TrainAsBuilt) -> np.ndarray:
-        lifts = [one.cam(self.lift)]
-        found = settled_metrics([one.train], lifts, self.cam_speeds, starts=self.starts, workers=1, kept=False)
-        return used_limits(self.limits.values(), found)
+        """The used parts (l, s) of one train by motions as short as the search's and, at the speeds at which these
+        leave open on which side of its limits it is, by ones of full length."""
+        cam, speeds, starts = one.cam(self.lift), np.array(self.cam_speeds), self.starts
+        used, at, short = np.zeros((len(self.limits), len(speeds))), np.arange(len(speeds)), SHORT
+        while len(at):
+            found = settled_metrics(
+                [one.train], [cam], speeds[at].tolist(), starts=starts, workers=1, kept=False, **short
+            )
+            used[:, at] = used_limits(self.limits.values(), found)
+            worst, states = used[:, at].max(axis=0), found.states[0, 0]
+            unsure = (worst > 1.0 / IRREGULAR) & (worst < IRREGULAR) & bool(short)
+            at, starts, short = at[unsure], states[unsure], {}
+        return used
 
 
 def track(scene: Scene, lift: Lift, speeds_rpm: Sequence[float] | np.ndarray) -> Track:

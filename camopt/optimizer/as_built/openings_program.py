@@ -46,8 +46,8 @@ class OpeningsProgram:
     kept: np.ndarray = field(init=False)  # (t: bool) trains that are not given up
 
     def __post_init__(self) -> None:
-        self._openings = [contact_openings(self.plain.train, speeds, len(self.theta)) for speeds in self.cam_speeds]
-        self._single = [rows.astype(np.float32) for rows in self._openings]
+        train, count = self.plain.train, len(self.theta)
+        self._openings = [contact_openings(train, speeds, count).astype(np.float32) for speeds in self.cam_speeds]
         self._limits = self.plain.limits
         self._margin_N = 0.0
         self.about(self.forces)
@@ -75,7 +75,7 @@ class OpeningsProgram:
         found = np.empty((len(t), forces.shape[1], len(LONG) * len(self.theta)), dtype=np.float32)
         for same, speed in np.ndindex(self.cam_speeds.shape):
             at = np.flatnonzero((t % len(self.cam_speeds) == same) & (s == speed))
-            for c, rows in enumerate(self._single[same][speed]):  # as products of matrices
+            for c, rows in enumerate(self._openings[same][speed]):  # as products of matrices
                 found[at, c] = forces[at, c] @ rows.T
         return found
 
@@ -116,7 +116,8 @@ class OpeningsProgram:
         """Of `cases` (i, 2) the rows that the cam of z (m) breaks by most, to `begin` with those that it comes nearest
         to breaking; and the cases that come near to it, which the next cam may break."""
         limit = limits[cases[:, 0] % len(limits), cases[:, 1]].astype(np.float32)
-        beyond = self.foretold(z, cases) - limit[:, None, None]
+        beyond = self.foretold(z, cases)
+        beyond -= limit[:, None, None]
         worst, length = beyond.max(axis=(1, 2)), len(self.theta)
         order = np.argsort(-worst, kind="stable")[: FIRST if begin else AT_ONCE]
         order = order[worst[order] > (-np.inf if begin else BROKEN)]
@@ -133,9 +134,9 @@ class OpeningsProgram:
         """The opening [um] of a row, at z = 0 and per coefficient (1 + m)."""
         if key not in self._rows:
             t, s, c, q = key
-            rows, forces = self._openings[t % len(self.cam_speeds)][s, c, q], self.forces[t, s, c].astype(float)
+            row, forces = self._openings[t % len(self.cam_speeds)][s, c, q], self.forces[t, s, c].astype(float)
             forces[:, 0] -= self._margin_N
-            self._rows[key] = rows @ forces / UM
+            self._rows[key] = row.astype(float) @ forces / UM
         return self._rows[key]
 
     def _optimum(self, limits: np.ndarray, box: Box | None) -> tuple[NoJumpOptimum, np.ndarray, float]:

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.measure.as_built import TrainAsBuilt, trains_as_built
+from camopt.measure.as_built import TrainAsBuilt, draws_of_trains, trains_as_built
 from camopt.measure.yield_words import ADVISED, asked_sentence, share_sentence, spoiling_sentences
 from camopt.measure.yields import Looks, Share, UsedLimits, rank_correlation_shares, share_of, yield_record
 from camopt.optimizer.accuracy import Accuracy, accuracy_named
@@ -163,12 +163,13 @@ def yield_statement(
     speeds_rpm = np.linspace(*scene.operation.band_rpm, speeds) if isinstance(speeds, int) else np.array(speeds)
     way, asked = track(scene, lift, speeds_rpm), Looks((*looks, trains), ADVISED if wanted is None else wanted)
     parts = _judged(scene, way, asked, trains_journal(journal), seed, advance)
-    used, drawn = UsedLimits(tuple(way.limits), speeds_rpm, parts), trains_as_built(scene, len(parts), seed=seed)
-    draws = {label: np.array([one.draws[label] for one in drawn]) for label in drawn[0].draws}
-    others = {name: _baseline(scene, cam, speeds_rpm, drawn) for name, cam in (baselines or {}).items()}
-    judged = tuple(by_independent_methods(drawn[t], lift, used, t) for t in sampled(used.worst, sample))
-    share = share_of(used.holds, asked)
-    return YieldStatement(wanted, seed, used, share, rank_correlation_shares(draws, used.worst), judged, others)
+    used, share = UsedLimits(tuple(way.limits), speeds_rpm, parts), share_of(parts.max(axis=(1, 2)) <= 1.0, asked)
+    blame = rank_correlation_shares(draws_of_trains(scene, len(parts), seed=seed), used.worst)
+    few = trains_as_built(scene, min(len(parts), BASELINE_TRAINS), seed=seed) if baselines else []
+    others = {name: _baseline(scene, cam, speeds_rpm, few) for name, cam in (baselines or {}).items()}
+    alone = {t: trains_as_built(scene, 1, seed=seed, first=t)[0] for t in sampled(used.worst, sample)}
+    judged = tuple(by_independent_methods(one, lift, used, t) for t, one in alone.items())
+    return YieldStatement(wanted, seed, used, share, blame, judged, others)
 
 
 def _judged(
@@ -194,12 +195,11 @@ def sampled(worst: np.ndarray, count: int = SAMPLE) -> list[int]:
 
 
 def _baseline(
-    scene: Scene, cam: Lift | str, speeds_rpm: Sequence[float] | np.ndarray, drawn: Sequence[TrainAsBuilt]
+    scene: Scene, cam: Lift | str, speeds_rpm: Sequence[float] | np.ndarray, few: Sequence[TrainAsBuilt]
 ) -> Share | str:
     if isinstance(cam, str):
         return cam
     way: Track = track(scene, cam, speeds_rpm[-1:])  # most fail at the top; those that hold there are judged everywhere
-    few = drawn[:BASELINE_TRAINS]
     holds = way.used(few).max(axis=(1, 2)) <= 1.0
     if holds.any() and len(speeds_rpm) > 1:
         others = track(scene, cam, speeds_rpm[:-1]).used([one for one, good in zip(few, holds, strict=True) if good])

@@ -60,7 +60,7 @@ class ExactForces:
         at = np.searchsorted(samples.edges, self.theta - 1e-9)
         for s, cam_speed in enumerate(cam_speeds):
             plain = periodic_response(one.train, samples, cam_speed, angles)
-            ground = periodic_response(one.train, error, cam_speed, angles) if error else None
+            ground = plain.to_error(error) if error else None
             for c, element in enumerate(one.train.cam_side):
                 force = plain.force(element, at)
                 if ground:

@@ -9,7 +9,7 @@ linear, straight lines along a motion stand for them (see `tangents`).
 """
 
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -132,6 +132,23 @@ class PeriodicResponse:
         readings = scale[:, None] * np.eye(2 * n, self.begin.shape[1])
         return np.stack([self._read(reading, every) for reading in readings], axis=1)
 
+    def to_error(self, error: CamSamples) -> "PeriodicResponse":
+        """What the error of a ground cam adds to this motion; its samples have the same edges, in blocks of which each
+        lies within one of this motion's, and column 0 alone, without the constant one."""
+        first, n2 = error.first, 2 * len(self.train.mass)
+        kind = self.kind[np.searchsorted(self.samples.first, first, side="right") - 1]
+        count = np.diff(np.append(first, len(error.edges) - 1))
+        scale = np.repeat([1.0, velocity_scale(self.train)], n2 // 2)
+        state, left = np.zeros(n2), np.eye(n2) - self.map / scale[:, None] * scale
+        begin = np.zeros((len(first), n2 + LIFT_DERIVATIVES + 1))
+        begin[:, n2:] = error.begin[..., 0]
+        for start in (True, False):  # from zero, and from where the motion then begins
+            for row, steps, of in zip(begin, count.tolist(), kind.tolist(), strict=True):
+                row[:n2] = state
+                state = self.powers[steps, of, :n2] @ row
+            state = np.linalg.solve(left, state) if start else state
+        return PeriodicResponse(self.train, self.cam_speed, error, kind, begin[..., None], self.powers, self.map)
+
     def force(self, element: int, at: np.ndarray) -> np.ndarray:
         """Force of an element [N] at ascending edges `at` (indices), as if it were closed: (len(at), 1 + m)."""
         t, n = self.train, len(self.train.mass)
@@ -165,6 +182,8 @@ class PeriodicResponse:
             rows = (reading @ self.powers)[steps, kind]
         else:
             rows = (reading[:, None] @ self.powers[steps, kind])[:, 0]
+        if self.begin.shape[2] == 1:
+            return np.einsum("as,asm->am", rows, self.begin[block])
         found = np.empty((len(at), self.begin.shape[2]))
         borders = np.flatnonzero(np.diff(block, prepend=-1, append=-1))
         for low, high in pairwise(borders):
@@ -196,6 +215,7 @@ def periodic_response(train: Train, samples: CamSamples, cam_speed: float, angle
     return PeriodicResponse(train, cam_speed, samples, kind, begin, powers, turned, angles.tangents)
 
 
+@lru_cache(maxsize=64)
 def velocity_scale(train: Train) -> float:
     """A frequency [rad/s] by which velocities are divided to be as large as positions, so that exponentials keep their
     accuracy."""

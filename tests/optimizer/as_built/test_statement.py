@@ -16,11 +16,13 @@ from camopt.measure.yield_words import ENOUGH, HELD, MISSED, NOT_ASKED, asked_se
 from camopt.measure.yields import Looks, UsedLimits
 from camopt.optimizer import candidates
 from camopt.optimizer.accuracy import ACCURACIES
-from camopt.optimizer.as_built import ideal, prices, statement
+from camopt.optimizer.as_built import ideal, measured, prices, statement
 from camopt.optimizer.as_built.measured import CHUNK, Track
+from camopt.optimizer.as_built.search import free_program
 from camopt.optimizer.as_built.statement import by_independent_methods, looks_of, sampled, statement_of_run
 from camopt.optimizer.baselines import comparison
 from camopt.optimizer.run import optimize
+from camopt.optimizer.search.judge import IRREGULAR
 from camopt.report import write_report
 from camopt.report.folder import read_run_folder
 from camopt.report.outcome import outcome_lines
@@ -208,6 +210,29 @@ def test_as_many_trains_are_drawn_as_the_accuracy_and_the_share_call_for():
     assert looks_of(ACCURACIES["standard"], kodama, 0.95) == Looks((150, 500, 1000), 0.95)
     assert looks_of(ACCURACIES["fine"], kodama, 0.95).trains[-1] == 4000
     assert looks_of(ACCURACIES["standard"], hertz, None).trains == (38, 150, 500, 1000)
+
+
+def test_short_motions_judge_trains_as_those_of_full_length_do(monkeypatch):
+    """Of the cam half of the trains hold, and many motions at the top of the band wander."""
+    scene = load_scene("kodama")
+    program, _ = free_program(scene)
+    lift = program.solve_below(np.full((3, 2), 50.0)).lift
+    way = measured.track(scene, lift, np.linspace(5000.0, 7000.0, 5))
+    drawn, lengths, settled = trains_as_built(scene, 24), [], measured.settled_metrics
+
+    def noted(trains, lifts, speeds, **how):
+        lengths.append((len(speeds), "most" in how))
+        return settled(trains, lifts, speeds, **how)
+
+    monkeypatch.setattr(measured, "settled_metrics", noted)
+    used = way.used(drawn)
+    again = sum(count for count, short in lengths if not short)
+    assert sum(count for count, short in lengths if short) == 24 * 5 and 0 < again < 24
+    monkeypatch.setattr(measured, "SHORT", {})
+    at_length = way.used(drawn)
+    assert np.array_equal(used > 1.0, at_length > 1.0) and 6 < np.sum(used.max(axis=(1, 2)) <= 1.0) < 18
+    near = (at_length > 1 / IRREGULAR) & (at_length < IRREGULAR)
+    assert used[near] == pytest.approx(at_length[near], rel=0.1)
 
 
 def test_an_independent_method_differs_in_no_verdict(job, of_polydyne):

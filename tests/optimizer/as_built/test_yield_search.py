@@ -168,10 +168,26 @@ def test_calm_trains_that_a_cam_breaks_are_seen_at_once(speed):
     search = YieldSearch(drawn, None, 0.9)
     search._judge(None)
     assert 0 < drawn.motions < 200
-    drawn.truth[:, 0, speed] = 80.0
+    drawn.truth[:100, 0, speed] = 80.0
     asked = search._judge(None)
-    assert asked[:, speed].all() and np.all(drawn.used[:, 0, speed] == 80.0)
+    assert asked[:, speed].all() and np.all(drawn.used[:100, 0, speed] == 80.0)
     assert asked.sum() < 500
+
+
+@pytest.mark.parametrize("speed", [0, 4])
+def test_others_are_not_asked_where_those_asked_first_are_too_many(speed):
+    """The first judged are the trains that came near a limit with the cam before, and the scouts."""
+    drawn = Told(200, 5)
+    drawn.used[:20, 0, speed] = 0.7
+    drawn.truth[:, 0, speed] = 80.0
+    search = YieldSearch(drawn, None, 0.9)
+    asked = search._judge(None)
+    assert search.allowed < 20 and asked[:20, speed].all()
+    assert (
+        np.sum(drawn.used > 1.0) > search.allowed
+        and asked[:, speed].sum() < 40
+        and (speed == 0 or not asked[:, :4].any())
+    )
 
 
 def test_every_train_has_its_turn_as_a_scout():
