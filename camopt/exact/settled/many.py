@@ -9,7 +9,6 @@ where the slowest mode needs more than 40 revolutions, these are run and not loo
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -90,13 +89,15 @@ def settled_metrics(
         list(by(run_job, jobs))
 
     if workers == 1:  # without the price of threads, which is that of a few motions
-        list(map(run_train, range(len(trains))))
+        for t in range(len(trains)):
+            run_train(t)
         return metrics
     with ThreadPoolExecutor(workers) as pool:
         if len(trains) >= workers:
             list(pool.map(run_train, range(len(trains))))
         else:
-            list(map(partial(run_train, by=pool.map), range(len(trains))))
+            for t in range(len(trains)):
+                run_train(t, pool.map)
     return metrics
 
 
