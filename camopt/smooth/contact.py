@@ -37,21 +37,14 @@ class Layer(eqx.Module):
 
 
 def raw_force(u, u_dot, stiffness, damping, layer: Layer) -> jax.Array:
-    """p(eps S(u / eps)) + c u' S'(u / eps) [N], before it is clipped at zero; arguments as for `contact_force`."""
+    """p(eps S(u / eps)) + c u' S'(u / eps) [N] of contacts, before it is clipped at zero, any shape.
+
+    `u` [m] is the compression beyond the touch and `u_dot` [m/s] its rate. `stiffness` [N/m], or the elastic force p
+    [N] as a function of the compression beyond the touch; `damping` [N s/m], or the same as a function of the elastic
+    force. Source: design of this project; the limit eps -> 0 is k u + c u' for u > 0 and 0 otherwise.
+    """
     eps = layer.eps
     pressed = layer.ramp(u / eps)
     elastic = stiffness(eps * pressed) if callable(stiffness) else stiffness * eps * pressed
     damper = damping(elastic) if callable(damping) else damping
     return elastic + damper * u_dot * layer.slope(u / eps)
-
-
-def contact_force(u, u_dot, stiffness, damping, layer: Layer) -> jax.Array:
-    """Force of contacts [N], never below zero, any shape.
-
-    `u` [m] is the compression beyond the touch and `u_dot` [m/s] its rate.
-    `stiffness` [N/m], or the elastic force p [N] as a function of the compression beyond the touch; `damping` [N s/m],
-    or the same as a function of the elastic force.
-    Source: design of this project; the limit eps -> 0 is max(0, k u + c u') for u > 0 and 0 otherwise.
-    """
-    force = raw_force(u, u_dot, stiffness, damping, layer)
-    return jnp.where(force > 0.0, force, 0.0)

@@ -17,8 +17,7 @@ from camopt.scene.shapes import Float
 from camopt.scene.train import LAW_PARAMETERS, Train
 from camopt.smooth.contact import Layer
 from camopt.smooth.grid import LARGEST_PHASE, equal_grid
-from camopt.smooth.interpolation import at_angle
-from camopt.smooth.metrics import revolution_metrics
+from camopt.smooth.metrics import at_angle, revolution_metrics
 from camopt.smooth.rest import rest_of
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import EPS, LIFT_SAMPLES, STEPS, response_arrays

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline, PPoly
 
-from camopt.cam.bumps import moved, with_bumps
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.engine import prepare as prepare_exact
@@ -25,6 +24,7 @@ from camopt.smooth.rest import rest_of, rest_state
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import EPS, LAYER, STEPS, lift_samples, response_arrays
 from camopt.smooth.system import build_system
+from camopt.study.gradient.paths import moved, with_bumps
 from tests.smooth.trains import delivered, kodama
 
 METRICS = ("seating_velocity_m_per_s", "contact_force_min_N", "closed_integral_m2_rad", "contact_force_max_N")

@@ -82,22 +82,16 @@ def settled_metrics(
         _run(job, cams[trains[job.t].forcing], (measured, aperiodic))
         job.write(metrics)
 
-    def run_train(t: int, by: Callable = map) -> None:
+    def run_train(t: int, by: Callable) -> None:
         start = None if begin is None else begin[t]
         parts = 1 if len(trains) >= workers else PARTS * workers
         jobs = _jobs(trains, t, len(lifts), speeds, start, (decay, most, kept and len(trains) == 1), parts)
         list(by(run_job, jobs))
 
-    if workers == 1:  # without the price of threads, which is that of a few motions
-        for t in range(len(trains)):
-            run_train(t)
-        return metrics
-    with ThreadPoolExecutor(workers) as pool:
-        if len(trains) >= workers:
-            list(pool.map(run_train, range(len(trains))))
-        else:
-            for t in range(len(trains)):
-                run_train(t, pool.map)
+    with ThreadPoolExecutor(workers) as pool:  # which starts no thread while it is given no work
+        together = len(trains) >= workers
+        by_train, by_job = (map, map) if workers == 1 else (pool.map, map) if together else (map, pool.map)
+        list(by_train(lambda t: run_train(t, by_job), range(len(trains))))
     return metrics
 
 
