@@ -10,7 +10,6 @@ count.
 """
 
 import resource
-import time
 from collections.abc import Callable
 from functools import cache, partial
 from itertools import product
@@ -28,6 +27,7 @@ from camopt.smooth.contact import Layer
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples
 from camopt.smooth.tied import STEPS, WIDTH, parts_of_steps, tied_paths, tied_system
+from experiments.gradient_batch import timed
 from experiments.support.record import RESULTS, run_script, write_result
 
 TRAINS = {"small": (2,), "full": (1, 4, 16, 64, 256, 1000)}
@@ -42,6 +42,7 @@ PRECISIONS = {"float64": jnp.float64, "float32": jnp.float32}
 HEIGHT = 1e-3
 """Share of its height by which one cam of a batch differs from the next."""
 REPEATS = 2
+CLOCKS = "ms", "processor_ms"
 Batch = tuple[jax.Array, tuple, jax.Array, jax.Array]
 """Samples of the lift, systems, cam speeds, and states at rest; trains or cams come first where there are many."""
 
@@ -62,9 +63,11 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         samples = np.stack([(1.0 - HEIGHT * k) * lift_samples(cam, STEPS) for k in range(cams)])
         batch = as_batch(precision, built[:trains], samples, speeds)
         motion, slope = programs(cam.half_duration, parts, by_train=cams == 1)
-        times = {"motion": least(motion, *batch), "gradient": least(slope, *batch)}
+        both = {
+            work: timed(partial(run, *batch), REPEATS)[0] for work, run in (("motion", motion), ("gradient", slope))
+        }
         cases = trains * cams * count
-        by_case = {f"{work}_{name}": 1e3 * t / cases for work, kinds in times.items() for name, t in kinds.items()}
+        by_case = {f"{work}_{CLOCKS[i]}": 1e3 * t[i] / cases for work, t in both.items() for i in range(2)}
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
         row = {"precision": precision, "trains": trains, "cams": cams, "speeds": count}
         rows.append(row | by_case | {"memory_MB": memory})
@@ -119,18 +122,6 @@ def programs(half_duration: float, parts: int, by_train: bool) -> tuple[Callable
         return jnp.sum(jax.vmap(partial(paths, adjoint="reverse"), axes)(*batch))
 
     return jax.jit(jax.vmap(paths, axes)), jax.jit(jax.grad(total))
-
-
-def least(run: Callable, *arguments) -> dict[str, float]:
-    """Least times of a call [s] by the clock and of the processor, after one that compiles."""
-    jax.block_until_ready(run(*arguments))
-    clocks = {"ms": time.perf_counter, "processor_ms": time.process_time}
-    times = {name: np.inf for name in clocks}
-    for _ in range(REPEATS):
-        begun = {name: clock() for name, clock in clocks.items()}
-        jax.block_until_ready(run(*arguments))
-        times = {name: min(times[name], clock() - begun[name]) for name, clock in clocks.items()}
-    return times
 
 
 if __name__ == "__main__":

@@ -7,7 +7,6 @@ which takes the law itself; and the time of a revolution. Then `kodama` beside i
 of one straight line: the time of a revolution, sampled and not, and of a gradient, in turn in one run.
 """
 
-import time
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
@@ -26,6 +25,7 @@ from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
 from camopt.study.gradient.paths import METRICS, REVOLUTIONS, Problem, problem
 from camopt.study.gradient.report import central_differences
+from camopt.study.measurements import fastest
 from experiments.support.record import RESULTS, run_script, write_result
 
 MOTIONS = {"kodama-hertz": 5500.0, "race-nested": 6000.0}
@@ -148,13 +148,8 @@ def least(runs: list[Callable[[], object]], repeats: int) -> list[float]:
     """Least processor times [s] of calls that are made in turn; a first one of each, not counted, builds its tables."""
     for run in runs:
         run()
-    seconds = np.full((repeats, len(runs)), np.inf)
-    for i in range(repeats):
-        for j, run in enumerate(runs):
-            begin = time.process_time()
-            run()
-            seconds[i, j] = time.process_time() - begin
-    return seconds.min(axis=0).tolist()
+    seconds = [[fastest(run, 1, first=False)[0] for run in runs] for _ in range(repeats)]
+    return np.min(seconds, axis=0).tolist()
 
 
 if __name__ == "__main__":

@@ -11,7 +11,7 @@ from matplotlib.figure import Figure
 
 from camopt.plots.style import new_figure, styled
 from camopt.scene.units import UM
-from camopt.study.extremes.step_methods import LOCATING, STEP_METHODS
+from camopt.study.extremes.extremes import LOCATING, STEP_METHODS
 from experiments.support.problems import PROBLEMS, Problem, position
 from experiments.support.record import RESULTS, run_script, write_result
 

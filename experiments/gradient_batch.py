@@ -28,15 +28,15 @@ from camopt.exact.engine import prepare as prepare_exact
 from camopt.measure.hermite import Hermite
 from camopt.scene import load_scene
 from camopt.scene.units import DEG
-from camopt.smooth.adaptive import adaptive_states
 from camopt.smooth.contact import Layer
 from camopt.smooth.exact_rule import exact_metrics
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import EPS, lift_samples, prepare, response_arrays, touch_layer
+from camopt.smooth.simulate import EPS, lift_samples, prepare, response_arrays
 from camopt.smooth.system import build_system
 from camopt.study.measurements import fastest
+from experiments.support.diffrax_tsit5 import tsit5_states
 from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, problem
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.smooth_batch import BATCH_EPS, batch_motion, stage_lifts
@@ -92,11 +92,11 @@ def diffrax_tsit5(p: Problem, z: np.ndarray) -> Timed:
 
     def motion(z, speed, y0, tolerance):
         driven = DrivenSystem(system, base + parts @ z, speed)
-        return adaptive_states(driven, y0, angle, Layer(BATCH_EPS), tolerance)
+        return tsit5_states(driven, y0, angle, Layer(BATCH_EPS), tolerance)
 
     def value(z, speed, y0, tolerance):
         found = motion(z, speed, y0, tolerance)
-        layer = touch_layer(BATCH_EPS)
+        layer = Layer(BATCH_EPS).half_width
         return revolution_metrics(system, found, speed, p.lift.half_duration, p.lift.opening_foot, layer=layer)[METRIC]
 
     def valve(s: int, tolerance: float):
@@ -126,7 +126,7 @@ def equal_steps(p: Problem, z: np.ndarray) -> Timed:
     base, parts = (jnp.asarray(q) for q in lifts(steps))
 
     def total(z, speed, y0):
-        motions, layer = batch_motion(system, base[..., None] + parts @ z, speed, y0), touch_layer(BATCH_EPS)
+        motions, layer = batch_motion(system, base[..., None] + parts @ z, speed, y0), Layer(BATCH_EPS).half_width
         half, foot = p.lift.half_duration, p.lift.opening_foot
         found = jax.vmap(lambda one, at: revolution_metrics(system, one, at, half, foot, layer=layer)[METRIC])(
             motions, speed
@@ -153,7 +153,7 @@ def refined_grid(p: Problem, z: np.ndarray) -> Timed:
 
     def value(z, speed, y0):
         found = response_arrays(DrivenSystem(system, base + parts @ z, speed), y0)
-        layer = touch_layer(EPS)
+        layer = Layer(EPS).half_width
         return revolution_metrics(system, found, speed, p.lift.half_duration, p.lift.opening_foot, layer=layer)[METRIC]
 
     states = jnp.asarray(p.states.reshape(len(p.states), 2, -1))
@@ -251,11 +251,10 @@ def loosest(p: Problem, settings, valve) -> tuple[float, float]:
     raise RuntimeError(f"no setting of {settings} keeps within {ERROR_MM} mm of its own reference")
 
 
-def timed(call):
+def timed(call, repeats: int = 10):
     """Least wall and processor time (2) [s] of a call that is compiled, and its result."""
-    return fastest(
-        lambda: jax.block_until_ready(call()), 10, lambda: np.array([time.perf_counter(), time.process_time()])
-    )
+    clocks = lambda: np.array([time.perf_counter(), time.process_time()])  # noqa: E731
+    return fastest(lambda: jax.block_until_ready(call()), repeats, clocks)
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from camopt.scene import load_scene
 from camopt.smooth.contact import Layer
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import TOLERANCE, lift_samples, response_arrays, touch_layer
+from camopt.smooth.simulate import TOLERANCE, lift_samples, response_arrays
 from camopt.smooth.system import build_system
 from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, exact_value, problem
 from experiments.support.record import RESULTS, run_script, write_result
@@ -66,7 +66,7 @@ def compiled(p: Problem, grid: str | int, precision: str):
     def value(z, eps, speed, y0):
         driven = DrivenSystem(system, base + parts @ z, speed)
         motion = response_arrays(driven, y0, Layer(eps), tolerance, steps=steps, refine=refine)
-        layer, numbers = touch_layer(eps), (p.lift.half_duration, p.lift.opening_foot)
+        layer, numbers = Layer(eps).half_width, (p.lift.half_duration, p.lift.opening_foot)
         return revolution_metrics(system, motion, speed, *numbers, layer=layer)[METRIC]
 
     program = jax.jit(jax.value_and_grad(value))

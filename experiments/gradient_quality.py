@@ -19,16 +19,16 @@ import numpy as np
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.scene import load_scene
-from camopt.smooth.adaptive import adaptive_states
-from camopt.smooth.contact import RAMPS, Layer, SmoothingRamp
+from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import lift_samples, touch_layer
+from camopt.smooth.simulate import lift_samples
 from camopt.smooth.system import build_system
 from camopt.study.measurements import fastest
 from experiments.gradient_batch import on_common_pieces
 from experiments.gradient_bias import compiled
+from experiments.support.diffrax_tsit5 import tsit5_states
 from experiments.support.gradient_ball import (
     Answer,
     diffrax_events,
@@ -52,8 +52,16 @@ REPEATS = {"small": 1, "full": 5}
 SPEED_RPM, BUMPS = 6000.0, {"small": 2, "full": 10}
 SAMPLES = 11_520
 """Angles at which diffrax tells its motion: between them the touch of the seat is sought on cubics."""
-RAMPS["switch"] = SmoothingRamp(jax.nn.relu, lambda r: jnp.where(r > 0.0, 1.0, 0.0), 0.0, 1)
-"""No ramp at all: the law of the non-smooth model by `where`, through which diffrax is to step."""
+
+
+class Switch(Layer):
+    """No ramp at all: the law of the non-smooth model by `where`, through which diffrax is to step."""
+
+    def ramp(self, r):
+        return jax.nn.relu(r)
+
+    def slope(self, r):
+        return jnp.where(r > 0.0, 1.0, 0.0)
 
 
 def main(size: str = "full", folder=RESULTS) -> dict:
@@ -114,12 +122,12 @@ def by_switch(p: Problem) -> Callable:
     """Value and gradient by the bumps (m), by reverse mode through diffrax's Tsit5."""
     system, angle = build_system(p.train), jnp.asarray(equal_grid(SAMPLES))
     base, parts = jnp.asarray(lift_samples(p.lift)), jnp.asarray(np.stack([lift_samples(b) for b in p.bumps], -1))
-    layer, y0 = Layer(1e-12, ramp="switch"), jnp.asarray(p.states[0].reshape(2, -1))
+    layer, y0 = Switch(1e-12), jnp.asarray(p.states[0].reshape(2, -1))
 
     def value(z):
-        motion = adaptive_states(DrivenSystem(system, base + parts @ z, p.cam_speeds[0]), y0, angle, layer, 1e-12)
+        motion = tsit5_states(DrivenSystem(system, base + parts @ z, p.cam_speeds[0]), y0, angle, layer, 1e-12)
         shape = p.lift.half_duration, p.lift.opening_foot
-        return revolution_metrics(system, motion, p.cam_speeds[0], *shape, layer=touch_layer(1e-12))[METRIC]
+        return revolution_metrics(system, motion, p.cam_speeds[0], *shape, layer=Layer(1e-12).half_width)[METRIC]
 
     both = jax.jit(jax.value_and_grad(value))
     return lambda: both(jnp.zeros(len(p.bumps)))

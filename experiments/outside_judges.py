@@ -11,7 +11,6 @@ A second engine, Siconos, poses contact as complementarity and judges undamped c
 delivered cam or, where there is none, the Polydyne, and with the step that it took.
 """
 
-import time
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
@@ -24,6 +23,7 @@ from camopt.exact import prepare
 from camopt.optimizer.run import optimize
 from camopt.scene import InputError, Scene, build_train, builtin_scenes, load_scene
 from camopt.scene.rest import state_at_rest
+from camopt.study.reduce.reduction import milliseconds
 from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.from_outside import NM, compared, outside_motions, valve_from_rest
 from camopt.verifier.verdict import verdict_on
@@ -40,7 +40,6 @@ MEASURED = 4, 8
 CHANGED, CHANGED_RPM = "kodama", 6000.0
 """Scene and speed at which the judge is given something else."""
 DRAWN = ("kodama", 6000.0), ("exhaust-gas", 6000.0), ("finger-hydraulic", 6000.0)
-REPEATS = 5
 SMALL_STEPS = 57_600
 """Most steps of an undamped revolution at the small size."""
 
@@ -135,12 +134,8 @@ def _beside(name: str, ours: tuple[float, float], error: float, theirs: list[dic
 def revolution_ms(scene: Scene, lift: Lift, speed_rpm: float) -> float:
     """Least processor time of an event-exact revolution from rest [ms]."""
     train = build_train(scene)
-    revolve, state, least = prepare(train, lift, scene.cam_speed(speed_rpm)), state_at_rest(train), np.inf
-    for _ in range(REPEATS):
-        begin = time.process_time()
-        revolve(state)
-        least = min(least, time.process_time() - begin)
-    return 1e3 * least
+    revolve, state = prepare(train, lift, scene.cam_speed(speed_rpm)), state_at_rest(train)
+    return milliseconds(lambda: revolve(state))
 
 
 def changed(scene: Scene, lift: Lift, count: int) -> list[dict]:

@@ -27,7 +27,7 @@ from camopt.study.extremes.classification import (
     judge,
     truth,
 )
-from camopt.study.extremes.step_methods import STEP_METHODS
+from camopt.study.extremes.extremes import STEP_METHODS
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import dop853
 from camopt.verifier.verdict import event_exact

@@ -20,6 +20,7 @@ from camopt.scene import build_train, load_scene
 from camopt.scene.response import end_state
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import MM
+from camopt.study.measurements import fastest
 from camopt.verifier.methods import METHOD_NAMES, houbolt, rkg, tmm
 from experiments.support.dormand_prince import dormand_prince, problem, right_hand_side
 from experiments.support.record import RESULTS, run_script, write_result
@@ -86,18 +87,15 @@ class Case:
 def measured(case: Case, method: str, setting: str, run: Callable, valve: Callable, repeats: int) -> dict:
     """One row: errors of both revolutions [mm], time per revolution and what the first call took above it [ms]."""
     row = {"method": method, "setting": setting, "error_mm": [None, None], "ms": None, "first_call_ms": None}
-    seconds = []
     try:
-        for _ in range(repeats + 1):
-            begin = time.thread_time()
-            result = run()
-            seconds.append(time.thread_time() - begin)
-            if not getattr(result, "success", True):
-                raise RuntimeError(result.message)
+        first, result = fastest(run, 1, time.thread_time, first=False)
+        if not getattr(result, "success", True):
+            raise RuntimeError(result.message)
+        best, result = fastest(run, repeats, time.thread_time, first=False)
     except (ArithmeticError, RuntimeError, ValueError) as failure:
         return {**row, "failure": str(failure)}
-    best = 1e3 * min(seconds[1:])
-    return {**row, "error_mm": case.errors(valve(result)), "ms": best / 2, "first_call_ms": 1e3 * seconds[0] - best}
+    times = {"ms": 1e3 * best / 2, "first_call_ms": 1e3 * (first - best)}
+    return {**row, "error_mm": case.errors(valve(result)), **times}
 
 
 def by_revolution(case: Case, size: str) -> list[dict]:

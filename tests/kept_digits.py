@@ -24,7 +24,7 @@ from camopt.scene import MotionRefused, build_train, load_scene
 from camopt.scene.response import joined
 from camopt.scene.rest import state_at_rest
 from camopt.storage import write_json
-from camopt.study.extremes.step_methods import LOCATING, STEP_METHODS
+from camopt.study.extremes.extremes import LOCATING, STEP_METHODS
 from tests.exact.small_trains import STILL, one_mass
 
 FILE = Path(__file__).parent / "data/kept-digits.json"

@@ -1,6 +1,7 @@
 """A name is imported from the module that defines it, not from one that happens to import it too."""
 
 import ast
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -10,10 +11,11 @@ import camopt
 ROOT = Path(camopt.__file__).parent
 
 
-def named(tree: ast.Module) -> set[str]:
+@cache
+def named(source: Path) -> set[str]:
     """Names that a module defines, or imports under a name of its own to hand them on."""
     found = set()
-    for node in ast.walk(tree):
+    for node in ast.walk(ast.parse(source.read_text(encoding="utf-8"))):
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
             found.add(node.name)
         elif isinstance(node, ast.Assign | ast.AnnAssign):
@@ -30,5 +32,4 @@ def test_names_come_from_where_they_are_defined(path):
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("camopt."):
             source = (ROOT.parent / str(node.module).replace(".", "/")).with_suffix(".py")
             if source.exists():  # not a package, which may gather names
-                names = named(ast.parse(source.read_text(encoding="utf-8")))
-                assert {alias.name for alias in node.names} <= names, (path.name, node.module)
+                assert {alias.name for alias in node.names} <= named(source), (path.name, node.module)

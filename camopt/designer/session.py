@@ -25,7 +25,7 @@ from camopt.highs import WATCH
 from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.measure.settling import decay_per_revolution, settle, settled_from_rest
 from camopt.plots.style import DESIGN
-from camopt.report.curves import LAWS
+from camopt.report.cams import LAWS
 from camopt.report.motion import animated, cam_entry, last_revolution_numbers
 from camopt.scene import QUANTITIES, InputError, MotionRefused, Scene, Train, build_train, state_at_rest
 from camopt.scene.response import end_state

@@ -71,7 +71,9 @@ def _conditions(rows: Sequence[Axes], cams: Sequence[tuple[str, Table]], design:
             axes.axvline(angle, color="#999999", linewidth=0.7, zorder=1)
     _limits(rows, design)
     if design.jerk_max_mm_per_deg3 is not None:
-        _shorten_jerk(rows[3], cams, JERK_SPAN * design.jerk_max_mm_per_deg3)
+        span = JERK_SPAN * design.jerk_max_mm_per_deg3
+        if _shorten(rows[3], {name: np.abs(table["jerk_mm_per_deg3"]) for name, table in cams}, span, "±mm/deg³"):
+            rows[3].set_ylim(-span, span)
     end = design.duration_deg / 2 + max(h / v for h, v, _ in design.ramps()) + design.ramp_foot_deg / 2 + 2
     lifted = [float(np.abs(table["cam_angle_deg"][table["lift_mm"] > 0]).max(initial=0.0)) for _, table in cams]
     end = max(end, *lifted)  # a cam longer than the design shows whole
@@ -96,15 +98,6 @@ def _limits(rows: Sequence[Axes], design: Design) -> None:
         rows[2].axvspan(-design.nose_deg, design.nose_deg, ymin=0, ymax=1, color=SHADE, zorder=0)
         how = {"ha": "center", "va": "top", "fontsize": BASE - 1.5, "color": "#555555"}
         write(rows[2], "nose: no positive acceleration", (0, 0.97), (0, 0), over=rows[2].get_xaxis_transform(), **how)
-
-
-def _shorten_jerk(axes: Axes, cams: Sequence[tuple[str, Table]], span: float) -> None:
-    """Ends the jerk axis at +-span and says which cams go beyond."""
-    largest = [(name, float(np.max(np.abs(table["jerk_mm_per_deg3"])))) for name, table in cams]
-    beyond = ", ".join(f"{name} to ±{jerk:.2g}" for name, jerk in largest if jerk > span)
-    if beyond:
-        axes.set_ylim(-span, span)
-        axes.set_title(f"beyond this axis: {beyond}", fontsize=BASE - 1.5, fontweight="normal")
 
 
 @dataclass(frozen=True)
@@ -208,13 +201,14 @@ def _after_and_touched(motion: DrawnMotion) -> tuple[np.ndarray, np.ndarray]:
     return after, np.cumsum(after & (motion.valve_mm <= 0)) > 0
 
 
-def _shorten(axes: Axes, values: Mapping[str, np.ndarray], top: float, unit: str) -> None:
-    """Say which cams go beyond the axis, and how far."""
+def _shorten(axes: Axes, values: Mapping[str, np.ndarray], top: float, unit: str) -> bool:
+    """Says above the axis which cams go beyond it, and how far; whether any does."""
     beyond = {cam: float(np.max(v, initial=0.0)) for cam, v in values.items()}
     words = [f"{cam} {largest:.3g}" for cam, largest in beyond.items() if largest > top]
     if words:
         lines = "\n".join(", ".join(words[i : i + 2]) for i in range(0, len(words), 2))
         axes.set_title(f"beyond this axis [{unit}]: {lines}", fontsize=BASE - 2, fontweight="normal")
+    return bool(words)
 
 
 def _closing(motions: Sequence[DrawnMotion], design: Design) -> tuple[float, float, float]:

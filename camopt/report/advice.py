@@ -2,17 +2,72 @@
 
 No command is advised that ran already with the same options: accuracy rises from step to step, then the wanted yield
 falls to what was reached, and in the end the user has to move the limits.
+
+What is to be measured first are the numbers that the scene assumes, ranked by their influence on the verdict: every
+assumed number of a mass or an element is raised and lowered by `MOVED`, and event-exact computes the settled motion at
+the highest listed speed; a number ranks by how much it raises the used share of a limit on the motion.
 """
 
 import shlex
 from collections.abc import Sequence
+from functools import lru_cache
 
+from camopt.cam.lift import Lift
+from camopt.exact.settled import settled_metrics
+from camopt.measure.limits import motion_limits
 from camopt.measure.yield_words import ADVISED, ENOUGH, HELD, MISSED, NOT_ASKED, estimated_words, standing
-from camopt.report.assumed import AssumedNumber, first_to_measure
 from camopt.report.folder import RunFolder
 from camopt.report.wording import label_and_unit
+from camopt.scene import Scene, build_train
+from camopt.scene.parameters import KEYS, SceneNumber, with_numbers
 from camopt.scene.quantities import is_number
 from camopt.verifier import ACCURACY_NAMES, FINE
+
+MOVED = 0.1
+"""Share by which each number is moved: a usual error of a guess."""
+MOST_SHOWN = 2
+"""Names in the sentence on what to measure first."""
+
+
+def assumed_numbers(scene: Scene) -> list[SceneNumber]:
+    """The numbers of masses and elements that the scene marks as assumed and that are not zero."""
+    numbers = [
+        SceneNumber(table, i, key)
+        for table, keys in KEYS.items()
+        for i, row in enumerate(getattr(scene, table))
+        for key in row.assumed
+        if key in keys
+    ]
+    return [number for number in numbers if number.of(scene)]
+
+
+@lru_cache(maxsize=4)  # a run writes its page before the comparison, and after it once more
+def ranked(scene: Scene, lift: Lift) -> tuple[dict, ...]:
+    """The assumed numbers, the most influential first; empty where the scene limits no motion, and where event-exact
+    cannot compute it. Each has its `name`, its `value`, and the `limit` that a change of it affects most, with the
+    `share` of it that is used and what that is `moved_to` at the worst, infinite where no motion settles or seats."""
+    limits, numbers, train = motion_limits(scene.design), assumed_numbers(scene), build_train(scene)
+    if not limits or not numbers or scene.operation is None or not train.straight:
+        return ()
+    moved = [with_numbers(scene, {n: n.of(scene) * f}) for n in numbers for f in (1 - MOVED, 1 + MOVED)]
+    speeds = [scene.cam_speed(scene.operation.speeds_rpm[-1])]
+    metrics = settled_metrics([train, *map(build_train, moved)], [lift], speeds)
+    shares = {key: limit.share(metrics.worst(limit.metric)[:, 0]).max(axis=1) for key, limit in limits.items()}
+    rows = []
+    for i, number in enumerate(numbers):
+        both = {key: share[1 + 2 * i : 3 + 2 * i].max() for key, share in shares.items()}
+        key = max(both, key=lambda key: both[key] - shares[key][0])
+        used = {"limit": key, "share": float(shares[key][0]), "moved_to": float(both[key])}
+        rows.append({"name": number.named(scene), "value": number.of(scene)} | used)
+    return tuple(sorted(rows, key=lambda row: row["share"] - row["moved_to"]))
+
+
+def first_to_measure(ranking: Sequence[dict]) -> str:
+    """The names of the most influential numbers, for a sentence; empty where none is assumed."""
+    names = [row["name"] for row in ranking[:MOST_SHOWN]]
+    more = len(ranking) - len(names)
+    return ", ".join(names) + (f" and {more} more, ranked in the valve train's section" if more else "")
+
 
 LESS_WANTED = (0.99, 0.97, 0.95, 0.9, 0.8, 0.7, 0.6, 0.5)
 """Yields that are asked for where a larger one was missed at the finest accuracy."""
@@ -21,7 +76,7 @@ NAMED = 2
 """Assumed numbers of the geometry that a sentence names; the others are counted."""
 
 
-def advice(run: RunFolder, scene: str, cam: str, assumed: Sequence[AssumedNumber] = ()) -> list[dict[str, str]]:
+def advice(run: RunFolder, scene: str, cam: str, assumed: Sequence[dict] = ()) -> list[dict[str, str]]:
     """What to do with this run, the first thing first: a sentence each, and the command that does it.
 
     `scene` and `cam` are what the commands name: a scene's name or file, and the run folder's path. `assumed` are the
@@ -52,7 +107,7 @@ def further(run: RunFolder, scene: str, cam: str) -> dict[str, str]:
     return next_steps[0] if next_steps else steps.step("Move the limits and watch the cam.", "design", scene)
 
 
-def _before_the_grinder(run: RunFolder, steps: "_Commands", assumed: Sequence[AssumedNumber]) -> list[dict[str, str]]:
+def _before_the_grinder(run: RunFolder, steps: "_Commands", assumed: Sequence[dict]) -> list[dict[str, str]]:
     """What is left to do with a confirmed cam until it is ground."""
     record = run.built
     stands = standing(record)
@@ -88,7 +143,7 @@ def _after_a_miss(record: dict, share: str, steps: "_Commands") -> list[dict[str
     return [steps.halved(f"{words}: see which tolerance spoils most, and narrow it.")]
 
 
-def _to_the_grinder(run: RunFolder, share: str, assumed: Sequence[AssumedNumber]) -> str:
+def _to_the_grinder(run: RunFolder, share: str, assumed: Sequence[dict]) -> str:
     """To have the cam ground, once the numbers that its motion and its outline depend on are measured."""
     geometry = run.scene.get("geometry")
     guessed = geometry.get("assumed") if isinstance(geometry, dict) else None

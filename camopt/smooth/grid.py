@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from camopt.scene.shapes import Float
-from camopt.smooth.contact import RAMPS, Layer
+from camopt.smooth.contact import Layer
 from camopt.smooth.scan import ERROR, NODES, STAGES, WEIGHTS, DrivenSystem, at_stage, combine, stage_slopes
 from camopt.smooth.system import Array
 
@@ -20,6 +20,8 @@ CLIP_STEP = 1e-4
 """Longest step over an angle at which a force is clipped, as a phase [rad] of the stiffest motion."""
 EDGE = 1e-3
 """Longest step over the edge of a layer, in units of eps. Between the edges the law is a polynomial."""
+ACROSS = 4
+"""Steps that a layer is crossed in, at least."""
 BETWEEN = np.arange(1, 8) / 8
 """Shares of a step at which its motion is examined besides at its stages, because a contact may open and close between
 two stages."""
@@ -149,12 +151,12 @@ def contact_limit(u, g, h, layer: Layer, clip_step) -> jax.Array:
     layer and the clip are crossed in short steps that start just before them. No stage of a long step may lie behind
     one, because its derivative belongs to the other side, however little its force differs. The last stages are less
     accurate than the end, so that even a step that ends just before an edge may be refused. Inside a layer a step may
-    change the compression by the share of the layer that the ramp states.
+    change the compression by one of `ACROSS` shares of the layer.
     """
     if u.size == 0:
         return jnp.ones_like(h)
     half = layer.half_width
-    share = 2 * half / RAMPS[layer.ramp].steps
+    share = 2 * half / ACROSS
     pushing, change = jnp.any(g > 0, axis=0), jnp.abs(u[-1] - u[0])
     edges = [_crossing(u - edge, pushing, EDGE * layer.eps) for edge in (-half, half)]
     inside = pushing & (jnp.abs(u[0]) < half) & (change > share)

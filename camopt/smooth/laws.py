@@ -20,7 +20,7 @@ import numpy as np
 from camopt.scene.contact_laws import ContactLaw
 from camopt.scene.laws import FRICTION, OF_CONTACTS, OIL, PROGRESSIVE, STAND_IN_FORCE, TABLE, Laws
 from camopt.scene.train import LAW_PARAMETERS
-from camopt.smooth.contact import RAMPS, Layer
+from camopt.smooth.contact import Layer
 
 
 class ElasticLaws(eqx.Module):
@@ -91,13 +91,13 @@ class ElasticLaws(eqx.Module):
 
     def memory_rate(self, slack, d_dt, force, stiffness, layer: Layer) -> jax.Array:
         """Rates (r, *b) [m/s] of the memories, from the rates d' (r, *b) and the forces (r, *b) of their elements."""
-        slope, rates = RAMPS[layer.ramp].slope, []
+        rates = []
         for s, rate, f, e in zip(slack, d_dt, force, self.memory, strict=True):
             if self.kind[e] == OIL:
-                rates.append(f / self.leak[e] - jnp.maximum(0.0, -rate) * slope(-s / layer.eps))
+                rates.append(f / self.leak[e] - jnp.maximum(0.0, -rate) * layer.slope(-s / layer.eps))
             else:
                 side, beyond = jnp.where(s > 0.0, 1.0, -1.0), jnp.abs(s) - self.slip[e] / stiffness[e]
-                rates.append(side * jnp.maximum(0.0, side * rate) * slope(beyond / layer.eps))
+                rates.append(side * jnp.maximum(0.0, side * rate) * layer.slope(beyond / layer.eps))
         return jnp.stack(rates)
 
     def bounds(self, slack: jax.Array, stiffness: jax.Array) -> jax.Array:
@@ -127,7 +127,7 @@ def elastic_laws(laws: Laws, dtype) -> ElasticLaws:
 
 def _ramp(r: jax.Array, layer: Layer | None) -> jax.Array:
     """max(0, r), rounded over the width of a layer where there is one."""
-    return jnp.maximum(0.0, r) if layer is None else layer.eps * RAMPS[layer.ramp].value(r / layer.eps)
+    return jnp.maximum(0.0, r) if layer is None else layer.eps * layer.ramp(r / layer.eps)
 
 
 def _on_lines(table: jax.Array, d: jax.Array, layer: Layer | None) -> jax.Array:

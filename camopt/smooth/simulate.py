@@ -1,7 +1,5 @@
 """Simulating a valve train on the smooth path: the differentiable core, and the record for everyone else."""
 
-from functools import partial
-
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -11,7 +9,7 @@ from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.response import Response, Revolve, end_state, joined
 from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
-from camopt.smooth.contact import RAMPS, Layer
+from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid, refined_grid
 from camopt.smooth.scan import DrivenSystem, forces_at, integrate, lift_at
 from camopt.smooth.system import SystemState, build_system, stacked
@@ -21,7 +19,6 @@ EPS = 2e-9
 to 5 percent, and one of 1e-8 those of a hop of 6e-8 m by 2 percent. The grid resolves the layer, so that a narrow one
 costs no more than a wide one."""
 LAYER = Layer(EPS)
-"""The layer of that width, with the compact ramp across it."""
 TOLERANCE = 3e-12
 """Default error permitted per step [m]. Gradients at 6000 r/min are then right within one percent; with 1e-9 they are
 right within ten percent."""
@@ -55,7 +52,7 @@ def response_arrays(
 
     The motion is differentiable in every array. The samples of `driven` are what `lift_samples` gives; `tolerance` [m]
     is that of `refined_grid`, and without `refine` the steps are equal. `jax.vmap` makes batches of speeds, cams or
-    systems. One program is compiled per topology, ramp, shapes and keywords. Where `steps` do not suffice every sample
+    systems. One program is compiled per topology, shapes and keywords. Where `steps` do not suffice every sample
     is NaN.
     """
 
@@ -78,44 +75,34 @@ def response_arrays(
     return jax.tree.map(lambda q: q.reshape(-1, *q.shape[2:]), motion)
 
 
-STATIC = ("revolutions", "steps", "refine")
-compiled_response = partial(jax.jit, static_argnames=STATIC)(response_arrays)
-
-
-def touch_layer(eps, ramp: str = "compact"):
-    """Distance s [m] at which the smoothed seat starts to push, for `camopt.smooth.metrics`; 0 for softplus."""
-    return Layer(eps, ramp).half_width if ramp == "compact" else 0.0
+compiled_response = jax.jit(response_arrays, static_argnames=("revolutions", "steps", "refine"))
 
 
 def prepare(
     train: Train,
     lift: Lift,
     cam_speed: float,
-    steps_per_revolution: int | None = None,
     *,
     layer: Layer = LAYER,
     tolerance: float = TOLERANCE,
-    method: str = "scan",
 ) -> Revolve:
     """One smoothed revolution as a function of its start state (2n + r: [m], [m/s], [m]); `cam_speed` is in rad/s.
 
-    The `method` "scan" refines its grid, or takes `steps_per_revolution` equal steps where they are given. Any other
-    method is the name of a diffrax solver in lower case ("tsit5", "dopri8", "kvaerno5", ...). `layer` and `tolerance`
-    [m] are those of `response_arrays`. Raises InputError for an unusable layer, and MotionRefused where no grid
-    resolves the motion.
+    `layer` and `tolerance` [m] are those of `response_arrays`; the number of steps is raised until it suffices. Raises
+    InputError for a width that is not positive, and MotionRefused where no grid resolves the motion.
     """
-    _check_layer(layer)
+    if not layer.eps > 0.0:
+        raise InputError(
+            f"eps = {layer.eps:g} m: the width of the contact's layer must be positive; {EPS:g} m is the default"
+        )
     driven = DrivenSystem(build_system(train), jnp.asarray(lift_samples(lift)), cam_speed)
 
     def one_revolution(state: np.ndarray) -> Response:
-        y0 = stacked(state, len(train.mass))
-        if method == "scan":
-            motion = _scanned(driven, y0, layer, tolerance, steps_per_revolution)
-        else:
-            angle = equal_grid(steps_per_revolution or LIFT_SAMPLES)
-            from camopt.smooth.adaptive import adaptive_states  # diffrax is not needed otherwise
-
-            motion = adaptive_states(driven, y0, angle, layer, tolerance, solver=method)
+        y0, steps = stacked(state, len(train.mass)), STEPS
+        motion = compiled_response(driven, y0, layer, tolerance, steps=steps)
+        while not jnp.isfinite(motion.x[0, 0]) and steps < MOST_GRID_STEPS:
+            steps *= 4
+            motion = compiled_response(driven, y0, layer, tolerance, steps=steps)
         angle, cam_lift, x, v, force = (np.asarray(q) for q in motion[:5])
         memory = np.zeros((len(angle), 0)) if motion.memory is None else np.asarray(motion.memory)
         if not np.all(np.isfinite(x)):
@@ -127,28 +114,6 @@ def prepare(
         return Response(train, cam_speed, *(q[distinct] for q in (angle, cam_lift, x, v, force, memory)))
 
     return one_revolution
-
-
-def _check_layer(layer: Layer) -> None:
-    """Raises InputError for a width that is not positive and for an unknown ramp."""
-    if not layer.eps > 0.0:
-        raise InputError(
-            f"eps = {layer.eps:g} m: the width of the contact's layer must be positive; {EPS:g} m is the default"
-        )
-    if layer.ramp not in RAMPS:
-        raise InputError(f"ramp {layer.ramp!r}: unknown; choose one of {', '.join(RAMPS)}")
-
-
-def _scanned(driven: DrivenSystem, y0, layer: Layer, tolerance: float, steps: int | None) -> SystemState:
-    """One revolution by the scan; where the number of steps was not given, it is raised until it suffices."""
-    if steps is not None:
-        return compiled_response(driven, y0, layer, tolerance, steps=steps, refine=False)
-    steps = STEPS
-    motion = compiled_response(driven, y0, layer, tolerance, steps=steps)
-    while not jnp.isfinite(motion.x[0, 0]) and steps < MOST_GRID_STEPS:
-        steps *= 4
-        motion = compiled_response(driven, y0, layer, tolerance, steps=steps)
-    return motion
 
 
 def simulate_smooth(

@@ -17,11 +17,10 @@ from camopt.scene.shapes import Float
 from camopt.scene.train import LAW_PARAMETERS, Train
 from camopt.smooth.contact import Layer
 from camopt.smooth.grid import LARGEST_PHASE, equal_grid
-from camopt.smooth.interpolation import at_angle
-from camopt.smooth.metrics import revolution_metrics
+from camopt.smooth.metrics import at_angle, revolution_metrics
 from camopt.smooth.rest import rest_of
 from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import EPS, LIFT_SAMPLES, STEPS, response_arrays, touch_layer
+from camopt.smooth.simulate import EPS, LIFT_SAMPLES, STEPS, response_arrays
 from camopt.smooth.system import System, SystemState, build_system
 
 
@@ -99,7 +98,7 @@ def _motion(
     driven = DrivenSystem(system, samples, cam_speed)
     motion = response_arrays(driven, rest_of(system), Layer(eps), revolutions=revolutions, steps=most)
     found = [
-        revolution_metrics(system, motion, cam_speed, half_duration, borders[foot], r, touch_layer(eps))
+        revolution_metrics(system, motion, cam_speed, half_duration, borders[foot], r, Layer(eps).half_width)
         for r in range(revolutions - 1)
     ]
     metrics = {name: jnp.stack([f[name] for f in found]) for name in found[0]} if found else {}

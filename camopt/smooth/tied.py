@@ -22,10 +22,9 @@ import numpy as np
 from camopt.scene.rest import rest_position
 from camopt.scene.smoothing import Smoothing
 from camopt.scene.train import Train
-from camopt.smooth.adaptive import ADJOINTS
 from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
-from camopt.smooth.low_storage import LowStorage
+from camopt.smooth.low_storage import ADJOINTS, LowStorage
 from camopt.smooth.scan import lift_at
 from camopt.smooth.system import Array, System, build_system, column
 

@@ -1,7 +1,7 @@
 """Fixed problems as data: trains with known motions, and the tolerance that each method must meet on each.
 
 The motion compared is that of one mass over one revolution. Its reference is a formula where there is one, and else
-event-exact in smaller steps, which tests hold to DOP853 and to formulas. `camopt.study.extremes.step_methods` names the
+event-exact in smaller steps, which tests hold to DOP853 and to formulas. `camopt.study.extremes.extremes` names the
 methods.
 """
 

@@ -18,15 +18,17 @@ from camopt.exact.adjoint.motion import TracedMotion
 from camopt.scene import MotionRefused, Response, Scene, Train
 from camopt.scene.rest import state_at_rest
 from camopt.smooth.contact import Layer
+from camopt.smooth.grid import equal_grid
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import lift_samples, prepare, response_arrays, touch_layer
+from camopt.smooth.simulate import LIFT_SAMPLES, lift_samples, response_arrays
 from camopt.smooth.system import SystemState, build_system, stacked
 from camopt.study.measurements import REFERENCE, Measurement, fastest, timed
 from camopt.study.tradeoff.methods import REFERENCE_STEPS, TOLERANCE_OF_EPS, RevolutionCase, valve_lift
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import METHOD_NAMES, rkg
+from experiments.support.diffrax_tsit5 import tsit5_states
 from experiments.support.smooth_batch import batch_motion, stage_lifts
 
 EQUAL_EPS = (1e-5, 1e-6, 1e-7)
@@ -55,8 +57,14 @@ def smooth_work(scene: Scene, cam: Lift) -> Iterator[Measurement]:
 
 
 def _diffrax(case: RevolutionCase, tolerance: float) -> dict:
-    motion = case.train, case.cam, case.cam_speed
-    return case.measured(prepare(*motion, layer=Layer(1e-7), tolerance=tolerance, method="tsit5"))
+    driven = DrivenSystem(build_system(case.train), jnp.asarray(lift_samples(case.cam)), case.cam_speed)
+    angle = equal_grid(LIFT_SAMPLES)
+
+    def revolve(state: np.ndarray) -> Response:
+        motion = tsit5_states(driven, stacked(state, len(case.train.mass)), angle, Layer(1e-7), tolerance)
+        return Response(case.train, case.cam_speed, angle, *recorded(motion))
+
+    return case.measured(revolve)
 
 
 def exact_gradient(case: RevolutionCase) -> np.ndarray:
@@ -100,8 +108,8 @@ def _equal(case: RevolutionCase, precision: str, steps: int, eps: float) -> dict
 
 
 def recorded(motion: SystemState) -> list[np.ndarray]:
-    """Lift (b, k), x, v (b, k, n), force (b, k, e) and memory (b, k, r) of b motions, as doubles: the integration alone
-    is judged."""
+    """Lift (*b, k), x, v (*b, k, n), force (*b, k, e) and memory (*b, k, r) of motions, as doubles: the
+    integration alone is judged."""
     memory = np.zeros((*motion.lift.shape, 0)) if motion.memory is None else motion.memory
     return [np.asarray(q, dtype=float) for q in (*motion[1:5], memory)]
 
@@ -117,7 +125,7 @@ def _gradient(case: RevolutionCase, eps: float) -> dict:
             changed = eqx.tree_at(lambda s: s.stiffness, system, system.stiffness * factors)
             driven, tolerance = DrivenSystem(changed, samples, case.cam_speed), eps * TOLERANCE_OF_EPS
             motion = response_arrays(driven, rest, Layer(eps), tolerance, revolutions=2, steps=GRADIENT_STEPS)
-            metrics = revolution_metrics(changed, motion, case.cam_speed, half, foot, layer=touch_layer(eps))
+            metrics = revolution_metrics(changed, motion, case.cam_speed, half, foot, layer=Layer(eps).half_width)
             return metrics["seating_velocity_m_per_s"]
 
         return jax.grad(value)(factors)

@@ -7,7 +7,7 @@ import pytest
 
 from camopt.scene.units import RPM
 from camopt.study.extremes.classification import WITHIN
-from camopt.study.extremes.step_methods import STEP_METHODS
+from camopt.study.extremes.extremes import STEP_METHODS
 from camopt.verifier.outside.forces import LAWS_OF_CONTACT
 from experiments.accuracy_promise import DRAWS
 from experiments.linear_cost import SCENES

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from camopt.study.extremes.step_methods import LOCATING, STEP_METHODS
+from camopt.study.extremes.extremes import LOCATING, STEP_METHODS
 from experiments.support.problems import HEIGHT, PROBLEMS, bouncing, position
 
 ANGLE = np.linspace(-np.pi, np.pi, 361)

@@ -8,7 +8,6 @@ from camopt.scene import InputError
 from experiments import (
     accuracy_promise,
     architectures,
-    batch_scaling,
     cost_scaling,
     gradient_bias,
     job_time,
@@ -174,14 +173,6 @@ def test_the_fastest_calls_count():
     sizes = iter([90_000, 90_000, *[30_000] * 18, 1000, 1000])
     seconds = linear_cost.fastest_tenth(lambda: sum(range(next(sizes))), 20)
     assert 0.0 < seconds < 2e-4
-
-
-@pytest.mark.parametrize("seconds", [0.01])
-def test_the_least_time_is_that_of_the_call(seconds):
-    import time
-
-    found = batch_scaling.least(time.sleep, seconds)
-    assert seconds <= found["ms"] and found["processor_ms"] < seconds  # it sleeps
 
 
 def test_the_exponent_is_a_slope():

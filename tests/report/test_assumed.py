@@ -9,8 +9,7 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.report import write_report
-from camopt.report.advice import advice
-from camopt.report.assumed import AssumedNumber, assumed_numbers, first_to_measure, ranked
+from camopt.report.advice import advice, assumed_numbers, first_to_measure, ranked
 from camopt.report.cams import stress
 from camopt.report.folder import read_run_folder
 from camopt.report.motion import RunCams
@@ -38,23 +37,23 @@ def test_the_ranking_is_what_a_tenth_does_to_the_limits():
     from camopt.scene import build_train
 
     rows = ranked(SCENE, CAM)
-    assert {row.name for row in rows} == {n.named(SCENE) for n in assumed_numbers(SCENE)} and len(rows) > 1
-    moved = [row.moved_to - row.share for row in rows]
+    assert {row["name"] for row in rows} == {n.named(SCENE) for n in assumed_numbers(SCENE)} and len(rows) > 1
+    moved = [row["moved_to"] - row["share"] for row in rows]
     assert moved == sorted(moved, reverse=True) and moved[0] > 0
     first = rows[0]
-    (number,) = (n for n in assumed_numbers(SCENE) if n.named(SCENE) == first.name)
-    limit, found = motion_limits(SCENE.design)[first.limit], []
+    (number,) = (n for n in assumed_numbers(SCENE) if n.named(SCENE) == first["name"])
+    limit, found = motion_limits(SCENE.design)[first["limit"]], []
     for factor in (0.9, 1.1):
         scene = with_numbers(SCENE, {number: factor * number.of(SCENE)})
         worst = settled_metrics([build_train(scene)], [CAM], [scene.cam_speed(SCENE.operation.speeds_rpm[-1])])
         found.append(float(limit.share(worst.worst(limit.metric)[0, 0])[0]))
-    assert first.moved_to == pytest.approx(np.max(found), rel=1e-9)
+    assert first["moved_to"] == pytest.approx(np.max(found), rel=1e-9)
 
 
 def test_the_table_and_the_sentence_name_them_in_order():
-    found = [AssumedNumber(f"m{i}.mass_kg", 0.1, "bounce_max_mm", 0.5, 0.9 - 0.1 * i) for i in range(6)]
-    found[0] = AssumedNumber("seat.damping_N_s_per_m", 500.0, "bounce_max_mm", 0.5, np.inf)
-    assert [after_a_change(row.moved_to) for row in found[:2]] == ["no motion that counts", "80 %"]
+    found = [{"name": f"m{i}.mass_kg", "moved_to": 0.9 - 0.1 * i} for i in range(6)]
+    found[0] = {"name": "seat.damping_N_s_per_m", "moved_to": np.inf}
+    assert [after_a_change(row["moved_to"]) for row in found[:2]] == ["no motion that counts", "80 %"]
     said = "seat.damping_N_s_per_m, m1.mass_kg and 4 more, ranked in the valve train's section"
     assert first_to_measure(found) == said
     assert first_to_measure(found[:2]) == "seat.damping_N_s_per_m, m1.mass_kg" and first_to_measure([]) == ""

@@ -5,10 +5,9 @@ from dataclasses import replace
 import pytest
 
 from camopt.report.advice import advice
-from camopt.report.edge import edge_sentences
-from camopt.report.first_screen import banner
 from camopt.report.folder import read_run_folder
-from camopt.report.outcome import outcome_lines, outcome_rows, yield_sentences
+from camopt.report.outcome import edge_sentences, outcome_lines, outcome_rows, yield_sentences
+from camopt.report.page import banner
 from tests.report.conftest import EVIL_TITLE
 from tests.report.test_report_page import page_of
 

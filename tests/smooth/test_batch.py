@@ -13,7 +13,7 @@ from camopt.smooth.contact import Layer
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import compiled_response, lift_samples, touch_layer
+from camopt.smooth.simulate import compiled_response, lift_samples
 from camopt.smooth.system import build_system
 from experiments.support.smooth_batch import batch_motion, stage_lifts
 from tests.smooth.trains import motori
@@ -31,7 +31,7 @@ METRICS = ("seating_velocity_m_per_s", "dynamic_area_mm_deg", "contact_force_max
 def batch(system, height, speeds, eps):
     motions = batch_motion(system, STAGES + SCALED * height[None, None, None], speeds, rest_state(TRAIN), eps)
     shape = LIFT.half_duration, LIFT.opening_foot
-    found = jax.vmap(lambda one, at: revolution_metrics(system, one, at, *shape, layer=touch_layer(eps)))(
+    found = jax.vmap(lambda one, at: revolution_metrics(system, one, at, *shape, layer=Layer(eps).half_width))(
         motions, speeds
     )
     return jnp.stack([found[name] for name in METRICS])

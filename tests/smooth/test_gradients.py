@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 from scipy.interpolate import BSpline, PPoly
 
-from camopt.cam.bumps import moved, with_bumps
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.engine import prepare as prepare_exact
@@ -23,8 +22,9 @@ from camopt.scene.units import DEG
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_of, rest_state
 from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import EPS, STEPS, lift_samples, response_arrays, touch_layer
+from camopt.smooth.simulate import EPS, LAYER, STEPS, lift_samples, response_arrays
 from camopt.smooth.system import build_system
+from camopt.study.gradient.paths import moved, with_bumps
 from tests.smooth.trains import delivered, kodama
 
 METRICS = ("seating_velocity_m_per_s", "contact_force_min_N", "closed_integral_m2_rad", "contact_force_max_N")
@@ -67,7 +67,7 @@ def exact_metrics(train, lift, cam_speed, state) -> np.ndarray:
 
 def smooth_values(system, samples, cam_speed, y0, half_duration, opening_foot):
     motion = response_arrays(DrivenSystem(system, samples, cam_speed), y0, steps=STEPS)
-    found = revolution_metrics(system, motion, cam_speed, half_duration, opening_foot, layer=touch_layer(EPS))
+    found = revolution_metrics(system, motion, cam_speed, half_duration, opening_foot, layer=LAYER.half_width)
     return jnp.stack([found[name] for name in METRICS])
 
 

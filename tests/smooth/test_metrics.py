@@ -11,8 +11,7 @@ from camopt.exact.engine import prepare as prepare_exact
 from camopt.measure.metrics import measure
 from camopt.scene import QUANTITIES
 from camopt.scene.response import end_state, joined
-from camopt.smooth.interpolation import greatest, least
-from camopt.smooth.metrics import closing, revolution_metrics
+from camopt.smooth.metrics import closing, greatest, least, revolution_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.system import SystemState, build_system
 from tests.smooth.trains import kodama

@@ -19,7 +19,7 @@ from camopt.scene.units import RPM
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_of
 from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import EPS, lift_samples, response_arrays, touch_layer
+from camopt.smooth.simulate import EPS, LAYER, lift_samples, response_arrays
 from camopt.smooth.system import build_system
 from tests.smooth.trains import motori
 
@@ -40,7 +40,7 @@ METRICS = ("dynamic_area_mm_deg", "contact_force_max_N", "seating_velocity_m_per
 
 def metrics(system, speed):
     motion = response_arrays(DrivenSystem(system, SAMPLES, speed), rest_of(system), steps=OFFERED)
-    found = revolution_metrics(system, motion, speed, LIFT.half_duration, LIFT.opening_foot, layer=touch_layer(EPS))
+    found = revolution_metrics(system, motion, speed, LIFT.half_duration, LIFT.opening_foot, layer=LAYER.half_width)
     return jnp.stack([found[name] for name in METRICS])
 
 

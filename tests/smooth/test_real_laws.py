@@ -16,8 +16,8 @@ from camopt.scene.laws import LINEAR, TABLE
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM
 from camopt.smooth.contact import Layer
-from camopt.smooth.interpolation import at_angle
 from camopt.smooth.laws import elastic_laws
+from camopt.smooth.metrics import at_angle
 from camopt.smooth.rest import rest_of, rest_state
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import compiled_response, lift_samples, prepare

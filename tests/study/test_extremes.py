@@ -24,8 +24,7 @@ from camopt.study.extremes.classification import (
     judge,
     truth,
 )
-from camopt.study.extremes.extremes import LINES, defects, extremes
-from camopt.study.extremes.step_methods import STEP_METHODS
+from camopt.study.extremes.extremes import LINES, STEP_METHODS, defects, extremes
 from camopt.study.measurements import COLUMNS
 from camopt.verifier.convergence import Converged, Tolerances
 from camopt.verifier.methods import rkg

@@ -9,7 +9,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest
 from camopt.study.extremes.cases import cases
-from camopt.study.extremes.step_methods import smooth_float32
+from camopt.study.extremes.extremes import smooth_float32
 from camopt.study.simulate.motion import simulate
 from camopt.study.tradeoff.methods import RevolutionCase
 from experiments.support.smooth_costs import equal_steps, recorded

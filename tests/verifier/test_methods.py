@@ -12,7 +12,7 @@ from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest
 from camopt.scene.train import GROUND
 from camopt.scene.units import MM
-from camopt.study.extremes.step_methods import STEP_METHODS as METHODS
+from camopt.study.extremes.extremes import STEP_METHODS as METHODS
 from camopt.verifier.methods import rkg
 from tests.verifier.trains import ball_on_seat, no_lift, smooth_lift, train, two_springs
 

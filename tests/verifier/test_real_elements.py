@@ -7,7 +7,7 @@ import pytest
 
 from camopt.scene.laws import FRICTION, LINEAR, OIL, TABLE
 from camopt.scene.train import GROUND, Forcing
-from camopt.study.extremes.step_methods import STEP_METHODS
+from camopt.study.extremes.extremes import STEP_METHODS
 from camopt.verifier.methods import dop853
 from tests.verifier.trains import laws, no_lift, train
 

@@ -11,7 +11,7 @@ from camopt.cam.families.exponent import exponent
 from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM
-from camopt.study.extremes.step_methods import STEP_METHODS
+from camopt.study.extremes.extremes import STEP_METHODS
 from camopt.verifier.methods import dop853
 from tests.verifier.test_dop853 import GRID
 

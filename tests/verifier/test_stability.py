@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from camopt.scene.train import GROUND
-from camopt.study.extremes.step_methods import STEP_METHODS as METHODS
+from camopt.study.extremes.extremes import STEP_METHODS as METHODS
 from camopt.verifier.convergence import Prepare
 from camopt.verifier.methods import houbolt
 from tests.verifier.trains import no_lift, train

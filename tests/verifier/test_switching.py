@@ -5,7 +5,7 @@ import pytest
 
 from camopt.exact import prepare as event_exact
 from camopt.scene.train import GROUND
-from camopt.study.extremes.step_methods import STEP_METHODS as METHODS
+from camopt.study.extremes.extremes import STEP_METHODS as METHODS
 from tests.verifier.trains import no_lift, train
 
 STEP = 0.4 / 60_000

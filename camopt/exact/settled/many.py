@@ -9,7 +9,6 @@ where the slowest mode needs more than 40 revolutions, these are run and not loo
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 
 import numpy as np
 
@@ -83,20 +82,16 @@ def settled_metrics(
         _run(job, cams[trains[job.t].forcing], (measured, aperiodic))
         job.write(metrics)
 
-    def run_train(t: int, by: Callable = map) -> None:
+    def run_train(t: int, by: Callable) -> None:
         start = None if begin is None else begin[t]
         parts = 1 if len(trains) >= workers else PARTS * workers
         jobs = _jobs(trains, t, len(lifts), speeds, start, (decay, most, kept and len(trains) == 1), parts)
         list(by(run_job, jobs))
 
-    if workers == 1:  # without the price of threads, which is that of a few motions
-        list(map(run_train, range(len(trains))))
-        return metrics
-    with ThreadPoolExecutor(workers) as pool:
-        if len(trains) >= workers:
-            list(pool.map(run_train, range(len(trains))))
-        else:
-            list(map(partial(run_train, by=pool.map), range(len(trains))))
+    with ThreadPoolExecutor(workers) as pool:  # which starts no thread while it is given no work
+        together = len(trains) >= workers
+        by_train, by_job = (map, map) if workers == 1 else (pool.map, map) if together else (map, pool.map)
+        list(by_train(lambda t: run_train(t, by_job), range(len(trains))))
     return metrics
 
 

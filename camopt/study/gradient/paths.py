@@ -26,7 +26,7 @@ from camopt.scene.shapes import Float
 from camopt.smooth.contact import Layer
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import MOST_GRID_STEPS, TOLERANCE, lift_samples, response_arrays, touch_layer
+from camopt.smooth.simulate import MOST_GRID_STEPS, TOLERANCE, lift_samples, response_arrays
 from camopt.smooth.system import build_system, stacked
 from camopt.study.measurements import fastest
 from camopt.verifier.methods.dop853 import prepare as prepare_dop853
@@ -129,7 +129,7 @@ def smooth_gradients(p: Problem) -> Callable[[float], PathGradients]:
     def metrics(heights, eps, steps: int):
         driven = DrivenSystem(system, base + jnp.asarray(parts) @ heights, p.cam_speed)
         motion = response_arrays(driven, y0, Layer(eps), TOLERANCE, revolutions=REVOLUTIONS, steps=steps)
-        values = revolution_metrics(system, motion, p.cam_speed, *shape, layer=touch_layer(eps))
+        values = revolution_metrics(system, motion, p.cam_speed, *shape, layer=Layer(eps).half_width)
         return jnp.stack([values[name] for name in METRICS])
 
     values_of = jax.jit(metrics, static_argnames="steps")
