@@ -4,6 +4,7 @@ Everything beyond the scene is imported inside the verb, so that bad input is an
 stand the verbs that design, judge and show a cam; those that study a scene are in `camopt.cli.studies`.
 """
 
+import atexit
 import gc
 import signal
 import sys
@@ -32,6 +33,7 @@ if TYPE_CHECKING:
     from camopt.cam.card import CamCard
     from camopt.cam.lift import Lift
 
+atexit.register(gc.freeze)  # what is left goes with the process: to walk through it once more takes a second
 GEOMETRY = ("speed", "contour", "dxf")
 """Options of `camopt cam` that need [geometry]."""
 CARD = ("card", "card_csv", "lifts_mm", "centre_deg", "exhaust")
