@@ -55,6 +55,7 @@ class OpeningsProgram:
     def about(self, forces: np.ndarray) -> None:
         """Takes other forces, about another cam, as they are."""
         self.forces, self._rows, self._work = forces, {}, set()
+        self._tight, self._seen, self._tight_limits = set[Key](), set[Key](), np.zeros(0, dtype=int)
         self.kept = np.ones(len(forces), dtype=bool)
 
     def keep(self, margin_N: float) -> None:
@@ -151,11 +152,20 @@ class OpeningsProgram:
         vars(program)["limits"] = self._limits
         at = np.array([(t % len(limits), s) for t, s in cases])
         margins = np.tile(-limits[at[:, 0], at[:, 1]] / UM, (3, 1))
-        found = program.solve_below(margins)
-        first = len(self._limits.bound)
+        first, keys = len(self._limits.bound), [key for block in cases.values() for key in block]
+        found = program.solve_below(margins, self._to_begin_with(first, keys))
+        tight = found.optimum.working
+        self._tight_limits, self._seen = tight[tight < first], set(keys)
+        self._tight = {keys[i - first] for i in tight if first <= i < first + len(keys)}
         trains, pressure = np.array([t for t, _ in cases]), np.zeros(len(self.forces))
         np.add.at(pressure, trains[program.speed], found.optimum.duals[first : first + len(program.speed)])
         return found, pressure, UM * max(0.0, float((margins - found.margins).max(initial=0.0)))
+
+    def _to_begin_with(self, first: int, keys: list[Key]) -> np.ndarray | None:
+        """Indices of the rows that were tight in the program before, and of those that it did not have; the rows of
+        openings come after the `first`. None where there was none."""
+        new = [first + i for i, key in enumerate(keys) if key in self._tight or key not in self._seen]
+        return np.concatenate([self._tight_limits, np.array(new, dtype=int)]) if self._seen else None
 
     def _block(self, keys: list[Key]) -> SpeedRows:
         """The rows of one train at one speed, as forces that are to be at least minus the limit [um]."""

@@ -184,15 +184,17 @@ class NoJumpProgram:
         """Contact force of every force row [N] under the linear model, shape (r)."""
         return np.concatenate([b.offset + b.matrix @ z for b in self.blocks])
 
-    def solve(self, margins: Margins | None = None, explain: bool = True) -> NoJumpOptimum:
+    def solve(
+        self, margins: Margins | None = None, explain: bool = True, working: np.ndarray | None = None
+    ) -> NoJumpOptimum:
         """The cam of largest area with these margins (by default 20 N each); quick after the first ones.
 
-        Raises NoCamHoldsContact, which says by how much they are too large, where no cam keeps the margins; without
-        `explain`, Infeasible.
+        `working` are indices of rows to begin with, where another program says which. Raises NoCamHoldsContact, which
+        says by how much the margins are too large, where no cam keeps them; without `explain`, Infeasible.
         """
         table = (margins or Margins()).table(len(self.blocks))
         row, constant = area_ratio_row(self.design, self.cam)
-        working = self.first_working()
+        working = self.first_working() if working is None else working
         try:
             optimum = solve_over_peak_angles(self.cam, self.design, row, self.rows, self.bound(table), working)
         except Infeasible:
@@ -201,13 +203,13 @@ class NoJumpProgram:
             raise self._shortfall(table) from None
         return NoJumpOptimum(self, table, optimum.z, optimum.value + constant, optimum)
 
-    def solve_below(self, margins: np.ndarray) -> NoJumpOptimum:
+    def solve_below(self, margins: np.ndarray, working: np.ndarray | None = None) -> NoJumpOptimum:
         """The same with the margins (3, s) [N] or, where no cam keeps them, with all of them lower by what it takes.
 
         Raises NoCamHoldsContact where the other limits alone let no cam through.
         """
         try:
-            return self.solve(Margins(*margins))
+            return self.solve(Margins(*margins), working=working)
         except NoCamHoldsContact as short:
             if np.isinf(short.shortfall_N):
                 raise

@@ -87,6 +87,17 @@ def test_the_smoothed_motion_has_the_same_forces(kodama):
         assert np.median(apart) < 0.02 * np.ptp(of_exact[:, 0, c])
 
 
+def test_rows_to_begin_with_decide_the_time_alone(kodama, monkeypatch):
+    plain, z, speeds, _, source = kodama
+    found = []
+    for _ in range(2):
+        program = OpeningsProgram(plain, source.theta, speeds, source.about(z))
+        found.append(program.largest(z, np.full(program.cam_speeds.shape, 4e-5), 3))
+        monkeypatch.setattr(OpeningsProgram, "_to_begin_with", lambda *_: None)
+    assert found[0].area_ratio == pytest.approx(found[1].area_ratio, abs=1e-9)
+    assert found[0].lift.coefficients == pytest.approx(found[1].lift.coefficients, rel=1e-5, abs=1e-9)
+
+
 def test_no_train_that_is_kept_opens_more_than_its_limit(kodama):
     plain, z, speeds, trains, source = kodama
     areas = []
