@@ -19,7 +19,7 @@ from pathlib import Path
 
 from camopt.storage import write_json
 from docs.generators.terminal import BLOCK, RECORDED
-from experiments.support.provenance import provenance
+from experiments.support.record import provenance
 
 PAGES = RECORDED.parent
 WIDTH, LONGEST = 100, 600

@@ -19,7 +19,7 @@ from nbformat.v4 import new_code_cell
 
 from camopt.storage import write_text
 from docs.generators.notebook import NOTEBOOKS, code_cells, read_script
-from experiments.support.provenance import provenance
+from experiments.support.record import provenance
 
 FIRST = """
 import sys

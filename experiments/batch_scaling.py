@@ -63,9 +63,8 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         samples = np.stack([(1.0 - HEIGHT * k) * lift_samples(cam, STEPS) for k in range(cams)])
         batch = as_batch(precision, built[:trains], samples, speeds)
         motion, slope = programs(cam.half_duration, parts, by_train=cams == 1)
-        both = {
-            work: timed(partial(run, *batch), REPEATS)[0] for work, run in (("motion", motion), ("gradient", slope))
-        }
+        programs_of = {"motion": motion, "gradient": slope}
+        both = {work: timed(partial(run, *batch), REPEATS)[0] for work, run in programs_of.items()}
         cases = trains * cams * count
         by_case = {f"{work}_{CLOCKS[i]}": 1e3 * t[i] / cases for work, t in both.items() for i in range(2)}
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000

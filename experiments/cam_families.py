@@ -34,8 +34,7 @@ from camopt.storage import write_json
 from camopt.verifier.convergence import Tolerances
 from camopt.verifier.verdict import verdict_on
 from experiments.support.cam_families_table import bounces, markdown, orders_of_continuity
-from experiments.support.provenance import provenance
-from experiments.support.record import RESULTS, run_script
+from experiments.support.record import RESULTS, provenance, run_script
 
 CAMS = (*FAMILIES, "new-design:start_ratio=0", "new-design:quintic=yes")
 SMALL = ("polydyne", "exponent", "trapezoid")

@@ -146,10 +146,8 @@ def by_tables(train: Train) -> Train:
 
 def least(runs: list[Callable[[], object]], repeats: int) -> list[float]:
     """Least processor times [s] of calls that are made in turn; a first one of each, not counted, builds its tables."""
-    for run in runs:
-        run()
-    seconds = [[fastest(run, 1, first=False)[0] for run in runs] for _ in range(repeats)]
-    return np.min(seconds, axis=0).tolist()
+    seconds = [[fastest(run, 1, first=False)[0] for run in runs] for _ in range(repeats + 1)]
+    return np.min(seconds[1:], axis=0).tolist()
 
 
 if __name__ == "__main__":

@@ -36,10 +36,9 @@ from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import EPS, lift_samples, prepare, response_arrays
 from camopt.smooth.system import build_system
 from camopt.study.measurements import fastest
-from experiments.support.diffrax_tsit5 import tsit5_states
 from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, problem
 from experiments.support.record import RESULTS, run_script, write_result
-from experiments.support.smooth_batch import BATCH_EPS, batch_motion, stage_lifts
+from experiments.support.smooth_batch import BATCH_EPS, batch_motion, stage_lifts, tsit5_states
 
 SIZES = {"small": (2, 3, (5000.0, 6000.0)), "full": (64, 20, (5000.0, 6000.0, 6500.0, 7000.0))}
 """Cams, bumps, speeds."""

@@ -28,19 +28,12 @@ from camopt.smooth.system import build_system
 from camopt.study.measurements import fastest
 from experiments.gradient_batch import on_common_pieces
 from experiments.gradient_bias import compiled
-from experiments.support.diffrax_tsit5 import tsit5_states
-from experiments.support.gradient_ball import (
-    Answer,
-    diffrax_events,
-    diffrax_switch,
-    exact_path,
-    judged,
-    smooth_path,
-)
+from experiments.support.gradient_ball import Answer, diffrax_events, diffrax_switch, exact_path, judged, smooth_path
 from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, exact_value, problem
 from experiments.support.gradient_mjx import mjx_contact, mjx_force
 from experiments.support.gradient_warp import warp_kernel
 from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.smooth_batch import tsit5_states
 
 WIDTHS = {"small": (1e-6,), "full": (1e-5, 1e-6, 1e-7)}
 """Widths of the smooth path's layer [m]."""

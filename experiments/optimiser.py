@@ -21,7 +21,6 @@ from camopt.optimizer.search.search import find_cam
 from camopt.scene import InputError, load_scene
 from camopt.scene.schema import Scene
 from experiments.support.record import RESULTS, run_script, write_result
-from experiments.support.scenes import heavier_spring
 
 GRID_RPM = 20.0
 WIDER_RPM = (4850.0, 7210.0)
@@ -115,6 +114,16 @@ def table(rows: list[dict], heading: bool = True) -> str:
         cells = ["–" if r.get(n) is None else f"{r[n]:.{digits.get(n, 3)}f}" for n in names]
         lines.append(f"| {r['case']} | {' | '.join(cells)} |")
     return "\n".join(lines)
+
+
+def heavier_spring(scene: Scene, factor: float = 1.25) -> Scene:
+    """The scene with the masses of its spring's coils times a factor."""
+    masses = tuple(
+        m.model_copy(update={"mass_kg": factor * m.mass_kg}) if m.name.startswith("spring_") else m for m in scene.mass
+    )
+    if masses == scene.mass:
+        raise ValueError(f"{scene.name}: no mass named spring_...")
+    return scene.model_copy(update={"mass": masses, "name": f"{scene.name}-heavy-spring"})
 
 
 if __name__ == "__main__":

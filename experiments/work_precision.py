@@ -94,8 +94,8 @@ def measured(case: Case, method: str, setting: str, run: Callable, valve: Callab
         best, result = fastest(run, repeats, time.thread_time, first=False)
     except (ArithmeticError, RuntimeError, ValueError) as failure:
         return {**row, "failure": str(failure)}
-    times = {"ms": 1e3 * best / 2, "first_call_ms": 1e3 * (first - best)}
-    return {**row, "error_mm": case.errors(valve(result)), **times}
+    row |= {"ms": 1e3 * best / 2, "first_call_ms": 1e3 * (first - best)}
+    return row | {"error_mm": case.errors(valve(result))}
 
 
 def by_revolution(case: Case, size: str) -> list[dict]:

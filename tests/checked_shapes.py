@@ -20,7 +20,7 @@ MODULES = [
     "camopt.cam.lift",
     "camopt.smooth.exact_rule",
     "camopt.smooth.families",
-    "camopt.smooth.smooth_rule",
+    "camopt.smooth.simulate",
     "camopt.smooth.varying_motion",
     "camopt.exact.adjoint.gradient",
     "camopt.exact.adjoint.motion",

@@ -20,8 +20,7 @@ from camopt.exact.adjoint.motion import TracedMotion
 from camopt.scene import build_train, parse_scene
 from camopt.smooth.contact import Layer
 from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import lift_samples, response_arrays
-from camopt.smooth.smooth_rule import system_with
+from camopt.smooth.simulate import lift_samples, response_arrays, system_with
 
 END = 0.02
 AT = np.array([2.0, 0.01, 400.0, 1e6])

@@ -2,7 +2,10 @@
 
 import argparse
 import io
+import platform
+import time
 from collections.abc import Callable
+from importlib.metadata import version
 from pathlib import Path
 
 import matplotlib
@@ -10,11 +13,21 @@ from matplotlib.figure import Figure
 
 from camopt.plots.style import RC
 from camopt.storage import write_bytes, write_json
-from experiments.support.provenance import provenance
 
+PACKAGES = ("camopt", "numpy", "scipy", "numba", "jax")
 RESULTS = Path(__file__).parents[1] / "results"
 DPI = 110
 """Enough for reading on a screen; the figures live in the repository and shall stay small."""
+
+
+def provenance(script: str, size: str) -> dict:
+    """What a results file says of its origin."""
+    return {
+        "command": f"python -m experiments.{Path(script).stem} {size}",
+        "versions": {name: version(name) for name in PACKAGES} | {"python": platform.python_version()},
+        "machine": platform.machine(),
+        "date_utc": time.strftime("%Y-%m-%d", time.gmtime()),
+    }
 
 
 def write_result(name: str, size: str, content: dict, figures: dict[str, Figure], folder: Path = RESULTS) -> None:

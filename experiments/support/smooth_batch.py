@@ -1,5 +1,6 @@
-"""Many smoothed motions side by side on equal steps, the axis of the batch last."""
+"""Smoothed motions in other ways than the smooth path's own: many side by side on equal steps, and one by diffrax."""
 
+import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -7,7 +8,7 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
-from camopt.smooth.scan import integrate_stages, stage_angles
+from camopt.smooth.scan import DrivenSystem, integrate_stages, stage_angles
 from camopt.smooth.system import System, SystemState
 
 BATCH_EPS = 1e-6
@@ -44,3 +45,29 @@ def batch_motion(system: System, stages, cam_speed, y0, eps=BATCH_EPS) -> System
     parts = jax.tree.map(lambda q: jnp.moveaxis(q, -1, 0), (*system.parts(states), force))
     x, v, memory, force = parts
     return SystemState(jnp.broadcast_to(angle, (width, steps + 1)), lift.T, x, v, force, memory=memory)
+
+
+@jax.jit
+def tsit5_states(driven: DrivenSystem, y0, angle, layer: Layer, tolerance) -> SystemState:
+    """Motion at the angles `angle` (k) [rad] from the state y0 (2, n) at the first, by diffrax's Tsit5.
+
+    Error control is as in `refined_grid`: `tolerance` [m] per step in positions, and in velocities times the stiffest
+    frequency. Samples beyond a failure of the solver are NaN.
+    """
+    frequency, cam_speed = jax.lax.stop_gradient(driven.system.stiffest()), driven.cam_speed
+    scale = jnp.stack([jnp.ones_like(frequency), frequency])[:, None]  # one tolerance for both, in metres
+
+    def rate(t, z, _):
+        return driven.rate(z * scale, angle[0] + t * cam_speed, layer) / scale
+
+    time = (angle - angle[0]) / cam_speed
+    control = diffrax.PIDController(rtol=0.0, atol=tolerance, dtmax=2 * jnp.pi / cam_speed / 360)
+    solution = diffrax.diffeqsolve(
+        diffrax.ODETerm(rate), diffrax.Tsit5(), time[0], time[-1], None, y0 / scale, saveat=diffrax.SaveAt(ts=time),
+        stepsize_controller=control, max_steps=2**17, throw=False,
+    )  # fmt: skip
+    states = jnp.where(solution.result == diffrax.RESULTS.successful, solution.ys * scale[None], jnp.nan)
+    lift, lift_dt = driven.lift(angle)
+    force = jax.vmap(lambda y, l, l_dt: driven.system.force(y, l, l_dt, layer))(states, lift, lift_dt)
+    x, v, memory = driven.system.parts(states)
+    return SystemState(angle, lift, x, v, force, memory=memory)

@@ -28,8 +28,7 @@ from camopt.study.measurements import REFERENCE, Measurement, fastest, timed
 from camopt.study.tradeoff.methods import REFERENCE_STEPS, TOLERANCE_OF_EPS, RevolutionCase, valve_lift
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import METHOD_NAMES, rkg
-from experiments.support.diffrax_tsit5 import tsit5_states
-from experiments.support.smooth_batch import batch_motion, stage_lifts
+from experiments.support.smooth_batch import batch_motion, stage_lifts, tsit5_states
 
 EQUAL_EPS = (1e-5, 1e-6, 1e-7)
 BATCH_EPS = (1e-6, 1e-7)

@@ -24,7 +24,7 @@ from camopt.smooth.simulate import (
     simulate_smooth,
 )
 from camopt.smooth.system import build_system
-from experiments.support.diffrax_tsit5 import tsit5_states
+from experiments.support.smooth_batch import tsit5_states
 from tests.smooth.trains import ball, kodama
 
 

@@ -70,8 +70,7 @@ def test_gradients_are_those_of_event_exact(name):
 
 
 def test_pieces_of_a_free_cam_are_affine_in_its_coefficients():
-    from camopt.smooth.simulate import lift_samples
-    from camopt.smooth.smooth_rule import samples_of_pieces
+    from camopt.smooth.simulate import lift_samples, samples_of_pieces
 
     cam = free_cam(SCENE.design, 12.0)
     z = np.random.default_rng(1).normal(size=cam.Z.shape[1]) * 1e-3

@@ -24,8 +24,7 @@ from camopt.scene.smoothing import Smoothing, smoothing
 from camopt.scene.units import DEG, MM
 from camopt.smooth.exact_rule import exact_metrics
 from camopt.smooth.families import DifferentiableCam, differentiable
-from camopt.smooth.simulate import EPS
-from camopt.smooth.smooth_rule import differentiable_motion
+from camopt.smooth.simulate import EPS, differentiable_motion
 
 AREA_RATIO = "area_ratio"
 AIM = 0.8

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 SMOOTH = "camopt.smooth.simulate"
 """The smooth path's module, which imports JAX; every other method is one that a verdict can ask."""
-DIFFERENTIABLE = {"smooth": "camopt.smooth.smooth_rule", "event": "camopt.smooth.exact_rule"}
+DIFFERENTIABLE = {"smooth": "camopt.smooth.simulate", "event": "camopt.smooth.exact_rule"}
 """Modules with a `differentiable_motion`, by the method that `simulate(parameters=...)` takes."""
 LARGEST_PHASE = 0.3
 """Step times the train's highest rate [rad]: MOTORI 2004's rule for explicit steps (0.31), and for drawn curves."""
