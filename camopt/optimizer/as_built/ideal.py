@@ -49,7 +49,6 @@ def write_ideal(scene: Scene, settings: Mapping[str, Any], folder: Path, start: 
     """Writes `ideal/design.json` and `ideal/lift.csv` and says what they are: area ratio and share of trains with its
     interval. The search's own judge holds the cam, no verdict is asked. None where no cam holds.
     """
-    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
     effort = accuracy_named(settings["accuracy"])
     try:
         search = find_cam(scene, settings["speeds"], effort, settings["gradient"], start=start, seed=settings["seed"])
@@ -58,7 +57,7 @@ def write_ideal(scene: Scene, settings: Mapping[str, Any], folder: Path, start: 
     cam = search.confirmed[-1]
     lift, place = as_written(cam.lift), folder / IDEAL
     place.mkdir(exist_ok=True)
-    write_design(place / "design.json", cam.lift, scene.design.max_lift_mm * MM)
+    write_design(place / "design.json", cam.lift, scene.required_design.max_lift_mm * MM)
     write_lift_table(place / "lift.csv", lift)
     stated = yield_statement(scene, lift, None, trains=TRAINS, speeds=SPEEDS, seed=settings["seed"], sample=0)
     return {"area_ratio": cam.area_ratio, **vars(stated.share)}

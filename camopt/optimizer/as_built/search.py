@@ -64,7 +64,6 @@ def yield_search(
     of the closed periodic response or, where laws are curved or `gradient` is "smooth", of the smoothed motion by JAX.
     Raises NoCamFound where no cam holds.
     """
-    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
     plain, z = free_program(scene)
     shaping = min(effort.shaping_trains, FILLING_TRAINS) if plain.train.memory else effort.shaping_trains
     cam_speeds, trains = band_speeds(scene), trains_as_built(scene, shaping, seed=seed + DRAWS_SEED)
@@ -85,8 +84,7 @@ def yield_search(
 def free_program(scene: Scene) -> tuple[NoJumpProgram, np.ndarray]:
     """The program of the limits on the shape, and the coefficients (m) of a cam that the train as designed follows; the
     calmest one where an adjuster may fill."""
-    design, operation = scene.design, scene.operation
-    assert design is not None and operation is not None, "load_scene(..., need=...) guarantees both"
+    design, operation = scene.required_design, scene.required_operation
     speeds = [scene.cam_speed(rpm) for rpm in operation.band_rpm]
     program = converge_tangents(no_jump_program(build_train(scene), design, program_cam(design, KNOT_DEG), speeds))
     z = program.solve_below(np.full((3, len(speeds)), FIRST_MARGIN_N)).z
@@ -95,8 +93,7 @@ def free_program(scene: Scene) -> tuple[NoJumpProgram, np.ndarray]:
 
 def band_speeds(scene: Scene, low_speeds: int = LOW_SPEEDS, high_speeds: int = HIGH_SPEEDS) -> np.ndarray:
     """Cam speeds of trains (classes, s) [rad/s], so many of the band below and above NEAR_TOP of its top."""
-    assert scene.operation is not None, "load_scene(..., need=...) guarantees it"
-    low, top = scene.operation.band_rpm
+    low, top = scene.required_operation.band_rpm
     near = max(NEAR_TOP * top, low)
     below = np.linspace(low, near, low_speeds * CLASSES, endpoint=False).reshape(low_speeds, CLASSES).T
     above = np.linspace(near, top, high_speeds * CLASSES).reshape(high_speeds, CLASSES).T
@@ -107,8 +104,7 @@ def band_speeds(scene: Scene, low_speeds: int = LOW_SPEEDS, high_speeds: int = H
 
 def opening_limits(scene: Scene, cam_speeds: np.ndarray) -> np.ndarray:
     """The limits on foretold openings at the cam speeds (classes, s) [rad/s] at level one [m]."""
-    assert scene.design is not None, "load_scene(..., need='design') guarantees it"
-    jump = scene.design.jump_max_mm
+    jump = scene.required_design.jump_max_mm
     limits = np.full(cam_speeds.shape, jump * MM if jump else USUAL_JUMP)
     limits[:, -1] *= AT_TOP
     return limits

@@ -107,7 +107,6 @@ def statement_of_run(
     """
     if not has_a_yield(scene):
         return None
-    assert scene.operation is not None, "load_scene(..., need=...) guarantees it"
     effort, wanted = accuracy_named(settings["accuracy"]), settings.get("yield")
     looks = looks_of(effort, scene, wanted)
     return yield_statement(
@@ -116,7 +115,7 @@ def statement_of_run(
         wanted,
         trains=looks.trains[-1],
         looks=looks.trains[:-1],
-        speeds=sorted(scene.operation.speeds_rpm) if settings["speeds"] == "nominal" else effort.stated_speeds,
+        speeds=sorted(scene.required_operation.speeds_rpm) if settings["speeds"] == "nominal" else effort.stated_speeds,
         seed=settings["seed"],
         baselines=None if wanted is None else baselines(),
         sample=0 if wanted is None else SAMPLE,
@@ -159,8 +158,9 @@ def yield_statement(
     trains are a `sample` for the independent methods; in the `journal` trains are stored as they are judged. `advance`
     is told the share of the work done.
     """
-    assert scene.operation is not None, "load_scene(..., need=...) guarantees it"
-    speeds_rpm = np.linspace(*scene.operation.band_rpm, speeds) if isinstance(speeds, int) else np.array(speeds)
+    speeds_rpm = (
+        np.linspace(*scene.required_operation.band_rpm, speeds) if isinstance(speeds, int) else np.array(speeds)
+    )
     way, asked = track(scene, lift, speeds_rpm), Looks((*looks, trains), ADVISED if wanted is None else wanted)
     parts = _judged(scene, way, asked, trains_journal(journal), seed, advance)
     used, share = UsedLimits(tuple(way.limits), speeds_rpm, parts), share_of(parts.max(axis=(1, 2)) <= 1.0, asked)
