@@ -62,8 +62,7 @@ class TrainEnsemble:
     @cached_property
     def _cam_speeds(self) -> np.ndarray:
         """Cam speeds [rad/s] by place in the stagger and number (STAGGER, s); the last one is the top of the band."""
-        assert self.scene.operation is not None, "load_scene(..., need=...) guarantees it"
-        fine = np.linspace(*self.scene.operation.band_rpm, STAGGER * SPEEDS)
+        fine = np.linspace(*self.scene.required_operation.band_rpm, STAGGER * SPEEDS)
         found = np.array([self.scene.cam_speed(rpm) for rpm in fine]).reshape(SPEEDS, STAGGER).T
         found[:, -1] = found[-1, -1]  # where most of them fail
         return found
