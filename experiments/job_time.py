@@ -3,10 +3,11 @@
     python -m experiments.job_time [small|full]
 
 `camopt optimize kodama` in a fresh process each: standard with every cache of compiled programs empty, standard again
-with the programs that this left, and draft twice, of which the first compiles what has the shape of its speeds. By stage: clock, processor time and compilation, from provenance.json; of
-the whole process, imports included: clock, processor time and peak memory, from the system. A fixed loop of arithmetic
-is timed before each of them, so that runs of different days and machines can be compared. The small size is `motori-1`
-at its listed speeds and draft without gradients, on whatever caches there are.
+with the programs that this left, and draft twice, of which the first compiles what has the shape of its speeds. By
+stage: clock, processor time and compilation, from provenance.json; of the whole process, imports included: clock,
+processor time and peak memory, from the system. A fixed loop of arithmetic is timed before each of them, so that runs
+of different days and machines can be compared. The small size is `motori-1` at its listed speeds and draft without
+gradients, on whatever caches there are.
 
 Where `CAMOPT_OLDER_TREE` names the folder of an older checkout, its warm and its draft job run beside these, from
 caches of their own, and what the jobs take is said as a ratio too.
