@@ -20,7 +20,7 @@ from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 from camopt.verifier.verdict import Verdict, verdict_on
 
-CANDIDATES = 4
+CANDIDATES = 5
 """Confirmed cams of the search, largest first, that the full verdict may be asked about."""
 RULED_OUT = 1.5
 """Part of a limit beyond which event-exact alone rules a family's member out: of the methods that must agree it is the

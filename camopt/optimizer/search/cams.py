@@ -8,6 +8,7 @@ import numpy as np
 
 from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
+from camopt.optimizer.candidates import CANDIDATES
 from camopt.optimizer.search.judge import Judge, Judged, with_speeds_between
 from camopt.optimizer.search.region import RowSource
 from camopt.optimizer.stage_clock import StageClock
@@ -17,9 +18,9 @@ from camopt.scene.units import DEG, MM
 FOLDER = "judged"
 ARRAYS = ("speeds_rpm", "limit", "share", "states", "spread")
 FIGURE = "figure:"
-CANDIDATES, USES_LESS, APART = 4, 0.02, 5e-4
-"""Cams that are offered to the verdict, by how much less of its limits each of them uses than the larger one, and by
-how much those that use no less differ in area ratio."""
+USES_LESS, APART = 0.02, 5e-4
+"""By how much less of its limits each of the cams that are offered to the verdict uses than the larger one, and by how
+much those that use no less differ in area ratio."""
 BETWEEN_SHARE = 0.9
 """Part of every limit on the motion that a cam may use between the speeds at which it was searched."""
 RESOLUTION = 5e-5
@@ -142,15 +143,15 @@ class Search:
 
     def confirm(self) -> None:
         """Offers cams that hold to the verdict, the largest first, and of smaller ones those that use less of their
-        limits: where the verdict refuses a cam, one that is hardly another would be refused too. In places that are
-        left stand the largest of the others that differ in area."""
+        limits: where the verdict refuses a cam, one that is hardly another would be refused too. In the last place, and
+        in those that are left, stand the largest of the others that differ in area."""
         by_area = sorted(self.seen, key=lambda tried: -tried.area_ratio)
         holding = [tried for tried in by_area if tried.judged.used <= BETWEEN_SHARE]
         offered: list[Tried] = []
         for tried in holding:
             if not offered or tried.judged.used < offered[-1].judged.used - USES_LESS:
                 offered.append(tried)
-        del offered[CANDIDATES:]
+        del offered[CANDIDATES - 1 :]
         for tried in holding:
             apart = min(abs(tried.area_ratio - other.area_ratio) for other in offered)
             if apart >= APART and len(offered) < CANDIDATES:
