@@ -15,7 +15,7 @@ from camopt.cam.lift import Lift
 from camopt.scene.as_built import GRINDING, deviates, key_of, scene_as_built
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
-from camopt.scene.train import Train, build_train
+from camopt.scene.train import KEPT_TRAINS, Train, build_train
 from camopt.scene.units import UM
 
 HARMONICS = 2, 40
@@ -125,7 +125,7 @@ def grinding_error(lift: Lift, seed: Seed, peak: float = PEAK, harmonics: tuple[
     )
 
 
-@lru_cache(maxsize=2048)  # the cams that a search judges on one train begin and end at the same angles
+@lru_cache(maxsize=KEPT_TRAINS)  # the cams that a search judges on one train begin and end at the same angles
 def _error(
     angles: tuple[float, float, float], seed: int | tuple[int, ...], peak: float, harmonics: tuple[int, int]
 ) -> Lift:

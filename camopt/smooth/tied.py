@@ -39,8 +39,6 @@ TANGENT_N = 20.0
 MOST_TURNS, SETTLED = 40, 1e-10
 """Revolutions in which a motion may settle, and the change of its positions over one [m] at which it counts as such:
 the stiffest contacts then change their forces by some hundredths of a newton."""
-MOST_PARTS = 64
-"""Parts of a step beyond which a train is too stiff for the lowest speed asked."""
 
 
 class TiedSystem(eqx.Module):

@@ -93,6 +93,13 @@ class SplineCam:
         matrix[inside] = self._bases[order](theta[inside])
         return matrix, self.without_spline(theta, order)
 
+    def samples(self, theta) -> tuple[np.ndarray, np.ndarray]:
+        """Lift [m] and its angle derivative [m/rad] at `theta` (k) [rad]: by each of the free coefficients z, shape
+        (k, 2, m), and at z = 0, shape (k, 2)."""
+        orders = [self.basis(theta, order) for order in (0, 1)]
+        along = np.stack([matrix @ self.Z for matrix, _ in orders], axis=1)
+        return along, np.stack([offset + matrix @ self.x_p for matrix, offset in orders], axis=1)
+
     def area(self) -> tuple[np.ndarray, float]:
         """Row (m) and constant with area = row @ z + constant [m rad]."""
         row = self._bases[0].antiderivative()(self.breaks[-1])

@@ -22,7 +22,7 @@ from camopt.exact.kernel.leap import leap_of
 from camopt.exact.kernel.tables import Sizes, Tables, empty_tables
 from camopt.scene.errors import InputError
 from camopt.scene.rest import rest_position
-from camopt.scene.train import Train
+from camopt.scene.train import KEPT_TRAINS, Train
 
 LARGEST_PHASE = 1.5
 """Product of default step and highest frequency [rad]: switchings are sought well within a quarter period of any mode.
@@ -126,7 +126,7 @@ def propagators(train: Train, step: float, width: int, at_once: int) -> Lending:
         return _kept[key]
 
 
-@lru_cache(maxsize=2048)
+@lru_cache(maxsize=KEPT_TRAINS)
 def default_step(train: Train) -> float:
     """Step [s] at which the highest mode turns by `LARGEST_PHASE`."""
     return LARGEST_PHASE / highest_frequency(train)

@@ -57,8 +57,7 @@ class SmoothForces:
         self._tied, slowest = tied_system(nominal), float(cam_speeds.min())
         self._parts = max(parts_of_steps(tied, slowest) for tied in (self._tied, *self._systems))
         self._starts: list[jnp.ndarray] = []  # where the trains' last motions ended
-        grid = equal_grid(STEPS)
-        self._along = Directions(np.stack([cam.basis(grid, k)[0] @ cam.Z for k in (0, 1)], axis=1))
+        self._along = Directions(cam.samples(equal_grid(STEPS))[0])
 
     def about(self, z: np.ndarray) -> np.ndarray:
         """The forces (t, s, c, k, 1 + m) [N] in single precision: those with the cam of z (m), with slopes by z."""

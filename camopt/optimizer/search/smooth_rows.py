@@ -64,10 +64,7 @@ class SmoothRows:
         width, tie, self._steps = smoothing
         self._law, self._theta = (tie, Layer(width)), path_angles(self._steps)
         self._tied = tied_system(train)
-        grid = equal_grid(self._steps)
-        pieces = [cam.basis(grid, order) for order in (0, 1)]
-        self._basis = np.stack([matrix @ cam.Z for matrix, _ in pieces], axis=1)
-        self._offset = np.stack([offset + matrix @ cam.x_p for matrix, offset in pieces], axis=1)
+        self._basis, self._offset = cam.samples(equal_grid(self._steps))
         self._speeds = jnp.asarray(program.speeds)
         self._parts = parts_of_steps(self._tied, float(program.speeds.min()), self._steps)
         self._tied_in = -float(cam.breaks[-1]), end_of_contact(train, cam, program.window)

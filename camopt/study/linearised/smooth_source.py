@@ -27,8 +27,7 @@ def smooth_paths(
     width, tie, steps = smoothing
     systems = [tied_system(case.nominal[0]) for case in cases]
     parts = max(parts_of_steps(tied, float(cam_speeds.min()), steps) for tied in systems)
-    grid = equal_grid(steps)
-    basis = np.stack([cam.basis(grid, k)[0] @ cam.Z for k in (0, 1)], axis=1)
+    basis, _ = cam.samples(equal_grid(steps))
     event, speeds, by_train = (-cam.breaks[-1], cam.breaks[-1]), jnp.asarray(cam_speeds), []
     for case, tied in zip(cases, systems, strict=True):
         train, lift = case.nominal
