@@ -8,11 +8,16 @@ trains, and by twice as many where more than 99 % are wanted, at 11 speeds over 
 and Pearson. Beside them stands the price list of
 `camopt yield --price`, and of each family of the literature the member that comes nearest to the limits on the motion,
 with its share of 2000 trains at the top of the band. An interrupted run goes on.
+
+Where `CAMOPT_OLDER_TREE` names the folder of an older checkout, its job with `--yield` runs beside this one's on every
+scene, and each of the two cams is stated by 4000 trains of two seeds.
 """
 
+import os
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from scipy.optimize import differential_evolution
@@ -20,6 +25,7 @@ from scipy.optimize import differential_evolution
 from camopt.cam.families.record import Space
 from camopt.cam.families.registry import FAMILIES
 from camopt.cam.lift import Lift
+from camopt.cam.read import read_cam
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import motion_limits
 from camopt.measure.yields import share_of
@@ -33,6 +39,7 @@ from camopt.optimizer.stage_clock import StageClock
 from camopt.scene import load_scene
 from camopt.scene.as_built import scatter_labels, with_scatter
 from camopt.scene.design import Design
+from experiments.job_time import OLDER_TREE, job
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.sweeping import called
 
@@ -56,6 +63,9 @@ SEARCH = {"small": (1, 2), "full": (30, 8)}
 """Generations of a family's search, and members of each per parameter."""
 STATED, STATED_SEED, SPEEDS = {"small": 10, "full": 2000}, 1_000_007, 11
 """Fresh trains that state a cam's yield, which no search has drawn, and speeds over the band."""
+BESIDE = {"small": (), "full": (SCENE["full"], *OTHERS["full"])}
+BESIDE_TRAINS, BESIDE_SEEDS = 4000, (STATED_SEED, 2_000_003)
+"""Scenes on which an older tree's job runs too, and the trains that state both cams."""
 OF_MEMBERS = {"small": 10, "full": 2000}
 """Of those the ones that state the share of a family's member."""
 
@@ -87,6 +97,8 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         "prices": priced(size),
         "literature": literature(size),
     }
+    if tree := os.environ.get(OLDER_TREE):
+        content["beside"] = {scene: beside(scene, tree) for scene in BESIDE[size]}
     write_result("yield_price", size, content, {}, folder)
     return content
 
@@ -123,6 +135,25 @@ def designed(
         "search_processor_s": clock.as_dict()["search"]["processor_s"],
         "motions": search.drawn.motions,
     }
+
+
+def beside(scene: str, tree: str) -> dict[str, dict]:
+    """What the job for the wanted share takes in an older `tree` and in this one, the second time, and what fresh trains
+    of each seed say of its cam."""
+    words, rows = ("optimize", scene, "--yield", str(WANTED["full"]), "--seed", "0", "--quiet"), {}
+    for name, place in (("older", tree), ("newer", None)):
+        with TemporaryDirectory() as held:
+            for number in range(2):  # the first one compiles
+                rows[name] = job(words, out := Path(held, f"run-{number}"), {}, place)
+            rows[name]["shares"] = fresh_shares(scene, out)
+    return rows
+
+
+def fresh_shares(scene: str, run: Path) -> list[dict]:
+    """What so many fresh trains of each seed say of a job's cam."""
+    train = load_scene(scene)
+    cam, size = read_cam(run, train), {"trains": BESIDE_TRAINS, "speeds": SPEEDS, "sample": 0}
+    return [vars(yield_statement(train, cam, None, seed=seed, **size).share) for seed in BESIDE_SEEDS]
 
 
 def priced(size: str) -> dict:

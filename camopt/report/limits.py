@@ -1,6 +1,7 @@
 """The scene's limits against what the run folder says was reached: held, broken, or not known, and the share used."""
 
 from collections.abc import Iterable
+from itertools import compress
 
 import numpy as np
 
@@ -148,11 +149,14 @@ def matrix(run: RunFolder, limits: list[dict]) -> dict:
     """`speeds`, and `rows`: a limit with its demand, its `price`, which is what one per cent more of it buys, and how
     much of it is used.
 
-    A limit on the motion has `shares`, one for each speed and one for the band, None where nothing is known. One on the
+    A limit on the motion has `shares`, one for each speed and the largest of the band, by its sweep and by the verdict
+    at the speeds inside it, whose methods run on where the motion wanders; None where nothing is known. One on the
     cam's shape holds at every speed: its `shares` are None, and its own row says what is used.
     """
-    judged = run.verification.by_speed
-    worst = (run.verification.get("band") or {}).get("worst") or {}
+    judged, band = run.verification.by_speed, run.verification.get("band") or {}
+    ends = [band.get("from_rpm"), band.get("to_rpm")]
+    speeds = [speed.get("speed_rpm") for speed in judged]
+    inside = [all(map(is_number, (*ends, speed))) and ends[0] <= speed <= ends[1] for speed in speeds]
     motion, shape = [], []
     for row in limits:
         quantity, limit = OF_MOTION.get(row["key"]), run.demands.get(row["key"])
@@ -161,8 +165,14 @@ def matrix(run: RunFolder, limits: list[dict]) -> dict:
             shape.append(words | {"price": run.worth.get(row["key"])})
         elif is_number(limit):
             values = [worst_case_value(speed, quantity.name)[0] for speed in judged]
-            stated = (worst.get(quantity.name) or {}).get("value")
-            values += [stated if is_number(stated) else None] if worst else []
-            motion.append(words | {"shares": [share_of(limit, quantity.less_is_worse, value) for value in values]})
-    speeds = [shown(speed.get("speed_rpm")) for speed in judged] + ["band"] * bool(worst)
-    return {"speeds": speeds, "rows": motion + shape, "priced": any(row["price"] is not None for row in shape)}
+            shares = [share_of(limit, quantity.less_is_worse, value) for value in values]
+            swept = ((band.get("worst") or {}).get(quantity.name) or {}).get("value")
+            of_sweep = share_of(limit, quantity.less_is_worse, swept if is_number(swept) else None)
+            known = [of_sweep, *compress(shares, inside)]
+            largest = max((share for share in known if share is not None), default=None)
+            motion.append(words | {"shares": [*shares, *([largest] if band else [])]})
+    return {
+        "speeds": [*map(shown, speeds), *(["band"] if band else [])],
+        "rows": motion + shape,
+        "priced": any(row["price"] is not None for row in shape),
+    }
