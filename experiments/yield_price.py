@@ -138,8 +138,8 @@ def designed(
 
 
 def beside(scene: str, tree: str) -> dict[str, dict]:
-    """What the job for the wanted share takes in an older `tree` and in this one, the second time, and what fresh trains
-    of each seed say of its cam."""
+    """What the job for the wanted share takes in an older `tree` and in this one, the second time, and what fresh
+    trains of each seed say of its cam."""
     words, rows = ("optimize", scene, "--yield", str(WANTED["full"]), "--seed", "0", "--quiet"), {}
     for name, place in (("older", tree), ("newer", None)):
         with TemporaryDirectory() as held:
