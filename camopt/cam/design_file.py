@@ -50,7 +50,7 @@ def read_design(path: str | Path, scene: Scene) -> Lift:
     not cover -180 to 180 deg without gap or step in lift.
     """
     text = read_text(Path(path), MAX_FILE_BYTES, "design")
-    return lift_of_text(text, scene, path)  # pyright: ignore[reportArgumentType]  # frozen, so it has a hash
+    return lift_of_text(text, scene, path)
 
 
 @lru_cache(maxsize=8)  # what is known of a cam is known of the same file's

@@ -55,8 +55,8 @@ class EventExact:
         if self._rows is None:
             samples = int(self.period / self.step) + len(self._cam.borders) + 2 * MOST_SWITCHINGS + 16
             self._rows = np.empty((samples, at + 2 + e + 2))
-        with self._tables(self._per_sample) as tables:
-            count = run(tables, self._cam, np.array(state, dtype=float), rows=self._rows)[0]
+        with self._lent(self._per_sample) as lent:
+            count = run(lent, self._cam, np.array(state, dtype=float), rows=self._rows)[0]
         done = self._rows[:count].copy()
         angle = done[:, -2] * self.cam_speed - np.pi
         angle[-1] = np.pi
@@ -69,11 +69,11 @@ class EventExact:
         Raises MotionRefused for endless switching or a motion without bound.
         """
         after = np.array(state, dtype=float)
-        with self._tables(AT_ONCE) as tables:
-            run(tables, self._cam, after, revolutions)
+        with self._lent(AT_ONCE) as lent:
+            run(lent, self._cam, after, revolutions)
         return after
 
-    def _tables(self, at_once: int) -> AbstractContextManager[Propagators]:
+    def _lent(self, at_once: int) -> AbstractContextManager[Propagators]:
         return propagators(self.train, self.step, self.lift.coefficients.shape[1], at_once).lent()
 
 
@@ -101,7 +101,7 @@ class TraceBuffer(local):
 
 
 def run(
-    tables: Propagators,
+    lent: Propagators,
     cam: CamArrays,
     state: np.ndarray,
     revolutions: int = 1,
@@ -117,14 +117,14 @@ def run(
     start = state.copy()
     while True:
         state[:] = start
-        trace = NO_TRACE if buffer is None else buffer.trace(tables.tables, revolutions)
+        trace = NO_TRACE if buffer is None else buffer.trace(lent.tables, revolutions)
         code, count, switchings = follow(
-            tables.arrays, cam, tables.step, tables.tables, state, revolutions, MOST_SWITCHINGS, rows, trace
+            lent.arrays, cam, lent.step, lent.tables, state, revolutions, MOST_SWITCHINGS, rows, trace
         )
         if code == DONE:
             return count, trace
         if code == TABLES_FULL:
-            tables.grow()
+            lent.grow()
         elif code == TRACE_FULL and buffer is not None:
             buffer.grow()
         else:

@@ -20,8 +20,6 @@ from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 from camopt.verifier.verdict import Verdict, verdict_on
 
-CANDIDATES = 5
-"""Confirmed cams of the search, largest first, that the full verdict may be asked about."""
 RULED_OUT = 1.5
 """Part of a limit beyond which event-exact alone rules a family's member out: of the methods that must agree it is the
 first. Nearer to a limit the verdict decides, with its finer steps."""
@@ -126,14 +124,14 @@ def largest_confirmed(
     families: Families | None = None,
     failed: str = "",
 ) -> Chosen:
-    """The largest cam that the full verdict confirms, of the last ones of a search and of the families' members.
+    """The largest cam that the full verdict confirms, of those that a search offers and of the families' members.
 
     `searched` grow; a member is only judged where no larger cam is confirmed. Where none is confirmed, the largest one
     of the search with its own verdict and all that were judged. Raises NoCamFound, with why the search `failed`, where
     it has none either.
     """
     members = families.members() if families else []
-    known: list[KnownCam] = sorted([*searched[::-1][:CANDIDATES], *members], key=lambda cam: -cam.area_ratio)
+    known: list[KnownCam] = sorted([*searched[::-1], *members], key=lambda cam: -cam.area_ratio)
     first, refused = None, []
     for cam in known:
         if isinstance(cam, Member) and families and (reason := families.ruled_out(cam)):

@@ -22,7 +22,7 @@ from camopt.optimizer.first_run import SAYING, compile_programs, programs_missin
 from camopt.optimizer.free_numbers import free_numbers, with_best_values
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_sensitivities
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.search.cams import Journal, Logbook
+from camopt.optimizer.search.cams import CANDIDATES, Journal, Logbook
 from camopt.optimizer.search.search import find_cam
 from camopt.optimizer.stage_clock import Progress, StageClock
 from camopt.scene.errors import InputError, NoCamFound
@@ -240,7 +240,7 @@ class _OpenRun:
             how = {"gradient": asked["gradient"], "seed": asked["seed"], "log": TrainsLog(folder), "show": shown.step}
             search = yield_search(self.scene, asked["yield"], self.effort, **how)
         self.found = {"cams_judged": search.steps, "trains_drawn": search.trains_drawn}
-        return search.held, None
+        return search.held[-CANDIDATES:], None
 
     def state_yield(self, folder: Path, lift: Lift, verdict: Verdict, shown: Progress) -> "YieldStatement | None":
         """What fresh trains say of the cam, written into verification.json; None where nothing scatters."""

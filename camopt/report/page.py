@@ -169,7 +169,7 @@ def render(run: RunFolder, cams: RunCams) -> str:
     lift, design = cams.lifts.get(DESIGN), cams.scene.design if cams.scene else None
     shape = None if lift is None or design is None else (lift, design)
     limits, scene = limit_rows(run, shape), cams.scene
-    assumed = ranked(scene, lift) if scene and lift else ()  # pyright: ignore[reportArgumentType]  # has a hash
+    assumed = ranked(scene, lift) if scene and lift else ()
     return (
         _environment()
         .get_template("page.html.j2")

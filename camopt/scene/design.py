@@ -38,7 +38,7 @@ Window = tuple[float, float, float]
 Windows = Annotated[tuple[Window, ...], Field(max_length=MOST_WINDOWS)]
 
 
-class Piston(Table):
+class Piston(Table, frozen=True):
     """The piston that the valve must keep clear of, driven by a crank and a rod.
 
     `gap_at_top_mm` is the distance between the closed valve and the piston's pocket where the piston is highest, and
@@ -67,7 +67,7 @@ class Piston(Table):
         return self
 
 
-class Design(Table):
+class Design(Table, frozen=True):
     """Design conditions and limits of the cam; a limit that is left out does not limit.
 
     `waves_max` is how often the jerk may change its sign inside the duration: 3 times without a ripple of the

@@ -45,7 +45,7 @@ StiffnessTable = Annotated[tuple[tuple[float, Positive], ...], Field(min_length=
 ForceTable = Annotated[tuple[tuple[float, float], ...], Field(min_length=2, max_length=MOST_TABLE_ROWS)]
 
 
-class Element(Table):
+class Element(Table, frozen=True):
     """What stands between two masses, or a mass and the ground: a spring, a contact, an adjuster or a friction element.
 
     A "spring" pushes and pulls; a "contact" pushes and never pulls. `preload_N` is the elastic force at compression

@@ -20,7 +20,7 @@ BELONGS = {
 """Key -> the followers that need it, and those that may have it."""
 
 
-class Geometry(Table):
+class Geometry(Table, frozen=True):
     """Follower and cam body, for curvature, contact, stress and oil film along the cam.
 
     A flat face or a roller moves along the valve's axis, which passes through the cam's. `rocker_ratio` is valve lift

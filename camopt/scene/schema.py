@@ -34,7 +34,7 @@ def _not_all_of_it(value: float) -> float:
     return value
 
 
-class Tolerance(Table):
+class Tolerance(Table, frozen=True):
     """How one number, or several, scatter from train to train.
 
     `of` is NAME.KEY of a mass or an element; with wildcards in NAME, as in "*", it is each of them whose number under
@@ -83,7 +83,7 @@ class Tolerance(Table):
         return self.name or (f"{first} and {len(more)} more" if more else first)
 
 
-class Grinding(Table):
+class Grinding(Table, frozen=True):
     """The error of one ground cam: its largest value, and the harmonics of a revolution in it.
 
     Every harmonic from the lowest to the highest is drawn with equal expected size (`camopt.measure.as_built`).
@@ -107,7 +107,7 @@ AS_BUILT = {"tolerance", "grinding"}
 """Tables used only for manufacturing scatter."""
 
 
-class Mass(Table):
+class Mass(Table, frozen=True):
     """A mass on the valve's axis.
 
     `damping_N_s_per_m` is a damper to ground. `force_N` is a constant force; a positive one opens the valve.
@@ -121,7 +121,7 @@ class Mass(Table):
     source: str = ""
 
 
-class Force(Table):
+class Force(Table, frozen=True):
     """A force on a mass that repeats with the cam angle, such as that of the gas on a valve.
 
     `table` has rows of [cam_angle_deg, force_N], joined by straight lines, from -180 to 180 with the same force at
@@ -145,7 +145,7 @@ class Force(Table):
         return table
 
 
-class Operation(Table):
+class Operation(Table, frozen=True):
     """Speeds of the crankshaft [r/min]; the cam turns at `cam_per_crank` times these speeds."""
 
     speeds_rpm: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=1000)]
@@ -167,7 +167,7 @@ class Operation(Table):
         return band
 
 
-class Scene(Table):
+class Scene(Table, frozen=True):
     """A valve train with its operation and design conditions, as a scene file states them."""
 
     format: Literal[1]

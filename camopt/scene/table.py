@@ -2,7 +2,7 @@
 
 from typing import Annotated
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, field_validator
+from pydantic import AfterValidator, BaseModel, Field, field_validator
 
 SMALLEST, LARGEST = 1e-12, 1e15
 """Size of a number of a scene in its key's unit, where it may not be zero: what lies beyond is a slip, and double
@@ -25,10 +25,8 @@ NonNegative = Annotated[float, Field(ge=0), AfterValidator(_zero_or_not_too_smal
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,63}$")]
 
 
-class Table(BaseModel):
+class Table(BaseModel, extra="forbid", strict=True, frozen=True, allow_inf_nan=False):
     """Base of all tables of a scene file: no unknown keys, no coercion, no NaN, no change after loading."""
-
-    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
     @field_validator("*")
     @classmethod

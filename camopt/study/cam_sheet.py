@@ -97,9 +97,9 @@ def _steps(law: Lift, design: Design, order: int) -> str:
 
 
 def _brief(value: object) -> str:
-    """A parameter in few words, without its rounding; long lists of numbers are in the files that the verb writes."""
+    """A parameter in few words and digits; long lists of numbers are in the files that the verb writes."""
     if isinstance(value, float):
-        return f"{value:.12g}"
+        return f"{value:.5g}"
     if isinstance(value, list | tuple) and len(value) > MOST_SHOWN:
         return f"{len(value)} numbers, in design.json"
     return str(value)

@@ -76,7 +76,7 @@ def _cam(text: str, numbers: Numbers, cam: str) -> Lift:
     scene = _scene(text, numbers)
     if not cam.startswith("{"):
         return read_cam(cam, scene)
-    return lift_of_text(cam, scene, "the task's cam")  # pyright: ignore[reportArgumentType]  # has a hash
+    return lift_of_text(cam, scene, "the task's cam")
 
 
 @lru_cache(maxsize=16)

@@ -37,14 +37,14 @@ MOST_BYTES = 1_000_000
 Some = Field(min_length=1, max_length=100_000)
 
 
-class YieldSettings(Table):
+class YieldSettings(Table, frozen=True):
     """How many trains are drawn, and by which seed."""
 
     trains: Annotated[int, Field(ge=1, le=10_000_000)] = 1000
     seed: Count = 0
 
 
-class RehearseSettings(Table):
+class RehearseSettings(Table, frozen=True):
     """How many stand-ins there are, and how long each of them waits."""
 
     tasks: Annotated[int, Field(ge=1, le=10_000_000)] = 200
@@ -54,7 +54,7 @@ class RehearseSettings(Table):
 SETTINGS = {"settled": Table, "simulate": SimulateSettings, "yield": YieldSettings, "rehearse": RehearseSettings}
 
 
-class PlanFile(Table):
+class PlanFile(Table, frozen=True):
     """What a plan file may say."""
 
     format: Literal[1]

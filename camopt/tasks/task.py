@@ -30,7 +30,7 @@ PART = "sha256:"
 Count = Annotated[int, Field(ge=0)]
 
 
-class RehearseTask(Table):
+class RehearseTask(Table, frozen=True):
     """A stand-in: waits `seconds`, then returns a fraction that follows from `number`, or ends as `end` says."""
 
     verb: Literal["rehearse"]
@@ -39,7 +39,7 @@ class RehearseTask(Table):
     end: Literal["", "raise", "die"] = ""
 
 
-class TaskOnScene(Table):
+class TaskOnScene(Table, frozen=True):
     """What all tasks have that drive a scene's train by a cam; `vary` replaces numbers of the scene by NAME.KEY."""
 
     scene: str
@@ -54,7 +54,7 @@ class SettledTask(TaskOnScene):
     speed_rpm: Positive
 
 
-class SimulateSettings(Table):
+class SimulateSettings(Table, frozen=True):
     """How motions from rest are simulated, as in `camopt.simulate`."""
 
     method: str = "event"
@@ -78,7 +78,7 @@ class YieldTask(TaskOnScene):
     seed: Count = 0
 
 
-class CallTask(Table):
+class CallTask(Table, frozen=True):
     """A function of one's own, "package.module:name", called with `arguments` by name; it returns a dictionary."""
 
     verb: Literal["call"]

@@ -28,7 +28,7 @@ def test_what_is_written_stays_where_tables_grow():
     train, lift = build_train(scene), polydyne(scene)
     motion = prepare(train, lift, scene.cam_speed(5000))
     motion.advance(state_at_rest(train))
-    with motion._tables(AT_ONCE) as own:
+    with motion._lent(AT_ONCE) as own:
         before, room = own.tables, len(own.tables.keys)
         own.grow()
         count = int(before.built[0])

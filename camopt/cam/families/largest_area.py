@@ -117,7 +117,7 @@ def best_angles(
     where no member of the family was found that meets the limits.
     """
     asked = table, design, ramp, jerk, tuple(map(tuple, starts)), generations, seed
-    return _best_angles(*asked).copy()  # pyright: ignore[reportArgumentType]  # frozen, so it has a hash
+    return _best_angles(*asked).copy()
 
 
 @lru_cache(maxsize=64)  # a comparison asks for members that the search for the largest confirmed cam has had

@@ -96,11 +96,11 @@ class TracedMotion:
             (free_step(train, cam_speed), AT_ONCE) if spacing is None else step_on_borders(train, cam_speed, spacing)
         )
         self.end = np.array(start, dtype=float)
-        with propagators(train, step, lift.coefficients.shape[1], at_once).lent() as tables:
-            count, trace = run(tables, cam, self.end, revolutions, buffer=_BUFFER)
+        with propagators(train, step, lift.coefficients.shape[1], at_once).lent() as lent:
+            count, trace = run(lent, cam, self.end, revolutions, buffer=_BUFFER)
         ends = Trace._fields.index("angle"), Trace._fields.index("y")  # of every segment, and of the last one
         self.trace = Trace(*(array[: count + (i in ends)].copy() for i, array in enumerate(trace)))
-        self.setting = Setting(tables.arrays, cam, step, tables.tables, lift.half_duration, lift.opening_foot)
+        self.setting = Setting(lent.arrays, cam, step, lent.tables, lift.half_duration, lift.opening_foot)
 
     def gradient(
         self, metrics: Sequence[str], revolution: int = 0, cotangent: Float[np.ndarray, " l"] | None = None

@@ -197,12 +197,12 @@ def _run(job: Job, cams: stages.Cams, turns: tuple[int, int]) -> None:
         MOST_SWITCHINGS,
     )
     i = 0
-    with job.tables.lent() as tables:
+    with job.tables.lent() as lent:
         while i < len(job.cam):
-            setting = Setting(tables.arrays, cam, tables.step, tables.tables, 0.0, 0.0)
-            room = NO_ROWS, NO_TRACE, _BUFFER.trace(tables.tables, settled.APERIODIC + 1)
+            setting = Setting(lent.arrays, cam, lent.step, lent.tables, 0.0, 0.0)
+            room = NO_ROWS, NO_TRACE, _BUFFER.trace(lent.tables, settled.APERIODIC + 1)
             i, code = stages.run(setting, plan, cams, job.motions, room, i)
             if code == TABLES_FULL:
-                tables.grow()
+                lent.grow()
             elif code != DONE:
                 _BUFFER.grow()

@@ -37,7 +37,7 @@ def chosen_duration_deg(design: Design) -> float:
             f'design.duration_deg: "{FROM_DURATION_AT}" needs duration_at with a least duration, '
             "as in duration_at = [[1.0, 125, 126]]"
         )
-    shortest = shortest_duration_deg(design)  # pyright: ignore[reportArgumentType]  # frozen, so it has a hash
+    shortest = shortest_duration_deg(design)
     if shortest is None:
         raise InputError(
             f'design.duration_deg: "{FROM_DURATION_AT}": with these limits on the shape no duration has a cam that is '

@@ -186,7 +186,7 @@ def conflict(design: Design, cam: FreeCam) -> str:
             f"the limits of the design contradict each other: {asked} and the ramps cannot be joined, and no single "
             f"limit can be relaxed to resolve it; relax several of {', '.join(limits.names)} or lengthen duration_deg"
         )
-    shortest = shortest_duration_deg(design)  # pyright: ignore[reportArgumentType]  # frozen, so it has a hash
+    shortest = shortest_duration_deg(design)
     if shortest is not None and shortest > design.duration_deg:
         remedies.insert(0, f"lengthen duration_deg to at least {shortest:g}")
     return (

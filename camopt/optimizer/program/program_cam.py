@@ -39,7 +39,7 @@ def program_cam(design: Design, knot_deg: float) -> FreeCam:
     cam = free_cam(design, knot_deg)
     if not design.duration_at and design.waves_max is None and not radii_held_near(design):
         return cam
-    return replace(cam, about=_about(design))  # pyright: ignore[reportArgumentType]  # frozen, so it has a hash
+    return replace(cam, about=_about(design))
 
 
 @lru_cache(maxsize=64)

@@ -8,7 +8,6 @@ import numpy as np
 
 from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
-from camopt.optimizer.candidates import CANDIDATES
 from camopt.optimizer.search.judge import Judge, Judged, with_speeds_between
 from camopt.optimizer.search.region import RowSource
 from camopt.optimizer.stage_clock import StageClock
@@ -18,6 +17,8 @@ from camopt.scene.units import DEG, MM
 FOLDER = "judged"
 ARRAYS = ("speeds_rpm", "limit", "share", "states", "spread")
 FIGURE = "figure:"
+CANDIDATES = 5
+"""Cams of a search, the largest of those that hold, that the full verdict may be asked about."""
 USES_LESS, APART = 0.02, 5e-4
 """By how much less of its limits each of the cams that are offered to the verdict uses than the larger one, and by how
 much those that use no less differ in area ratio."""

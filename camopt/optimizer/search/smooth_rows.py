@@ -27,7 +27,7 @@ from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.periodic_slopes import Directions, PeriodicSlopes, periodic_slopes
 from camopt.smooth.rest import rest_state
-from camopt.smooth.tied import TiedPaths, parts_of_steps, path_angles, settled_paths, tied_paths, tied_system
+from camopt.smooth.tied import TiedPaths, parts_of_steps, path_angles, settled_paths, tied_system
 
 MOST_TURNS = 12
 """Revolutions that the tied motion may take to settle from where the one before ended."""
@@ -77,10 +77,10 @@ class SmoothRows:
     def first(self, program: NoJumpProgram, z: np.ndarray) -> tuple[NoJumpProgram, np.ndarray]:
         """The program about the largest share of z (m) whose motion linear slopes describe, and that share of z."""
         for share in SHARES:
-            paths = self._settled(share * z, self._rest)
-            if paths is not None and self._tame(share * z, paths):
+            settled = self._settled(share * z, self._rest)
+            if settled is not None and self._tame(*settled):
                 break
-        self._paths = paths
+        self._paths = settled and settled[1]
         program = self.about(program, share * z)
         return with_radii(with_switches(program, HELD_N), HELD_N), share * z
 
@@ -91,7 +91,8 @@ class SmoothRows:
         holds it, and was not with the cam about which the rows are.
         """
         known = self._known
-        self._paths = self._settled(z, known.start(z) if known else self._rest) or self._settled(z, self._rest)
+        settled = self._settled(z, known.start(z) if known else self._rest) or self._settled(z, self._rest)
+        self._paths = settled and settled[1]
         if self._paths is None or known is None or bool((_open_ends(self._paths) & ~_open_ends(known.paths)).any()):
             return np.full(len(self._speeds), np.inf)
         event = self._event(program)
@@ -128,21 +129,22 @@ class SmoothRows:
         force, seat_gap = slopes.force[self._event(program)], slopes.seat_gap.copy()  # of all that was read
         return slopes._replace(force=force, gap=slopes.gap.copy(), seat_gap=seat_gap)
 
-    def _settled(self, z: np.ndarray, start: jax.Array) -> TiedPaths | None:
-        """The settled motion's paths from `start` or, at speeds at which the valve is off its seat at the end, from
-        rest, since an adjuster that pumped up would stay so. None where the motion is not finite."""
+    def _settled(self, z: np.ndarray, start: jax.Array) -> tuple[jax.Array, TiedPaths] | None:
+        """Where the settled motion's last revolution begins, and its paths; from `start` or, at speeds at which the
+        valve is off its seat at the end, from rest, since an adjuster that pumped up would stay so. None where the
+        motion is not finite."""
         motion, how = (self._tied_in, *self._law), {"parts": self._parts, "most": MOST_TURNS, "within": SETTLED}
         for _ in range(2):
-            _, paths = settled_paths(self._tied, self._samples(z), self._speeds, start, *motion, **how)
+            begin, paths = settled_paths(self._tied, self._samples(z), self._speeds, start, *motion, **how)
             if not bool(jnp.all(jnp.isfinite(paths.end))):
                 return None
             if not bool(_open_ends(paths).any()):
                 break
             start = jnp.where(_open_ends(paths), self._rest, paths.end)
-        return paths
+        return begin, paths
 
-    def _tame(self, z: np.ndarray, paths: TiedPaths) -> bool:
-        """Whether linear slopes describe the motion of the cam of z (m) with these paths.
+    def _tame(self, start: jax.Array, paths: TiedPaths) -> bool:
+        """Whether linear slopes describe the motion whose last revolution has these paths from its `start` on.
 
         An adjuster fills with oil where its contacts do not push, and its slopes mislead; so do those of its motion
         where it does not repeat itself.
@@ -150,9 +152,7 @@ class SmoothRows:
         memory = self._tied.system.topology.memory
         if bool(_open_ends(paths).any()) or float(paths.force.min()) <= (-SMALL_N if memory else TAME_N):
             return False
-        motion = self._samples(z), self._speeds, paths.end, self._tied_in, *self._law
-        again = tied_paths(self._tied, *motion, parts=self._parts) if memory else paths
-        return float(jnp.abs(again.end - paths.end)[0].max()) < REPEATS
+        return not memory or float(jnp.abs(paths.end - start)[0].max()) < REPEATS
 
     def _blocks(self, program: NoJumpProgram, known: "_Known") -> tuple[SpeedRows, ...]:
         design, train, theta, z = program.design, program.train, self._theta, known.at
