@@ -134,13 +134,13 @@ class Design(Table, frozen=True):
     def of_duration(self, duration_deg: float) -> Self:
         """The design with a duration that camopt chose for it."""
         design = self.model_copy(update={"duration_deg": duration_deg})
-        design._chosen = True
+        design._chosen = True  # pyright: ignore[reportAttributeAccessIssue]  # private, so not frozen
         return design
 
     def within(self, geometry: "Geometry | None", operation: "Operation | None") -> Self:
         """The design as part of a scene with these tables."""
         design = self.model_copy()
-        design._geometry, design._operation = geometry, operation
+        design._geometry, design._operation = geometry, operation  # pyright: ignore[reportAttributeAccessIssue]
         return design
 
     def missing(self) -> list[str]:

@@ -1,4 +1,4 @@
-"""Derivatives of a motion with tied contacts that repeats itself, step by step.
+"""Motions with tied contacts that repeat themselves, and their derivatives, step by step.
 
 The end of a step depends on its beginning, on lift and slope at its two ends, and on the numbers of the train. JAX
 differentiates every step by these few numbers alone, and a recurrence of small matrices carries any number of
@@ -6,24 +6,31 @@ directions through the revolution: the condensing of multiple shooting (Bock and
 the number of coefficients, and one compiled program serves cams with any number of them.
 """
 
+from copy import copy
 from functools import partial
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import diffrax
 import jax
 import jax.numpy as jnp
 import numpy as np
 
+from camopt.scene.smoothing import Smoothing
+from camopt.scene.train import Train
 from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.low_storage import LowStorage
-from camopt.smooth.tied import DrivenTies, TiedPaths, TiedSystem
+from camopt.smooth.rest import rest_state
+from camopt.smooth.tied import DrivenTies, TiedPaths, TiedSystem, parts_of_steps, tied_paths, tied_system
 
 GROWS = 1.0 + 1e-6
 """What of a disturbance is left after a revolution beyond which it counts as growing; of a memory that stands still it
 is one, but for rounding."""
 AT_ONCE = 16
 """Steps that are differentiated side by side."""
+MOST_TURNS, SETTLED = 40, 1e-10
+"""Revolutions in which a motion may settle, and the change of its positions over one [m] at which it counts as such:
+the stiffest contacts then change their forces by some hundredths of a newton."""
 
 
 class Directions(NamedTuple):
@@ -82,50 +89,85 @@ def step_slopes(
     return jax.vmap(of_step)(steps, states)
 
 
-def periodic_slopes(
-    tied,
-    samples,
-    cam_speed,
-    paths: TiedPaths,
-    event,
-    tie,
-    layer: Layer,
-    directions: Directions,
-    *,
-    parts: int,
-    gaps: bool = True,
-) -> PeriodicSlopes:
-    """The slopes along all directions of the motion whose settled revolution has these `paths`: the start moves with
-    its end. Without `gaps` those of the contacts are left out; the other arguments are those of `tied_paths`.
+class TiedMotions:
+    """Motions with tied contacts of one train at the cam speeds (b) [rad/s], under a smoothing.
 
-    With M the slope of the end by the start, and e that by a direction, the start's slope solves s = M s + e. A memory
-    that stands still all along keeps its value, and so does the start where disturbances of it grow: there no motion
-    settles.
+    The contacts are tied over the `event`, from one angle to another [rad], and each step is divided into `parts`, by
+    default as many as the lowest speed asks for. `samples` (k + 1, 2) of a cam are lift and slope at the ends of the
+    revolution's k equal steps.
     """
-    (count, _, width, cases), contacts = paths.states.shape, paths.force.shape[1]
-    size, along = width + tied.system.mass.shape[0], directions.samples.shape[2]
-    numbers, begins = directions.numbers, np.roll(np.asarray(paths.states), 1, axis=0)
-    moved = 0 if numbers is None else len(numbers.at_rest)
-    carried = np.zeros((cases, size + 4 + moved, size + along))
-    carried[:, :size, :size] = np.eye(size)
-    carried[:, size + 4 :, size + along - moved :] = np.eye(moved)
-    read = np.empty((count, cases, (1 + gaps) * contacts + 1, size + along))
-    for first in range(0, count, AT_ONCE):
-        steps = np.minimum(np.arange(first, first + AT_ONCE), count - 1)  # of one number, for one compiled program
-        moving = tied, samples, cam_speed, begins[steps], event, tie, layer, numbers, steps
-        matrices = step_slopes(*moving, parts=parts, gaps=gaps)
-        for k, matrix in zip(range(first, count), np.asarray(matrices), strict=False):
-            carried[:, size : size + 4, size:] = directions.samples[k : k + 2].reshape(4, along)
-            ahead = matrix @ carried
-            carried[:, :size], read[k] = ahead[:, :size], ahead[:, size:]
-    end, pushed = carried[:, :size, :size], carried[:, :size, size:]
-    begin = np.linalg.pinv(np.eye(size) - end, rcond=1e-12) @ pushed  # (b, q, d)
-    begin[np.abs(np.linalg.eigvals(end)).max(axis=1) > GROWS] = 0.0
-    for row in read:
-        row[..., size:] += row[..., :size] @ begin
-    start = np.zeros((2 * width, cases, along))
-    start[:size] = np.moveaxis(begin, 1, 0)
-    start[width:] *= float(tied.system.stiffest())
-    slopes = np.moveaxis(read[..., size:], 1, 2)  # (k, c + 1 + c, b, d)
-    force, seat_gap, gap = slopes[:, :contacts], slopes[:, contacts], slopes[:, contacts + 1 :]
-    return PeriodicSlopes(force, gap, seat_gap, start.reshape(2, width, cases, along))
+
+    def __init__(
+        self, train: Train, cam_speeds: np.ndarray, event: Any, smoothing: Smoothing, parts: int | None = None
+    ):
+        width, tie, steps = smoothing
+        self.tied, self.speeds = tied_system(train), jnp.asarray(cam_speeds)
+        self._rule = event, tie, Layer(width)
+        self.parts = parts or parts_of_steps(self.tied, float(np.min(cam_speeds)), steps)
+        self.rest = jnp.repeat(rest_state(train)[:, :, None], len(self.speeds), axis=2)
+
+    def over(self, event: Any) -> "TiedMotions":
+        """The motions with contacts tied over another event."""
+        other = copy(self)
+        other._rule = event, *self._rule[1:]
+        return other
+
+    def revolution(self, samples: Any, start: Any, adjoint: str = "forward") -> TiedPaths:
+        """The paths of the revolution from a state `start` (2, n + r, b); `adjoint` as of `tied_paths`."""
+        return tied_paths(self.tied, samples, self.speeds, start, *self._rule, parts=self.parts, adjoint=adjoint)
+
+    def driven(self, samples: Any) -> DrivenTies:
+        """The train under a cam, which tells all its forces."""
+        return DrivenTies(self.tied, samples, self.speeds, *self._rule)
+
+    def settled(
+        self, samples: Any, start: jax.Array | None = None, most: int = MOST_TURNS, within: float = SETTLED
+    ) -> tuple[jax.Array, TiedPaths]:
+        """The state (2, n + r, b) at which the last revolution on the way to a settled motion begins, and its paths.
+
+        It settles from `start`, by default from rest: a revolution then moves no position by more than `within` [m], or
+        there have been `most` of them.
+        """
+        y0, samples = self.rest if start is None else start, jnp.asarray(samples)
+        for _ in range(most):
+            begin, paths = y0, self.revolution(samples, y0)
+            y0, moved = paths.end, float(np.abs(np.asarray(paths.end) - np.asarray(begin))[0].max())
+            if not np.isfinite(moved) or moved < within:
+                break
+        return begin, paths
+
+    def slopes(self, samples: Any, paths: TiedPaths, directions: Directions, gaps: bool = True) -> PeriodicSlopes:
+        """The slopes along all directions of the motion whose settled revolution has these `paths`: the start moves
+        with its end. Without `gaps` those of the contacts are left out.
+
+        With M the slope of the end by the start, and e that by a direction, the start's slope solves s = M s + e. A
+        memory that stands still all along keeps its value, and so does the start where disturbances of it grow: there
+        no motion settles.
+        """
+        (count, _, width, cases), contacts = paths.states.shape, paths.force.shape[1]
+        size, along = width + self.tied.system.mass.shape[0], directions.samples.shape[2]
+        numbers, begins = directions.numbers, np.roll(np.asarray(paths.states), 1, axis=0)
+        moved = 0 if numbers is None else len(numbers.at_rest)
+        carried = np.zeros((cases, size + 4 + moved, size + along))
+        carried[:, :size, :size] = np.eye(size)
+        carried[:, size + 4 :, size + along - moved :] = np.eye(moved)
+        read = np.empty((count, cases, (1 + gaps) * contacts + 1, size + along))
+        for first in range(0, count, AT_ONCE):
+            steps = np.minimum(np.arange(first, first + AT_ONCE), count - 1)  # of one number, for one compiled program
+            moving = self.tied, jnp.asarray(samples), self.speeds, begins[steps], *self._rule, numbers, steps
+            matrices = step_slopes(*moving, parts=self.parts, gaps=gaps)
+            for k, matrix in zip(range(first, count), np.asarray(matrices), strict=False):
+                carried[:, size : size + 4, size:] = directions.samples[k : k + 2].reshape(4, along)
+                ahead = matrix @ carried
+                carried[:, :size], read[k] = ahead[:, :size], ahead[:, size:]
+        end, pushed = carried[:, :size, :size], carried[:, :size, size:]
+        begin = np.linalg.pinv(np.eye(size) - end, rcond=1e-12) @ pushed  # (b, q, d)
+        begin[np.abs(np.linalg.eigvals(end)).max(axis=1) > GROWS] = 0.0
+        for row in read:
+            row[..., size:] += row[..., :size] @ begin
+        start = np.zeros((2 * width, cases, along))
+        start[:size] = np.moveaxis(begin, 1, 0)
+        start[width:] *= float(self.tied.system.stiffest())
+        slopes = np.moveaxis(read[..., size:], 1, 2)  # (k, c + 1 + c, b, d)
+        force, seat_gap, gap = slopes[:, :contacts], slopes[:, contacts], slopes[:, contacts + 1 :]
+        return PeriodicSlopes(force, gap, seat_gap, start.reshape(2, width, cases, along))

@@ -36,9 +36,6 @@ LARGEST_PHASE = 1.7
 times as fast, and a Hertz contact at its largest force a little more: that is within the method's limit."""
 TANGENT_N = 20.0
 """Contact force [N] below which a curved elastic law goes on along its tangent: at no force it has no stiffness."""
-MOST_TURNS, SETTLED = 40, 1e-10
-"""Revolutions in which a motion may settle, and the change of its positions over one [m] at which it counts as such:
-the stiffest contacts then change their forces by some hundredths of a newton."""
 
 
 class TiedSystem(eqx.Module):
@@ -217,19 +214,3 @@ def tied_paths(
     )
     assert solution.ys is not None
     return solution.ys
-
-
-def settled_paths(
-    tied, samples, cam_speed, y0, event, tie, layer: Layer, *, parts: int, most: int = MOST_TURNS, within=SETTLED
-) -> tuple[jax.Array, TiedPaths]:
-    """The state (2, n + r, b) at which the last revolution on the way to a settled motion begins, and its paths.
-
-    It is settled where a revolution moves no position by more than `within` [m], after `most` revolutions at the
-    latest; the other arguments are `tied_paths`'.
-    """
-    for _ in range(most):
-        start, paths = y0, tied_paths(tied, samples, cam_speed, y0, event, tie, layer, parts=parts)
-        y0, moved = paths.end, float(np.abs(np.asarray(paths.end) - np.asarray(start))[0].max())
-        if not np.isfinite(moved) or moved < within:
-            break
-    return start, paths

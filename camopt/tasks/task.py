@@ -47,7 +47,7 @@ class TaskOnScene(Table, frozen=True):
     vary: Annotated[dict[str, float], Field(default_factory=dict)]
 
 
-class SettledTask(TaskOnScene):
+class SettledTask(TaskOnScene, frozen=True):
     """The metrics of the settled motion by event-exact, at one crankshaft speed."""
 
     verb: Literal["settled"]
@@ -62,14 +62,14 @@ class SimulateSettings(Table, frozen=True):
     step_deg: Positive = 0.1
 
 
-class SimulateTask(TaskOnScene, SimulateSettings):
+class SimulateTask(TaskOnScene, SimulateSettings, frozen=True):
     """One motion from rest at one crankshaft speed."""
 
     verb: Literal["simulate"]
     speed_rpm: Positive
 
 
-class YieldTask(TaskOnScene):
+class YieldTask(TaskOnScene, frozen=True):
     """The train of number `train` that is drawn by `seed` within the scene's tolerances."""
 
     verb: Literal["yield"]

@@ -179,7 +179,7 @@ def test_windows_and_kinds_of_rows():
 
 
 @pytest.mark.parametrize(("kind", "name"), list(enumerate(("opening", "closing", "seat"))))
-def test_prices_and_jacobian_are_the_slope_of_the_program(kind, name):
+def test_prices_are_the_slope_of_the_program(kind, name):
     p = program()
     base = {"opening": np.full(4, 21.0), "closing": np.full(4, 13.0), "seat": np.full(4, 37.0)}
     found = p.solve(Margins(**base))
@@ -189,8 +189,6 @@ def test_prices_and_jacobian_are_the_slope_of_the_program(kind, name):
     up, down = (p.solve(Margins(**m)) for m in moved)
     slope = (up.area_ratio - down.area_ratio) / (2 * step)
     assert found.margin_prices[kind, speed] == pytest.approx(slope, rel=1e-4, abs=1e-11)
-    dz = (up.z - down.z) / (2 * step)
-    np.testing.assert_allclose(found.jacobian()[:, kind, speed], dz, rtol=1e-3, atol=1e-3 * np.abs(dz).max() + 1e-12)
 
 
 def test_impossible_margins_say_by_how_much():

@@ -18,18 +18,17 @@ from camopt.optimizer.as_built.openings import STEP
 from camopt.optimizer.program.force_rows import Window
 from camopt.optimizer.search.smooth_rows import MOST_TURNS, SETTLED, end_of_contact
 from camopt.scene.errors import NoCamFound
+from camopt.scene.smoothing import Smoothing
 from camopt.scene.train import Train
 from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
-from camopt.smooth.periodic_slopes import Directions, periodic_slopes
-from camopt.smooth.rest import rest_state
+from camopt.smooth.periodic_slopes import Directions, TiedMotions
 from camopt.smooth.simulate import lift_samples
 from camopt.smooth.tied import (
     STEPS,
     WIDTH,
     parts_of_steps,
     path_angles,
-    settled_paths,
     tied_paths,
     tied_system,
 )
@@ -49,13 +48,13 @@ class SmoothForces:
     def __init__(self, trains: Sequence[TrainAsBuilt], nominal: Train, cam: FreeCam, cam_speeds: np.ndarray):
         self._trains, self._nominal, self._cam, self._speeds = trains, nominal, cam, cam_speeds
         self._event = float(cam.breaks[0]), end_of_contact(nominal, cam, Window())
-        theta, every = path_angles(), round(STEP * STEPS / (2 * np.pi))
+        theta, stride = path_angles(), round(STEP * STEPS / (2 * np.pi))
         inside = (theta >= self._event[0] + Window().after_top) & (theta <= self._event[1] - 1e-9)
-        self._at = np.flatnonzero(inside)[::every]
+        self._at = np.flatnonzero(inside)[::stride]
         self.theta = theta[self._at]
         self._systems = [tied_system(one.train) for one in trains]
-        self._tied, slowest = tied_system(nominal), float(cam_speeds.min())
-        self._parts = max(parts_of_steps(tied, slowest) for tied in (self._tied, *self._systems))
+        every = tied_system(nominal), *self._systems
+        self._parts = max(parts_of_steps(tied, float(cam_speeds.min())) for tied in every)
         self._starts: list[jnp.ndarray] = []  # where the trains' last motions ended
         self._along = Directions(cam.samples(equal_grid(STEPS))[0])
 
@@ -100,14 +99,12 @@ class SmoothForces:
 
     def _slopes(self, lift: Lift, cam_speeds: np.ndarray) -> tuple[np.ndarray, jnp.ndarray]:
         """Slopes (s, c, k, m) [N/m] of the train as designed, and the states at which its settled motion ends."""
-        speeds, samples = jnp.asarray(cam_speeds), jnp.asarray(lift_samples(lift, STEPS))
-        rest = jnp.repeat(rest_state(self._nominal)[:, :, None], len(speeds), axis=2)
-        rule = self._event, 1.0, Layer(WIDTH)
-        _, paths = settled_paths(
-            self._tied, samples, speeds, rest, *rule, parts=self._parts, most=MOST_TURNS, within=SETTLED
+        motions, samples = (
+            TiedMotions(self._nominal, cam_speeds, self._event, Smoothing(), self._parts),
+            lift_samples(lift, STEPS),
         )
-        motion = self._tied, samples, speeds, paths, *rule, self._along
-        slopes = periodic_slopes(*motion, parts=self._parts, gaps=False)
+        _, paths = motions.settled(samples, most=MOST_TURNS, within=SETTLED)
+        slopes = motions.slopes(samples, paths, self._along, gaps=False)
         return np.moveaxis(slopes.force[self._at], (2, 1), (0, 1)), paths.end
 
 

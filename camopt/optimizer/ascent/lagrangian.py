@@ -26,10 +26,9 @@ from camopt.optimizer.search.smooth_rows import in_event, on_seat
 from camopt.scene.errors import InputError
 from camopt.scene.train import build_train
 from camopt.scene.units import MM
-from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
-from camopt.smooth.rest import rest_state
-from camopt.smooth.tied import TiedPaths, parts_of_steps, path_angles, settled_paths, tied_paths, tied_system
+from camopt.smooth.periodic_slopes import TiedMotions
+from camopt.smooth.tied import TiedPaths, path_angles
 
 PATH_OF = {FORCE: (1.0, 1.0, "force"), GAP: (-1.0, MM, "gap"), SEAT_GAP: (-1.0, MM, "seat_gap")}
 """By constraint whether it asks for more (1) or less (-1), its unit, and the path in which it stands."""
@@ -59,23 +58,23 @@ class PathLagrangian:
     def __init__(self, bound: BoundObjective):
         asked = bound.objective
         self._bound, self._limits, self._train = bound, asked.constraints, build_train(asked.scene)
-        width, self._tie, self._steps = asked.smoothing
-        self._layer = Layer(width)
-        self._tied = tied_system(self._train)
-        speeds = np.array([asked.scene.cam_speed(speed) for speed in asked.speeds_rpm])
-        self._speeds, self._parts = jnp.asarray(speeds), parts_of_steps(self._tied, float(speeds.min()), self._steps)
+        speeds = np.array([asked.scene.cam_speed(rpm) for rpm in asked.speeds_rpm])
+        self._motions = TiedMotions(self._train, speeds, (-np.pi, np.pi), asked.smoothing)
+        self._steps = asked.smoothing.steps
 
-    def _motion(self, parameters: Mapping[str, Any], start: Any) -> tuple[Any, ...]:
-        """The arguments of `tied_paths` and its kin."""
-        cam, own, theta = self._bound.cam, dict(parameters), jnp.asarray(equal_grid(self._steps))
-        samples = jnp.stack([cam.lift(theta, own, order) for order in (0, 1)], axis=-1)
-        half = cam.half_duration(own)
-        return self._tied, samples, self._speeds, start, (-half, half), self._tie, self._layer
+    def _samples(self, parameters: Mapping[str, Any]) -> jax.Array:
+        """Lift and slope of the cam (k + 1, 2) at the ends of the steps."""
+        theta = jnp.asarray(equal_grid(self._steps))
+        return jnp.stack([self._bound.cam.lift(theta, dict(parameters), order) for order in (0, 1)], axis=-1)
+
+    def _tied(self, parameters: Mapping[str, Any]) -> TiedMotions:
+        """The motions, tied in the event of the cam with these parameters."""
+        half = self._bound.cam.half_duration(dict(parameters))
+        return self._motions.over((-half, half))
 
     def begin(self, parameters: Mapping[str, Any], lift: Lift) -> Held:
         """The first round's, from the settled motion of a cam. Raises InputError where that is not finite."""
-        rest = np.repeat(np.asarray(rest_state(self._train))[:, :, None], len(self._speeds), axis=2)
-        _, paths = settled_paths(*jax.jit(self._motion)(parameters, rest), parts=self._parts)
+        _, paths = self._tied(parameters).settled(jax.jit(self._samples)(parameters))
         if not np.all(np.isfinite(paths.end)):
             raise InputError(
                 "ascend: the start's smoothed motion with tied contacts grows without bound at one of the speeds: take "
@@ -90,7 +89,7 @@ class PathLagrangian:
 
     def paths(self, parameters: Mapping[str, Any], held: Held, adjoint: str = "reverse") -> TiedPaths:
         """The paths of one revolution of the cam with these parameters."""
-        return tied_paths(*self._motion(parameters, held.start), parts=self._parts, adjoint=adjoint)
+        return self._tied(parameters).revolution(self._samples(parameters), held.start, adjoint)
 
     def rows(self, parameters: Mapping[str, Any], held: Held, paths: TiedPaths) -> dict[str, jax.Array]:
         """By constraint the rows (k, ..., b) that are to be no less than zero; infinite where nothing is asked."""

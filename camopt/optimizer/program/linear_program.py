@@ -56,11 +56,6 @@ class Optimum:
     duals: np.ndarray
     working: np.ndarray  # indices of the tightest rows: a good first working set for a program that differs little
 
-    @property
-    def active(self) -> np.ndarray:
-        """Rows with a positive dual."""
-        return np.flatnonzero(self.duals > 0)
-
 
 class WarmModel:
     """A HiGHS model of some rows of `matrix` (r, m), columns free in sign, that keeps its basis between programs.

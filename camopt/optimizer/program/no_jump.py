@@ -105,23 +105,6 @@ class NoJumpOptimum:
             return (other.design.contact_force_max_N or np.inf) - force
         return force - float(self.margins[mine.kind[at], speed])
 
-    def jacobian(self) -> np.ndarray:
-        """dz / d margins (m, 3, speeds) [1/N] while the active rows stay the same: the exact slope of the program.
-
-        At a corner with more active rows than coefficients, or fewer, it is the least-squares answer.
-        """
-        p, first = self.program, len(self.program.limits.bound)
-        active = self.optimum.active
-        scaled = p.rows.scaled[active[active < len(p.rows.norm)]]
-        active = active[: len(scaled)]
-        moved = np.zeros((len(active), *self.margins.shape))
-        force = np.flatnonzero(active >= first)
-        row = active[force] - first
-        pushes = p.kind[row] != PEAK
-        moved[force[pushes], p.kind[row[pushes]], p.speed[row[pushes]]] = -1.0 / p.rows.norm[active[force[pushes]]]
-        answer = np.linalg.lstsq(scaled, moved.reshape(len(active), -1), rcond=None)[0]
-        return (answer * p.rows.column[:, None]).reshape(-1, *self.margins.shape)
-
 
 @dataclass(frozen=True)
 class NoJumpProgram:

@@ -23,11 +23,9 @@ from camopt.scene.errors import NoCamFound
 from camopt.scene.smoothing import Smoothing
 from camopt.scene.train import Train
 from camopt.scene.units import MM
-from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
-from camopt.smooth.periodic_slopes import Directions, PeriodicSlopes, periodic_slopes
-from camopt.smooth.rest import rest_state
-from camopt.smooth.tied import TiedPaths, parts_of_steps, path_angles, settled_paths, tied_system
+from camopt.smooth.periodic_slopes import Directions, PeriodicSlopes, TiedMotions
+from camopt.smooth.tied import TiedPaths, path_angles
 
 MOST_TURNS = 12
 """Revolutions that the tied motion may take to settle from where the one before ended."""
@@ -61,14 +59,10 @@ class SmoothRows:
 
     def __init__(self, program: NoJumpProgram, smoothing: Smoothing = Smoothing()):  # noqa: B008  it cannot change
         train, cam = program.train, program.cam
-        width, tie, self._steps = smoothing
-        self._law, self._theta = (tie, Layer(width)), path_angles(self._steps)
-        self._tied = tied_system(train)
-        self._basis, self._offset = cam.samples(equal_grid(self._steps))
-        self._speeds = jnp.asarray(program.speeds)
-        self._parts = parts_of_steps(self._tied, float(program.speeds.min()), self._steps)
+        self._theta = path_angles(smoothing.steps)
+        self._basis, self._offset = cam.samples(equal_grid(smoothing.steps))
         self._tied_in = -float(cam.breaks[-1]), end_of_contact(train, cam, program.window)
-        self._rest = jnp.repeat(rest_state(train)[:, :, None], len(self._speeds), axis=2)
+        self._motions = TiedMotions(train, program.speeds, self._tied_in, smoothing)
         self._known: _Known | None = None  # about which the rows are
         self._paths: TiedPaths | None = None  # of the cam that was asked for last
         self._missed = np.inf
@@ -77,7 +71,7 @@ class SmoothRows:
     def first(self, program: NoJumpProgram, z: np.ndarray) -> tuple[NoJumpProgram, np.ndarray]:
         """The program about the largest share of z (m) whose motion linear slopes describe, and that share of z."""
         for share in SHARES:
-            settled = self._settled(share * z, self._rest)
+            settled = self._settled(share * z, self._motions.rest)
             if settled is not None and self._tame(*settled):
                 break
         self._paths = settled and settled[1]
@@ -91,10 +85,11 @@ class SmoothRows:
         holds it, and was not with the cam about which the rows are.
         """
         known = self._known
-        settled = self._settled(z, known.start(z) if known else self._rest) or self._settled(z, self._rest)
+        rest = self._motions.rest
+        settled = self._settled(z, known.start(z) if known else rest) or self._settled(z, rest)
         self._paths = settled and settled[1]
         if self._paths is None or known is None or bool((_open_ends(self._paths) & ~_open_ends(known.paths)).any()):
-            return np.full(len(self._speeds), np.inf)
+            return np.full(len(program.speeds), np.inf)
         event = self._event(program)
         before = known.paths.force[event]
         foretold = before + jnp.asarray(known.slopes.force @ (z - known.at))
@@ -124,8 +119,7 @@ class SmoothRows:
         """The slopes by z (m) of the motion with these paths; of the forces in the event alone."""
         self._known = None  # both Jacobians at once would be most of what a search needs of memory
         self.jacobians += 1
-        motion = self._samples(z), self._speeds, paths, self._tied_in, *self._law
-        slopes = periodic_slopes(self._tied, *motion, Directions(self._basis), parts=self._parts, gaps=False)
+        slopes = self._motions.slopes(self._samples(z), paths, Directions(self._basis), gaps=False)
         force, seat_gap = slopes.force[self._event(program)], slopes.seat_gap.copy()  # of all that was read
         return slopes._replace(force=force, gap=slopes.gap.copy(), seat_gap=seat_gap)
 
@@ -133,14 +127,13 @@ class SmoothRows:
         """Where the settled motion's last revolution begins, and its paths; from `start` or, at speeds at which the
         valve is off its seat at the end, from rest, since an adjuster that pumped up would stay so. None where the
         motion is not finite."""
-        motion, how = (self._tied_in, *self._law), {"parts": self._parts, "most": MOST_TURNS, "within": SETTLED}
         for _ in range(2):
-            begin, paths = settled_paths(self._tied, self._samples(z), self._speeds, start, *motion, **how)
+            begin, paths = self._motions.settled(self._samples(z), start, MOST_TURNS, SETTLED)
             if not bool(jnp.all(jnp.isfinite(paths.end))):
                 return None
             if not bool(_open_ends(paths).any()):
                 break
-            start = jnp.where(_open_ends(paths), self._rest, paths.end)
+            start = jnp.where(_open_ends(paths), self._motions.rest, paths.end)
         return begin, paths
 
     def _tame(self, start: jax.Array, paths: TiedPaths) -> bool:
@@ -149,7 +142,7 @@ class SmoothRows:
         An adjuster fills with oil where its contacts do not push, and its slopes mislead; so do those of its motion
         where it does not repeat itself.
         """
-        memory = self._tied.system.topology.memory
+        memory = self._motions.tied.system.topology.memory
         if bool(_open_ends(paths).any()) or float(paths.force.min()) <= (-SMALL_N if memory else TAME_N):
             return False
         return not memory or float(jnp.abs(paths.end - start)[0].max()) < REPEATS

@@ -11,12 +11,10 @@ from camopt.cam.families.free import FreeCam
 from camopt.scene.errors import MotionRefused
 from camopt.scene.smoothing import Smoothing
 from camopt.scene.units import RPM
-from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
-from camopt.smooth.periodic_slopes import Directions, periodic_slopes
-from camopt.smooth.rest import rest_state
+from camopt.smooth.periodic_slopes import Directions, TiedMotions
 from camopt.smooth.simulate import lift_samples
-from camopt.smooth.tied import TiedSystem, parts_of_steps, settled_paths, tied_system
+from camopt.smooth.tied import TiedSystem, tied_system
 from camopt.study.linearised.linearised import LinearisedCase, LinearPaths
 
 
@@ -24,17 +22,12 @@ def smooth_paths(
     cases: Sequence[LinearisedCase], cam: FreeCam, cam_speeds: np.ndarray, smoothing: Smoothing
 ) -> list[LinearPaths]:
     """The paths of every train at the cam speeds (s) [rad/s], under a smoothing."""
-    width, tie, steps = smoothing
-    systems = [tied_system(case.nominal[0]) for case in cases]
-    parts = max(parts_of_steps(tied, float(cam_speeds.min()), steps) for tied in systems)
-    basis, _ = cam.samples(equal_grid(steps))
-    event, speeds, by_train = (-cam.breaks[-1], cam.breaks[-1]), jnp.asarray(cam_speeds), []
-    for case, tied in zip(cases, systems, strict=True):
-        train, lift = case.nominal
-        samples = jnp.asarray(lift_samples(lift, steps))
-        rest = jnp.repeat(rest_state(train)[:, :, None], len(speeds), axis=2)
-        motion = speeds, event, tie, Layer(width)
-        start, paths = settled_paths(tied, samples, speeds, rest, *motion[1:], parts=parts)
+    event, steps, by_train = (-cam.breaks[-1], cam.breaks[-1]), smoothing.steps, []
+    of_cases = [TiedMotions(case.nominal[0], cam_speeds, event, smoothing) for case in cases]
+    basis, parts = cam.samples(equal_grid(steps))[0], max(motions.parts for motions in of_cases)
+    for case, motions in zip(cases, of_cases, strict=True):
+        motions.parts, samples = parts, lift_samples(case.nominal[1], steps)
+        start, paths = motions.settled(samples)
         moved = np.abs(np.asarray(paths.end - start))[0].max(axis=0)
         if not np.all(np.isfinite(moved)):
             lost = cam_speeds[~np.isfinite(moved)][0] / RPM
@@ -42,8 +35,8 @@ def smooth_paths(
                 f"the smoothed motion with tied contacts grows without bound at {lost:g} r/min of the camshaft: give a "
                 f"larger width_um, another speed, or more damping_N_s_per_m"
             )
-        along = _with_numbers(basis, case, tied, steps) if len(case.steps) else Directions(basis)
-        slopes = periodic_slopes(tied, samples, speeds, paths, *motion[1:], along, parts=parts)
+        along = _with_numbers(basis, case, motions.tied, steps) if len(case.steps) else Directions(basis)
+        slopes = motions.slopes(samples, paths, along)
         values = paths.force, paths.gap, paths.seat_gap
         pairs = zip(values, slopes[:3], strict=True)
         joined = [np.concatenate([np.asarray(v)[..., None], s], axis=-1) for v, s in pairs]

@@ -7,24 +7,19 @@ from camopt.cam.lift import Lift
 from camopt.scene import MotionRefused, Response, Train
 from camopt.scene.smoothing import Smoothing
 from camopt.scene.units import RPM
-from camopt.smooth.contact import Layer
-from camopt.smooth.rest import rest_state
+from camopt.smooth.periodic_slopes import TiedMotions
 from camopt.smooth.simulate import lift_samples
-from camopt.smooth.tied import DrivenTies, parts_of_steps, path_angles, tied_paths, tied_system
+from camopt.smooth.tied import path_angles
 
 
 def tied_motion(train: Train, lift: Lift, cam_speed: float, revolutions: int, smoothing: Smoothing) -> Response:
     """Motion from rest over `revolutions` with tied contacts; raises MotionRefused where it has no bound."""
-    width, tie, steps = smoothing
-    tied, samples = tied_system(train), jnp.asarray(lift_samples(lift, steps))
-    speed, half, parts = jnp.asarray([cam_speed]), lift.half_duration, parts_of_steps(tied, cam_speed, steps)
-    states, forces = [rest_state(train)[None, ..., None]], []
-    event, layer = (-half, half), Layer(width)
-    driven = DrivenTies(tied, samples, speed, event, tie, layer)
+    motions = TiedMotions(train, np.array([cam_speed]), (-lift.half_duration, lift.half_duration), smoothing)
+    steps, samples = smoothing.steps, jnp.asarray(lift_samples(lift, smoothing.steps))
+    states, forces = [motions.rest[None]], []
     for _ in range(revolutions):
-        paths = tied_paths(tied, samples, speed, states[-1][-1], event, tie, layer, parts=parts)
-        states.append(paths.states)
-        forces.append(driven.forces(path_angles(steps), paths.states))
+        states.append(motions.revolution(samples, states[-1][-1]).states)
+        forces.append(motions.driven(samples).forces(path_angles(steps), states[-1]))
     if not bool(jnp.all(jnp.isfinite(states[-1]))):
         raise MotionRefused(
             f"the smoothed motion with tied contacts grows without bound at {cam_speed / RPM:g} r/min of the camshaft: "
