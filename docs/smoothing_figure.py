@@ -14,7 +14,7 @@ TIES = {0.0: "#9A6A00", 0.01: "#009E73", 1.0: "#0072B2"}
 def smoothing():
     """Force by compression for two widths, and force by angle for three shares of the tie."""
     import camopt.smooth
-    from camopt.smooth.contact import Layer, contact_force
+    from camopt.smooth.laws import Layer, contact_force
 
     figure = new_figure(8.4, 3.4)
     layer, tie = figure.subplots(1, 2, width_ratios=(1, 1.35))

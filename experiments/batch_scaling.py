@@ -23,7 +23,7 @@ from matplotlib.figure import Figure
 import camopt
 from camopt.measure.as_built import trains_as_built
 from camopt.plots.style import new_figure, styled
-from camopt.smooth.contact import Layer
+from camopt.smooth.laws import Layer
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples
 from camopt.smooth.tied import STEPS, WIDTH, parts_of_steps, tied_paths, tied_system

@@ -16,8 +16,7 @@ import numpy as np
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.exact import prepare, settled_metrics, with_chords
-from camopt.exact.adjoint.gradient import value_and_gradient
-from camopt.exact.adjoint.motion import TracedMotion
+from camopt.exact.adjoint.motion import TracedMotion, value_and_gradient
 from camopt.exact.affine.lines import CHORD_FORCE, chords_per_row
 from camopt.scene import build_train, load_scene
 from camopt.scene.laws import CURVED, HERTZ, LINEAR, OF_CONTACTS, PROGRESSIVE, TABLE, Laws

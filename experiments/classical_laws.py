@@ -14,8 +14,8 @@ from scipy.interpolate import PPoly
 
 from camopt.highs import minimise
 from camopt.optimizer.bound.certificate import absolute_integral
-from camopt.optimizer.program.dwell_rise import DwellRise, least_acceleration, least_peak
 from camopt.plots.style import new_figure
+from camopt.study.rise import DwellRise, least_acceleration, least_peak
 from experiments.support.record import RESULTS, run_script, write_result
 
 INTERVALS = {"small": 500, "full": 4000}

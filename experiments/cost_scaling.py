@@ -11,7 +11,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine
 from camopt.scene import Scene, build_train, load_scene, parse_scene
 from camopt.scene.rest import state_at_rest
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 from camopt.study.reduce.idle_contacts import LeftOut, leave_out
 from camopt.study.reduce.reduced_models import smaller_models
 from camopt.study.reduce.reduction import milliseconds, path_times

@@ -12,7 +12,7 @@ from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import piston_drop
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.bound.certificate import area_ratio_bound
-from camopt.optimizer.bound.limit_terms import left_out
+from camopt.optimizer.bound.fine_program import left_out
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.scene import Scene, load_scene

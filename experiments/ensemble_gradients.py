@@ -14,16 +14,14 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from camopt.cam.bumps import moved, with_bumps
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint.gradient import value_and_gradient
-from camopt.exact.adjoint.motion import TracedMotion
+from camopt.exact.adjoint.motion import TracedMotion, value_and_gradient
 from camopt.exact.affine.lines import rest_of
 from camopt.plots.style import INK, legend_above, lines, new_figure, styled
 from camopt.scene import MotionRefused, Train, build_train, load_scene
 from camopt.scene.rest import state_at_rest
-from camopt.study.gradient.paths import cosine
+from camopt.study.gradient.paths import cosine, moved, with_bumps
 from experiments.support.ensemble import CamEnsemble, EnsembleGradient, ensemble_gradient, summary
 from experiments.support.record import RESULTS, run_script, write_result
 

@@ -22,15 +22,14 @@ from threadpoolctl import threadpool_limits
 from camopt.cam.design_file import read_design
 from camopt.cam.lift import Lift
 from camopt.cam.polynomials import recentred
-from camopt.exact.adjoint.gradient import value_and_gradient
-from camopt.exact.adjoint.motion import TracedMotion
+from camopt.exact.adjoint.motion import TracedMotion, value_and_gradient
 from camopt.exact.engine import prepare as prepare_exact
 from camopt.measure.hermite import Hermite
 from camopt.scene import load_scene
 from camopt.scene.units import DEG
-from camopt.smooth.contact import Layer
 from camopt.smooth.exact_rule import exact_metrics
 from camopt.smooth.grid import equal_grid
+from camopt.smooth.laws import Layer
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import EPS, lift_samples, prepare, response_arrays

@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from camopt.cam.families.polydyne import polydyne
 from camopt.plots.style import LIMIT, legend_above, lines, new_figure, styled
 from camopt.scene import load_scene
-from camopt.smooth.contact import Layer
+from camopt.smooth.laws import Layer
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import TOLERANCE, lift_samples, response_arrays

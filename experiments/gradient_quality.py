@@ -17,10 +17,10 @@ import jax.numpy as jnp
 import numpy as np
 
 from camopt.cam.families.polydyne import polydyne
-from camopt.exact.adjoint.gradient import value_and_gradient
+from camopt.exact.adjoint.motion import value_and_gradient
 from camopt.scene import load_scene
-from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
+from camopt.smooth.laws import Layer
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import lift_samples

@@ -86,7 +86,7 @@ def measure(repeats: int) -> None:
     """Prints the mean of the fastest tenth of the calls [s of the thread], by scene and work, and where camopt lies."""
     import camopt
     from camopt.cam.families.polydyne import polydyne
-    from camopt.exact.adjoint.gradient import value_and_gradient
+    from camopt.exact.adjoint.motion import value_and_gradient
     from camopt.exact.engine import prepare
     from camopt.scene import build_train, load_scene
     from camopt.scene.rest import state_at_rest

@@ -28,7 +28,7 @@ from camopt.exact import settled_metrics
 from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.measure.sweep import at_speeds
 from camopt.scene import InputError, MotionRefused, Scene
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 from experiments.support.drawn_designs import drawn_design
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.sweeping import called

@@ -19,7 +19,7 @@ import numpy as np
 
 import camopt
 from camopt.scene import load_scene
-from camopt.tasks.cluster import cluster
+from camopt.tasks.engines import cluster
 from experiments.support.record import RESULTS, run_script, write_result
 
 EMPTY = {"small": (200, 1000), "full": (1000, 10_000)}

@@ -15,7 +15,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import camopt
-from camopt.tasks.cluster import cluster
+from camopt.tasks.engines import cluster
 
 SMALL = os.environ.get("CAMOPT_NOTEBOOK_SIZE", "full") == "small"
 TRAINS = 12 if SMALL else 1000

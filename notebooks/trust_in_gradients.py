@@ -14,7 +14,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 
 import camopt
-from camopt.exact.adjoint.gradient import value_and_gradient
+from camopt.exact.adjoint.motion import value_and_gradient
 from camopt.scene import build_train
 from camopt.study.simulate.motion import motion_parameters
 

@@ -9,7 +9,7 @@ from beartype import beartype
 
 MODULES = [
     "camopt.cam.polynomials",
-    "camopt.cam.bumps",
+    "camopt.study.gradient.paths",
     "camopt.cam.card",
     "camopt.cam.conversion",
     "camopt.cam.exports",
@@ -22,7 +22,7 @@ MODULES = [
     "camopt.smooth.families",
     "camopt.smooth.simulate",
     "camopt.smooth.varying_motion",
-    "camopt.exact.adjoint.gradient",
+    "camopt.exact.adjoint.motion",
     "camopt.exact.adjoint.motion",
     "camopt.exact.engine",
     "camopt.measure.energy",

@@ -16,9 +16,8 @@ from camopt.cam.families.exponent import exponent
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine, prepare, settled_metrics
 from camopt.exact.adjoint import motion as motion_of
-from camopt.exact.adjoint.gradient import Gradient, value_and_gradient
 from camopt.exact.adjoint.metrics import METRICS
-from camopt.exact.adjoint.motion import Slopes, TracedMotion
+from camopt.exact.adjoint.motion import Gradient, Slopes, TracedMotion, value_and_gradient
 from camopt.measure.metrics import measure
 from camopt.scene import MotionRefused, build_train, load_scene
 from camopt.scene.response import joined

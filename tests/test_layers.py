@@ -28,7 +28,7 @@ MAY_IMPORT = {
     "verifier": {"cam", "measure", "programs"} | SUPPORT,
     "optimizer": {"highs", "cam", "measure", "smooth", "exact", "verifier", "programs"} | SUPPORT,
     "tasks": {"cam", "optimizer", "scene", "storage"},
-    "study": {"cam", "measure", "smooth", "exact", "verifier", "optimizer", "programs", "tasks"} | SUPPORT,
+    "study": {"highs", "cam", "measure", "smooth", "exact", "verifier", "optimizer", "programs", "tasks"} | SUPPORT,
     "report": {"cam", "measure", "smooth", "exact", "verifier", "optimizer", "study"} | SUPPORT,
     "designer": {"highs", "cam", "measure", "exact", "verifier", "optimizer", "report"} | SUPPORT,
 }

@@ -13,7 +13,7 @@ from camopt.cli import arguments, verbs
 from camopt.cli.parser import WRITTEN, parser, verb_named
 from camopt.report.regenerated import regenerate
 from camopt.scene import InputError, load_scene
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 from tests.test_cli import run
 
 CAM = ("--cam", "polydyne")

@@ -18,7 +18,7 @@ from camopt.cache import cache_folder
 from camopt.programs import CONSTANTS, PACKAGE, TOGETHER, compiled, digest, inner, sources
 from tests.campaign.starved import mounted
 
-CODE = "import numpy as np; from camopt.measure.cubics import with_stationary_points as f; "
+CODE = "import numpy as np; from camopt.measure.hermite import with_stationary_points as f; "
 CODE += "f(*np.ones((2, 1)), np.ones(0), np.ones((4, 0))); "
 SAY = "print(sum(f.stats.cache_hits.values()), sum(f.stats.cache_misses.values()), f.stats.cache_path)"
 

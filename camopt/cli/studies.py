@@ -88,7 +88,7 @@ def what_if(args: Namespace) -> int:
 
 def sweep(args: Namespace) -> int:
     """Computes the tasks of a plan and says how they ended; 3 where some failed."""
-    from camopt.tasks.cluster import cluster
+    from camopt.tasks.engines import cluster
     from camopt.tasks.plan import load_plan
 
     store = Path(args.store)

@@ -25,8 +25,7 @@ from camopt.designer.worker import SlowProcess, Verification
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.report.page import write_report
 from camopt.scene.errors import InputError
-from camopt.scene.text_file import excerpt
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import excerpt, scene_toml
 from camopt.scene.units import MM
 from camopt.storage import plain, run_folder, run_identity, write_json, write_text
 

@@ -28,7 +28,7 @@ from camopt.optimizer.stage_clock import Progress, StageClock
 from camopt.scene.errors import InputError, NoCamFound
 from camopt.scene.schema import Scene
 from camopt.scene.smoothing import smoothing, smoothing_in
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 from camopt.scene.units import MM
 from camopt.storage import check_run_folder, default_run_folder, run_folder, run_identity, write_json, write_text
 from camopt.verifier.verdict import Verdict

@@ -5,7 +5,7 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from camopt.scene.contact_laws import CONTACT_LAWS, DISSIPATION, laws_by_key
+from camopt.scene.laws import CONTACT_LAWS, DISSIPATION, laws_by_key
 from camopt.scene.table import SMALLEST, Name, NonNegative, Positive, Table
 from camopt.scene.units import MM
 

@@ -3,7 +3,7 @@
 Let d be the compression, p the elastic force and P the preload, which is the force at d = 0 under every law. Then
 
     linear       p = P + k d
-    of contacts  p = p(d - d_touch) above the touch, 0 below it, as `camopt.scene.contact_laws` has them; under "hertz"
+    of contacts  p = p(d - d_touch) above the touch, 0 below it, as `CONTACT_LAWS` has them; under "hertz"
                  k (d - d_touch)^exponent, with d_touch = -(P / k)^(1 / exponent)
     progressive  p = P + integral of K from 0 to d; K piecewise linear in d, constant beyond its first and last row
     table        p follows its rows of compression and force in straight lines; those at its ends go on
@@ -18,17 +18,104 @@ Two laws have a memory, a length z that has a law of motion of its own, and no f
                  between the ball is on its way, and z stands still.
     friction     f = k (d - z): an element that sticks, z' = 0, until |f| = slip, and then slides, z' = d', until d'
                  changes its sign (Jenkins 1962, J. Appl. Mech. 29:187).
+
+A law of contacts has two numbers of one contact, its stiffness and one of its own, and four functions of depths and
+forces, which are zero or more. Every path of camopt but the verifier's methods reads them: a complex step
+differentiates them in event-exact, and JAX on the smooth path, so that they are written in arithmetic that all three
+have, + - * / and **.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any, NamedTuple, Protocol
 
 import numpy as np
 
-from camopt.scene.contact_laws import CONTACT_LAWS, ContactLaw
-
 if TYPE_CHECKING:
     from scipy.interpolate import PPoly
+
+
+Number = Any  # of NumPy, real or complex, or of JAX
+DISSIPATION = "dissipation_s_per_m"
+"""The key of a law that loses energy by itself, and takes no damper beside it."""
+
+
+class ContactLaw(Protocol):
+    """What a law tells of the elastic force p."""
+
+    def elastic(self, u: Number) -> Number:
+        """Force p [N] at a depth [m]."""
+
+    def slope(self, u: Number) -> Number:
+        """Stiffness [N/m] at a depth [m]."""
+
+    def stored(self, u: Number) -> Number:
+        """Energy [J] at a depth [m]."""
+
+    def depth(self, force: Number) -> Number:
+        """Depth [m] at which the force [N] is reached."""
+
+
+class Hertz(NamedTuple):
+    """Two curved bodies that touch in a point: p = k u^n, n = 3/2 (H. Hertz, J. reine angew. Math. 92:156, 1882)."""
+
+    stiffness: Number  # N/m^exponent
+    exponent: Number
+
+    def elastic(self, u: Number) -> Number:
+        """Force p [N] at a depth [m]."""
+        return self.stiffness * u**self.exponent
+
+    def slope(self, u: Number) -> Number:
+        """Stiffness [N/m] at a depth [m]."""
+        return self.stiffness * self.exponent * u ** (self.exponent - 1.0)
+
+    def stored(self, u: Number) -> Number:
+        """Energy [J] at a depth [m]."""
+        return self.stiffness * u ** (self.exponent + 1.0) / (self.exponent + 1.0)
+
+    def depth(self, force: Number) -> Number:
+        """Depth [m] at which the force [N] is reached."""
+        return (force / self.stiffness) ** (1.0 / self.exponent)
+
+
+class HuntCrossley(Hertz):
+    """An impact that loses energy: f = k u^n (1 + lambda u').
+
+    K. H. Hunt and F. R. E. Crossley, Coefficient of restitution interpreted as damping in vibroimpact, Journal of
+    Applied Mechanics 42:440 (1975). The force begins and ends at zero, as that of a dashpot beside a spring does not. A
+    body that rebounds freely is slower than 1 / lambda, and its contact never pulls. The source does not speak of one
+    that is torn away faster; here its force is zero then, as that of every contact of camopt.
+    """
+
+
+class Registered(NamedTuple):
+    """A law of contacts as scene files have it: its class, and the key of an element that holds its own number."""
+
+    law: Callable[[Number, Number], ContactLaw]  # of the stiffness and the own number, in SI
+    key: str
+    unit: float = 1.0  # of that key, in SI
+    usual: float | None = None  # the number where a scene leaves the key out; None: it must be given
+    dissipates: bool = False  # whether it has the key `DISSIPATION` too
+
+    @property
+    def keys(self) -> tuple[str, ...]:
+        """The keys of an element that belong to the law, beside its stiffness."""
+        return (self.key, DISSIPATION) if self.dissipates else (self.key,)
+
+
+CONTACT_LAWS = {
+    "hertz": Registered(Hertz, "exponent", usual=1.5),
+    "hunt-crossley": Registered(HuntCrossley, "exponent", usual=1.5, dissipates=True),
+}
+"""Every law of contacts by its name in a scene file."""
+
+
+def laws_by_key() -> dict[str, tuple[str, ...]]:
+    """The names of the laws of contacts to which each key belongs."""
+    keys = dict.fromkeys(key for law in CONTACT_LAWS.values() for key in law.keys)
+    return {key: tuple(name for name, law in CONTACT_LAWS.items() if key in law.keys) for key in keys}
+
 
 BEYOND = 1e-3
 """Width [m] of the pieces of a table's curve beyond its rows, which go on."""

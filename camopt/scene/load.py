@@ -11,8 +11,7 @@ from camopt.scene.errors import InputError, did_you_mean
 from camopt.scene.faults import checked
 from camopt.scene.parameters import TABLES, no_such_number, settable, with_numbers
 from camopt.scene.schema import Part, Scene
-from camopt.scene.text_file import excerpt, read_text, usable_path
-from camopt.scene.toml_text import toml_data
+from camopt.scene.text_file import excerpt, read_text, toml_data, usable_path
 
 MAX_FILE_BYTES = 1_000_000
 

@@ -10,8 +10,8 @@ from math import pi
 
 import numpy as np
 
-from camopt.scene.contact_laws import CONTACT_LAWS
 from camopt.scene.element import Element
+from camopt.scene.laws import CONTACT_LAWS
 from camopt.scene.parts import own_number
 from camopt.scene.rest import static_forces
 from camopt.scene.schema import Scene

@@ -5,9 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.scene.contact_laws import CONTACT_LAWS
 from camopt.scene.element import Element
-from camopt.scene.laws import KINDS, Laws
+from camopt.scene.laws import CONTACT_LAWS, KINDS, Laws
 from camopt.scene.units import MM
 
 OIL_OF = "{}-oil"

@@ -12,7 +12,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from camopt.scene.shapes import Float
-from camopt.smooth.contact import Layer
+from camopt.smooth.laws import Layer
 from camopt.smooth.scan import ERROR, NODES, STAGES, WEIGHTS, DrivenSystem, at_stage, combine, stage_slopes
 from camopt.smooth.system import Array
 

@@ -17,11 +17,10 @@ import numpy as np
 
 from camopt.scene.smoothing import Smoothing
 from camopt.scene.train import Train
-from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
-from camopt.smooth.low_storage import LowStorage
+from camopt.smooth.laws import Layer
 from camopt.smooth.rest import rest_state
-from camopt.smooth.tied import DrivenTies, TiedPaths, TiedSystem, parts_of_steps, tied_paths, tied_system
+from camopt.smooth.tied import DrivenTies, LowStorage, TiedPaths, TiedSystem, parts_of_steps, tied_paths, tied_system
 
 GROWS = 1.0 + 1e-6
 """What of a disturbance is left after a revolution beyond which it counts as growing; of a memory that stands still it

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 from scipy.integrate import RK45
 
 from camopt.scene.shapes import Float
-from camopt.smooth.contact import Layer
+from camopt.smooth.laws import Layer
 from camopt.smooth.system import Array, System
 
 NODES = RK45.C

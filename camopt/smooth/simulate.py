@@ -19,8 +19,8 @@ from camopt.scene.response import Response, Revolve, end_state, joined
 from camopt.scene.rest import state_at_rest
 from camopt.scene.shapes import Float
 from camopt.scene.train import LAW_PARAMETERS, Train
-from camopt.smooth.contact import Layer
 from camopt.smooth.grid import LARGEST_PHASE, equal_grid, refined_grid
+from camopt.smooth.laws import Layer
 from camopt.smooth.metrics import at_angle, revolution_metrics
 from camopt.smooth.rest import rest_of
 from camopt.smooth.scan import DrivenSystem, forces_at, integrate, lift_at

@@ -9,8 +9,7 @@ import numpy as np
 
 from camopt.scene.shapes import Float
 from camopt.scene.train import TRAIN_PARAMETERS, Train
-from camopt.smooth.contact import Layer, raw_force
-from camopt.smooth.laws import ElasticLaws, elastic_laws
+from camopt.smooth.laws import ElasticLaws, Layer, elastic_laws, raw_force
 
 Array = Any  # of JAX, or of NumPy where nothing is traced
 """What a differentiable function takes: arrays of JAX, traced or not, or of NumPy."""

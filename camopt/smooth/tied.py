@@ -11,7 +11,7 @@ in the lift as long as seat and lash change their contact at the same angles.
 """
 
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any, ClassVar, NamedTuple
 
 import diffrax
 import equinox as eqx
@@ -22,11 +22,77 @@ import numpy as np
 from camopt.scene.rest import rest_position
 from camopt.scene.smoothing import Smoothing
 from camopt.scene.train import Train
-from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
-from camopt.smooth.low_storage import ADJOINTS, LowStorage
+from camopt.smooth.laws import Layer
 from camopt.smooth.scan import lift_at
 from camopt.smooth.system import Array, System, build_system, column
+
+CARRIED = (
+    0.0,
+    -567301805773 / 1357537059087,
+    -2404267990393 / 2016746695238,
+    -3550918686646 / 2091501179385,
+    -1275806237668 / 842570457699,
+)
+"""Share of the increment that each stage takes over from the one before."""
+ADDED = (
+    1432997174477 / 9575080441755,
+    5161836677717 / 13612068292357,
+    1720146321549 / 2090206949498,
+    3134564353537 / 4481467310338,
+    2277821191437 / 14882151754819,
+)
+"""Share of the increment that each stage adds to the state."""
+NODES = (
+    0.0,
+    1432997174477 / 9575080441755,
+    2526269341429 / 6820363962896,
+    2006345519317 / 3224310063776,
+    2802321613138 / 2924317926251,
+)
+ADJOINTS = {"reverse": diffrax.RecursiveCheckpointAdjoint, "forward": diffrax.ForwardMode}
+"""Modes of differentiation. One has to be chosen in advance, because diffrax's checkpointed loop knows no forward mode
+and its other loop knows no reverse mode."""
+IMAGINARY_LIMIT = 3.34
+"""Largest phase of an undamped oscillation per step for which the method is stable."""
+
+
+class LowStorage(diffrax.AbstractSolver):
+    """A Runge-Kutta method of order four whose stages need two registers, each step divided into equal `parts`.
+
+    A Jacobian by forward mode carries dozens of tangents through every stage, and a method that keeps the slopes of all
+    its stages then spends its time on memory. The stages stand in a loop, so that programs compile in seconds.
+    Source: Carpenter, Kennedy (1994), Fourth-order 2N-storage Runge-Kutta schemes, NASA TM 109112, solution 3.
+    """
+
+    parts: int = 1
+    term_structure: ClassVar = diffrax.AbstractTerm
+    interpolation_cls: ClassVar = diffrax.LocalLinearInterpolation
+
+    def order(self, terms):
+        return 4
+
+    def init(self, terms, t0, t1, y0, args):
+        return None
+
+    def func(self, terms, t0, y0, args):
+        return terms.vf(t0, y0, args)
+
+    def step(self, terms, t0, t1, y0, args, solver_state, made_jump):
+        width = (t1 - t0) / self.parts
+        dtype = y0.dtype
+        carried, added, nodes = (jnp.tile(jnp.asarray(row, dtype), self.parts) for row in (CARRIED, ADDED, NODES))
+        begin = jnp.repeat(jnp.arange(self.parts), len(NODES))
+
+        def stage(registers, of):
+            y, increment = registers
+            carry, add, node, part = of
+            increment = carry * increment + width * terms.vf(t0 + (part + node) * width, y, args)
+            return (y + add * increment, increment), None
+
+        (y1, _), _ = jax.lax.scan(stage, (y0, jnp.zeros_like(y0)), (carried, added, nodes, begin))
+        return y1, None, {"y0": y0, "y1": y1}, None, diffrax.RESULTS.successful
+
 
 WIDTH, _, STEPS = Smoothing()
 """Default width of the contacts' layer [m], and default steps of a revolution at whose ends the motion is read, every

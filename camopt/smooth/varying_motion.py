@@ -10,8 +10,7 @@ from functools import lru_cache
 import numpy as np
 
 from camopt.cam.lift import Lift, lift_with
-from camopt.exact.adjoint.gradient import rest_back
-from camopt.exact.adjoint.motion import Slopes, TracedMotion
+from camopt.exact.adjoint.motion import Slopes, TracedMotion, rest_back
 from camopt.exact.adjoint.slopes import ByTrainAndLaws
 from camopt.exact.affine.lines import rest_of
 from camopt.scene.errors import InputError, MotionRefused

@@ -8,7 +8,7 @@ import numpy as np
 from camopt.cam.exports import table_error, write_contour, write_crank_table, write_dxf, write_rounded_table
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
-from camopt.measure.moving_average import moving_average
+from camopt.measure.rounded import moving_average
 from camopt.scene import Scene, build_train
 from camopt.scene.geometry import BELONGS
 from camopt.scene.units import DEG, MM, UM
@@ -25,7 +25,7 @@ def export(scene: Scene, lift: Lift, files: Namespace) -> list[str]:
 
     Lifts have `digits` decimals, every digit where None. Tables have a row every `step_deg` of the cam, the lift table
     every `step_crank_deg` of the crank where that is given; the drawing keeps within `dxf_tolerance_um` of the contour.
-    Contour, drawing and figure of a rounded table are those of its means (`camopt.measure.moving_average`).
+    Contour, drawing and figure of a rounded table are those of its means (`camopt.measure.rounded`).
     Raises InputError where no contour gives this lift to the scene's follower, and for steps that divide no turn.
     """
     said = _table(scene, lift, files) if files.csv else []

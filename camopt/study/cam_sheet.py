@@ -7,7 +7,7 @@ from camopt.cam.geometry import DURATION_LIFTS_MM, contact, crossing, sign_chang
 from camopt.cam.hertz import HertzStress, contact_width, film_ratio, hertz_stress
 from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape, drawing_excess, steps_at
-from camopt.measure.moving_average import moving_average
+from camopt.measure.rounded import moving_average
 from camopt.scene import Scene
 from camopt.scene.design import Design
 from camopt.scene.geometry import SWINGING, Geometry
@@ -40,7 +40,7 @@ LABELS = {
 
 def sheet(scene: Scene, lift: Lift, speed_rpm: float | None = None) -> list[str]:
     """Lines of text: limits, durations, and with [geometry] the contact and, at a speed, Hertz stress, velocities and
-    oil film. Derivatives of a rounded table are those of its means (`camopt.measure.moving_average`)."""
+    oil film. Derivatives of a rounded table are those of its means (`camopt.measure.rounded`)."""
     law, told = moving_average(lift)
     lines = _limits(scene, lift, law)
     lines += [f"{told}."] * bool(told)

@@ -1,17 +1,105 @@
 """Dwell-rise-dwell as a design: the motion of least acceleration, jerk or higher derivative between two dwells.
 
-The unit problem has its program, its bound and its closed forms in `camopt.optimizer.program.dwell_rise`; here it has a
-rise in millimetres over cam degrees and a table.
+The unit problem, a rise of one in unit time that begins and ends at rest, has closed forms: the least peak of the
+derivative of order m is 2^(2(m-1)) (m-1)!, which a control of that size reaches that changes sign at
+(1 - cos(j pi / m)) / 2, and the least peak acceleration under a jerk J >= 32 is (J/4) (1 - sqrt(1 - 32/J)).
 """
 
 from dataclasses import dataclass
 from functools import cached_property
+from math import factorial
 
 import numpy as np
 from scipy.interpolate import PPoly
+from scipy.sparse import csr_array, eye_array, hstack, vstack
 
-from camopt.optimizer.program.dwell_rise import LEAST_JERK, DwellRise, least_acceleration, least_peak
+from camopt.highs import minimise
+from camopt.optimizer.bound.certificate import absolute_integral
 from camopt.scene.errors import InputError
+
+PEAK_INTERVALS, JERK_INTERVALS = 8000, 4000
+"""Intervals with which program and bound meet the closed forms within 1e-6."""
+LEAST_JERK = 32.0
+"""Below this jerk no motion makes the rise in its time."""
+
+
+@dataclass(frozen=True)
+class DwellRise:
+    """A rise of one in unit time: its peak, and a bound that the peak of no such motion is below.
+
+    `derivative` (k) is the limited one: that of order m on every interval, or the acceleration at the ends of all.
+    """
+
+    peak: float
+    bound: float
+    derivative: np.ndarray
+
+
+def least_peak(order: int, intervals: int = PEAK_INTERVALS) -> DwellRise:
+    """The rise whose derivative of `order` m, 2 or more, has the least peak, with all lower ones zero at both ends.
+
+    The program asks how high a control u = s^(m) of size one rises: s^(k) at the end is the integral of
+    (1 - t)^(m-1-k) / (m-1-k)! u(t), zero for 0 < k < m. With any multipliers of these, no control rises higher than
+    the integral of |p|, where p(t) = (1 - t)^(m-1) / (m-1)! - sum_k multiplier_k (1 - t)^(m-1-k) / (m-1-k)!.
+    """
+    if order < 2:
+        raise InputError(f"order {order}: 2, which is the acceleration, or more is needed")
+    left = 1.0 - np.linspace(0.0, 1.0, intervals + 1)  # what is left of the time
+    ends = np.stack([-np.diff(left ** (order - k)) / factorial(order - k) for k in range(order)])
+    size = ends.max(axis=1)
+    rows = ends[1:] / size[1:, None]
+    found = minimise(-ends[0] / size[0], rows, 0.0, 0.0, np.tile([-1.0, 1.0], (intervals, 1)))
+    multipliers = np.append(1.0, found.row_duals * size[0] / size[1:])
+    left = np.polynomial.Polynomial([1.0, -1.0])
+    terms = (m * left ** (order - 1 - k) / factorial(order - 1 - k) for k, m in enumerate(multipliers))
+    p = sum(terms, start=np.polynomial.Polynomial([0.0]))
+    highest = absolute_integral(PPoly(p.coef[::-1, None], [0.0, 1.0]))
+    rise = -found.value * size[0]
+    return DwellRise(1 / rise, 1 / highest, found.x / rise)
+
+
+def least_acceleration(jerk: float, intervals: int = JERK_INTERVALS) -> DwellRise:
+    """The rise with the least peak acceleration A under a largest jerk J, acceleration zero at both ends.
+
+    The acceleration a is linear on every interval. With multipliers l and m of rise and end velocity, a density r of
+    the acceleration's own, g(t) = l (1 - t) + m, and Q' = g - r, integration by parts gives
+    l = integral (g - r) a + integral r a <= J integral |Q| + A integral |r| for every motion, which bounds A.
+    """
+    if jerk <= LEAST_JERK:
+        raise InputError(f"jerk {jerk:g}: a rise of one in unit time needs more than {LEAST_JERK:g}")
+    n, h = intervals, 1.0 / intervals
+    t = np.linspace(0.0, 1.0, n + 1)
+    weight = np.full(n + 1, h)
+    weight[[0, -1]] = h / 2
+    rise = weight * (1 - t)
+    rise[0], rise[-1] = h / 2 - h**2 / 6, h**2 / 6
+    identity = eye_array(n + 1)
+    slope = eye_array(n, n + 1, k=1) - eye_array(n, n + 1)
+    peak, none = csr_array(-np.ones((n + 1, 1))), csr_array((n, 1))
+    ends = np.column_stack([np.stack([rise, weight]), np.zeros(2)])
+    sides = [hstack([sign * m, c]) for m, c in ((identity, peak), (slope, none)) for sign in (1, -1)]
+    level = np.concatenate([[1.0, 0.0], np.zeros(2 * (n + 1)), np.full(2 * n, jerk * h)])
+    low = np.append(level[:2], np.full(len(level) - 2, -np.inf))
+    bounds = np.array([(0.0, 0.0), *[(-np.inf, np.inf)] * (n - 1), (0.0, 0.0), (0.0, np.inf)])
+    rows, cost = vstack([csr_array(ends), *sides]), np.append(np.zeros(n + 1), 1.0)
+    found = minimise(cost, rows, low, level, bounds, large=True)
+    masses = -found.row_duals[2:][: 2 * (n + 1)]
+    bound = _acceleration_bound(jerk, found.row_duals[:2], masses[: n + 1] - masses[n + 1 :], t)
+    return DwellRise(found.value, bound, found.x[:-1])
+
+
+def _acceleration_bound(jerk: float, ends: np.ndarray, mass: np.ndarray, t: np.ndarray) -> float:
+    """The bound of `least_acceleration` from multipliers alone; masses spread over half an interval to both sides."""
+    edges = np.concatenate([[0.0], 0.5 * (t[1:] + t[:-1]), [1.0]])
+    width = np.diff(edges)
+    density = mass / width
+    left = edges[:-1]
+    first, second = ends[0] * (1 - left) + ends[1] - density, np.full(len(left), -ends[0] / 2)
+    gained = np.cumsum(first * width + second * width**2)
+    level = np.concatenate([[0.0], gained[:-1]])
+    q = PPoly(np.stack([second, first, level - np.median(level)]), edges)
+    return float((ends[0] - jerk * absolute_integral(q)) / np.abs(mass).sum())
+
 
 ORDERS = {"acceleration": 2, "jerk": 3, "snap": 4, "crackle": 5}
 """Derivatives whose peak can be the least, with their orders."""

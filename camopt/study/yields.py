@@ -29,7 +29,7 @@ from camopt.plots import save
 from camopt.scene import InputError, Scene
 from camopt.scene.as_built import scatter_labels, with_scatter
 from camopt.scene.schema import AS_BUILT
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 from camopt.storage import plain, run_folder, run_identity, write_json, write_text
 from camopt.storage.journal import Records
 

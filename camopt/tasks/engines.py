@@ -1,19 +1,24 @@
-"""Local worker processes as an executor of `concurrent.futures`, and the outcome of a task from the future of any one.
+"""Executors of `concurrent.futures`: local worker processes, and a cluster by `dask.distributed`, the extra `cluster`;
+and the outcome of a task from the future of any one.
 
 A pool of several processes breaks as a whole when one of them dies, and does not tell which task it was. So each thread
 of `LocalProcesses` has a pool of one process, to which it gives one task at a time: a death is one task's.
 """
 
+import importlib.util
+import ipaddress
 import multiprocessing
 import os
 import signal
 import threading
-from collections.abc import Callable
-from concurrent.futures import CancelledError, Future, ProcessPoolExecutor, ThreadPoolExecutor
+from collections.abc import Callable, Iterator
+from concurrent.futures import CancelledError, Executor, Future, ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
-from contextlib import suppress
+from contextlib import contextmanager, suppress
+from urllib.parse import urlsplit
 
 from camopt.scene.errors import InputError
+from camopt.scene.text_file import excerpt
 from camopt.tasks.compute import Outcome, failed
 
 MOST_DEATHS = 3
@@ -111,3 +116,60 @@ def cannot_go_on(error: BaseException) -> InputError:
         f"sweep: the executor does not go on ({type(error).__name__}: {error}); what ended is recorded: sweep again "
         f"with the same store and another executor"
     )
+
+
+WAIT_SECONDS = 20
+"""How long a scheduler and its first worker are waited for."""
+RETRIES = 2
+"""How often dask computes a task again that raised, which only a fault of the cluster makes it do."""
+
+
+@contextmanager
+def cluster(address: str, insecure: bool = False) -> Iterator[tuple[Executor, int]]:
+    """The executor of the scheduler at `address` ("tcp://HOST:PORT" or "tls://HOST:PORT") and its number of threads.
+
+    Whoever reaches a scheduler without TLS can run any program on its workers and here. So an address beyond this
+    machine needs tls://, with the certificates of dask's own configuration, or `insecure`. Raises InputError for an
+    address that is none or needs TLS, where `distributed` is not installed, and where nobody answers.
+    """
+    check_address(address, insecure)
+    if importlib.util.find_spec("distributed") is None:
+        raise InputError("--scheduler: dask.distributed is not installed: pip install 'camopt[cluster]'")
+    from distributed import Client  # pyright: ignore[reportMissingImports]
+
+    try:
+        client = Client(address, timeout=WAIT_SECONDS, set_as_default=False)
+    except (OSError, TypeError, ValueError) as error:  # a TypeError where tls:// has no certificates
+        raise InputError(f"--scheduler {address}: no scheduler answers ({error})") from error
+    with client:
+        try:
+            client.wait_for_workers(1, timeout=WAIT_SECONDS)
+        except TimeoutError:
+            raise InputError(
+                f"--scheduler {address}: has no workers; start some with `dask worker {address}`"
+            ) from None
+        threads: dict[str, int] = dict(client.nthreads())  # type: ignore[arg-type]  # a synchronous client answers
+        yield client.get_executor(pure=False, retries=RETRIES), sum(threads.values())
+
+
+def check_address(address: str, insecure: bool) -> None:
+    """Raises InputError for an address that is none, or that needs TLS and does not ask for it."""
+    try:
+        parts = urlsplit(address)
+        host, port = parts.hostname, parts.port
+    except ValueError:
+        parts, host, port = urlsplit(""), None, None
+    if parts.scheme not in ("tcp", "tls") or not host or port is None:
+        raise InputError(f"--scheduler {excerpt(address)}: expected tcp://HOST:PORT or tls://HOST:PORT")
+    if parts.scheme == "tcp" and not insecure and not _loopback(host):
+        raise InputError(
+            f"--scheduler {excerpt(address)}: beyond this machine a scheduler without TLS lets anybody run programs on "
+            f"its workers: use tls:// with certificates, or add --insecure in a network that you trust"
+        )
+
+
+def _loopback(host: str) -> bool:
+    try:
+        return ipaddress.ip_address(host).is_loopback
+    except ValueError:
+        return host == "localhost"

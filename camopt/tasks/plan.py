@@ -21,8 +21,7 @@ from camopt.scene.errors import did_you_mean
 from camopt.scene.load import scene_with, tuples
 from camopt.scene.schema import SIMULATED
 from camopt.scene.table import Positive, Table
-from camopt.scene.text_file import read_text, usable_path
-from camopt.scene.toml_text import toml_data
+from camopt.scene.text_file import read_text, toml_data, usable_path
 from camopt.tasks.task import (
     Count,
     PlanVerb,

@@ -20,8 +20,7 @@ from camopt.scene import InputError, Scene, builtin_scenes, parse_scene, scene_t
 from camopt.scene.load import tuples
 from camopt.scene.schema import SIMULATED
 from camopt.scene.table import Positive, Table
-from camopt.scene.text_file import excerpt
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import excerpt, scene_toml
 from camopt.storage import plain
 
 LONGEST_HERE = 200

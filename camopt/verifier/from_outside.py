@@ -21,7 +21,7 @@ from camopt.scene.response import end_state
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.shapes import Float
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 from camopt.scene.train import build_train
 from camopt.scene.units import MM
 from camopt.storage import write_text

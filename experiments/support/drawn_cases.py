@@ -11,7 +11,7 @@ from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.scene import InputError, Scene, build_train, load_scene, parse_scene
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 
 SCENES = ("kodama", "motori-1", "motori-2", "pushrod-5mass")
 SPREAD = {"mass_kg": 1.25, "stiffness_N_per_m": 1.4, "damping_N_s_per_m": 2.0, "gap_mm": 1.3}

@@ -13,13 +13,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from camopt.cam.bumps import moved
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint.gradient import value_and_gradient
+from camopt.exact.adjoint.motion import value_and_gradient
 from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.shapes import Float
 from camopt.scene.train import Train
-from camopt.study.gradient.paths import cosine
+from camopt.study.gradient.paths import cosine, moved
 
 FEWEST_PAIRS = 2
 

@@ -18,7 +18,7 @@ import optimistix as optx
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.scene import build_train, parse_scene
-from camopt.smooth.contact import Layer
+from camopt.smooth.laws import Layer
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import lift_samples, response_arrays, system_with
 

@@ -6,8 +6,8 @@ import jax.numpy as jnp
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
+from camopt.smooth.laws import Layer
 from camopt.smooth.scan import DrivenSystem, integrate_stages, stage_angles
 from camopt.smooth.system import System, SystemState
 

@@ -17,8 +17,8 @@ from camopt.cam.lift import Lift
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.scene import MotionRefused, Response, Scene, Train
 from camopt.scene.rest import state_at_rest
-from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
+from camopt.smooth.laws import Layer
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem

@@ -20,7 +20,7 @@ import numpy as np
 from camopt.cam.design_file import as_written, write_design
 from camopt.cam.lift import Lift
 from camopt.scene import Scene
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 from camopt.scene.units import MM
 from camopt.storage import write_text
 from camopt.verifier.from_outside import AGREES_NM, NM, SAMPLES, valve_from_rest

@@ -11,8 +11,8 @@ from camopt.cam.families.free import free_cam
 from camopt.cam.linear_limits import largest_fourth_derivative, linear_limits, piston_drop, piston_room
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.bound.certificate import area_ratio_bound
-from camopt.optimizer.bound.limit_terms import left_out
-from camopt.optimizer.bound.no_jump import no_jump_bound
+from camopt.optimizer.bound.fine_program import left_out
+from camopt.optimizer.bound.summary import no_jump_bound
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import no_jump_program

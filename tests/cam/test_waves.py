@@ -10,12 +10,11 @@ from camopt.cam.geometry import sign_changes
 from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.bound.certificate import area_ratio_bound
-from camopt.optimizer.bound.limit_terms import left_out
+from camopt.optimizer.bound.fine_program import left_out
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import conflict, kinematic_optimum
 from camopt.optimizer.program.no_jump import no_jump_program
-from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.program.waves import with_switches
+from camopt.optimizer.program.program_cam import program_cam, with_switches
 from camopt.scene.design import Design
 from camopt.scene.train import build_train
 from camopt.scene.units import DEG

@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from camopt.exact import prepare
-from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.metrics import METRICS
-from camopt.exact.adjoint.motion import Samples, TracedMotion
+from camopt.exact.adjoint.motion import Samples, TracedMotion, value_and_gradient
 from camopt.measure.metrics import measure
 from camopt.scene import InputError
 from camopt.scene.response import end_state, joined

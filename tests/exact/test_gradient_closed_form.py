@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint.gradient import rest_back, value_and_gradient
-from camopt.exact.adjoint.motion import TracedMotion
+from camopt.exact.adjoint.motion import TracedMotion, rest_back, value_and_gradient
 from camopt.scene import build_train, parse_scene
 from camopt.scene.rest import rest_position, state_at_rest
 from tests.exact.gradient_problems import by_train, cam_with_bumps, kodama

@@ -9,9 +9,8 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint import integrals, motion, seeds
 from camopt.exact.adjoint import sweep as adjoint
-from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.metrics import METRICS
-from camopt.exact.adjoint.motion import Gradient, TracedMotion
+from camopt.exact.adjoint.motion import Gradient, TracedMotion, value_and_gradient
 from camopt.scene import InputError, MotionRefused, build_train, load_scene, rest_position
 from camopt.scene.rest import state_at_rest
 from tests.exact.gradient_problems import by_train, cam_with_bumps, from_rest, kodama, moved

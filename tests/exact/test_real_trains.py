@@ -9,8 +9,7 @@ import pytest
 
 from camopt.cam.families.exponent import exponent
 from camopt.exact import prepare, settled_metrics
-from camopt.exact.adjoint.gradient import value_and_gradient
-from camopt.exact.adjoint.motion import Samples, TracedMotion
+from camopt.exact.adjoint.motion import Samples, TracedMotion, value_and_gradient
 from camopt.measure.metrics import measure
 from camopt.scene import build_train, parse_scene
 from camopt.scene.response import end_state, joined

@@ -3,11 +3,10 @@
 import numpy as np
 import pytest
 
-from camopt.cam.bumps import moved, with_bumps
 from camopt.cam.families.polydyne import polydyne
-from camopt.exact.adjoint.gradient import value_and_gradient
+from camopt.exact.adjoint.motion import value_and_gradient
 from camopt.scene import InputError, MotionRefused
-from camopt.study.gradient.paths import cosine
+from camopt.study.gradient.paths import cosine, moved, with_bumps
 from experiments.ensemble_gradients import evolution_strategy_gradient
 from experiments.support.ensemble import CamEnsemble, ensemble_gradient, summary
 from tests.exact.gradient_problems import kodama

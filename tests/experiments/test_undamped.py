@@ -11,7 +11,7 @@ import camopt
 from camopt.cam.design_file import write_design
 from camopt.scene import build_train, builtin_scenes, load_scene
 from camopt.scene.rest import state_at_rest
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 from camopt.verifier.from_outside import SAMPLES
 from experiments.support import siconos_judge, undamped
 from experiments.support.outside_changes import CHANGES

@@ -12,7 +12,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.geometry import contact
 from camopt.cam.tables.lift_table import read_lift_table, write_lift_table
 from camopt.cli.parser import parser
-from camopt.measure.moving_average import MEANS, moving_average
+from camopt.measure.rounded import MEANS, moving_average
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.scene import load_scene
 from camopt.scene.geometry import Geometry

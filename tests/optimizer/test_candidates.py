@@ -20,7 +20,7 @@ from camopt.report.folder import read_run_folder
 from camopt.report.outcome import outcome_lines
 from camopt.scene import InputError, load_scene
 from camopt.scene.errors import NoCamFound
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 
 SCENE = load_scene("motori-1")
 DRAFT = ACCURACIES["draft"]

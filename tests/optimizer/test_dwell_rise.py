@@ -5,8 +5,8 @@ from math import factorial
 import numpy as np
 import pytest
 
-from camopt.optimizer.program.dwell_rise import least_acceleration, least_peak
 from camopt.scene import InputError
+from camopt.study.rise import least_acceleration, least_peak
 
 
 @pytest.mark.parametrize(("order", "least"), [(2, 4.0), (3, 32.0), (4, 384.0), (5, 6144.0)])

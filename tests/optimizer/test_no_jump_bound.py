@@ -7,7 +7,7 @@ import pytest
 
 from camopt.cam.families.free import free_cam
 from camopt.optimizer.bound.certificate import area_ratio_bound
-from camopt.optimizer.bound.no_jump import force_terms, no_jump_bound
+from camopt.optimizer.bound.summary import force_terms, no_jump_bound
 from camopt.optimizer.program.force_rows import PEAK, Margins
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.scene import build_train, load_scene

@@ -8,13 +8,12 @@ from camopt.cam.families.radius_planes import Neighbourhood
 from camopt.cam.families.shape_rows import near_rows
 from camopt.measure.limits import broken_by_shape, drawing_excess
 from camopt.optimizer.bound.certificate import area_ratio_bound
-from camopt.optimizer.bound.limit_terms import left_out
-from camopt.optimizer.bound.no_jump import no_jump_bound
+from camopt.optimizer.bound.fine_program import left_out
+from camopt.optimizer.bound.summary import no_jump_bound
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities
 from camopt.optimizer.program.no_jump import no_jump_program
-from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.program.radii import near, near_its_best
+from camopt.optimizer.program.program_cam import near, near_its_best, program_cam
 from camopt.optimizer.program.relocation import converge_tangents, relocate
 from camopt.scene import InputError, load_scene
 from camopt.scene.geometry import Geometry

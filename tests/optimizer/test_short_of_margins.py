@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.free import free_cam
-from camopt.optimizer.program import radii
+from camopt.optimizer.program import program_cam
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import NoCamHoldsContact, no_jump_program
-from camopt.optimizer.program.radii import WIDTHS, near, with_radii
+from camopt.optimizer.program.program_cam import WIDTHS, near, with_radii
 from camopt.scene import load_scene
 from camopt.scene.geometry import Geometry
 from camopt.scene.train import build_train
@@ -29,7 +29,7 @@ def test_a_program_is_short_by_what_no_cam_near_holds(monkeypatch, margin_N):
         looked.append(program_of(near(cam, lift, WIDTHS[-1])))
         return near(cam, lift)
 
-    monkeypatch.setattr(radii, "_narrowed", narrowed)
+    monkeypatch.setattr(program_cam, "_narrowed", narrowed)
     assert with_radii(program, margin_N).cam.about.near.lift(0.0) == pytest.approx(cam.about.near.lift(0.0))
     short = looked[0][0].solve(looked[0][1]).z[-1]
     try:

@@ -7,8 +7,8 @@ from camopt.cam.families.free import free_cam
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.periodic import periodic_response, sample_cam
+from camopt.optimizer.program.phases import tangents_along
 from camopt.optimizer.program.relocation import converge_tangents, located_angles, settled_revolution
-from camopt.optimizer.program.tangents import tangents_along
 from camopt.scene import build_train, load_scene
 from camopt.scene.rest import is_linear, linearised_at_rest
 from camopt.scene.units import MM

@@ -12,7 +12,7 @@ from camopt.cam.geometry import sign_changes
 from camopt.highs import Infeasible
 from camopt.optimizer.program.kinematic import first_working, kinematic_optimum, spline_rows
 from camopt.optimizer.program.linear_program import least_relaxation
-from camopt.optimizer.program.waves import _climbed, _fewer, kinematic_switches
+from camopt.optimizer.program.program_cam import _climbed, _fewer, kinematic_switches
 from camopt.scene import load_scene
 from camopt.scene.units import MM_PER_DEG3
 

@@ -16,7 +16,7 @@ from camopt.report.motion import RunCams
 from camopt.report.wording import after_a_change
 from camopt.scene import load_scene, parse_scene
 from camopt.scene.parameters import with_numbers
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 
 SCENE = load_scene("motori-1")
 CAM = polydyne(SCENE)

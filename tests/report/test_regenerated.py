@@ -18,7 +18,7 @@ from camopt.optimizer.candidates import full_verdict
 from camopt.report import write_report
 from camopt.report.regenerated import regenerate
 from camopt.scene import load_scene
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 from camopt.scene.units import MM
 from camopt.storage import write_json
 from tests.report.test_report_page import page_of

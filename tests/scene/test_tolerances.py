@@ -6,7 +6,7 @@ import pytest
 from camopt.scene import builtin_scenes, load_scene, parse_scene
 from camopt.scene.as_built import REACH, deviates, moved_together, scene_as_built
 from camopt.scene.schema import AS_BUILT
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 from camopt.storage import run_identity
 from tests.scene.test_load import EXAMPLE, faults
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from camopt.scene.units import RPM
-from camopt.smooth.contact import Layer
+from camopt.smooth.laws import Layer
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
-from camopt.smooth.contact import Layer
+from camopt.smooth.laws import Layer
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import response_arrays
 from camopt.smooth.system import build_system

@@ -13,7 +13,7 @@ import pytest
 import camopt
 import camopt.smooth as smooth
 from camopt.scene.train import build_train
-from camopt.smooth.contact import Layer
+from camopt.smooth.laws import Layer
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples
 from camopt.smooth.tied import STEPS, WIDTH, parts_of_steps, tied_paths, tied_system

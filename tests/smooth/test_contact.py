@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 import camopt.smooth  # noqa: F401  (64-bit floats)
-from camopt.smooth.contact import Layer, raw_force
+from camopt.smooth.laws import Layer, raw_force
 
 K, C = 7.23e7, 857.0
 

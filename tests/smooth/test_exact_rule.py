@@ -11,8 +11,8 @@ import pytest
 import camopt
 from camopt.cam.families.free import free_cam
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint.gradient import value_and_gradient
 from camopt.exact.adjoint.metrics import METRICS
+from camopt.exact.adjoint.motion import value_and_gradient
 from camopt.scene import InputError
 from camopt.scene.rest import state_at_rest
 from camopt.scene.train import TRAIN_PARAMETERS

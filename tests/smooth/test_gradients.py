@@ -13,7 +13,7 @@ import pytest
 from scipy.interpolate import BSpline, PPoly
 
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint.gradient import value_and_gradient
+from camopt.exact.adjoint.motion import value_and_gradient
 from camopt.exact.engine import prepare as prepare_exact
 from camopt.measure.hermite import Hermite
 from camopt.measure.metrics import measure

@@ -13,8 +13,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.scene import build_train, load_scene, rest_position
 from camopt.scene.laws import HERTZ, LINEAR, PROGRESSIVE
 from camopt.scene.rest import state_at_rest
-from camopt.smooth.contact import Layer
-from camopt.smooth.laws import elastic_laws
+from camopt.smooth.laws import Layer, elastic_laws
 from camopt.smooth.rest import rest_of, rest_state
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import lift_samples, prepare, response_arrays

@@ -14,7 +14,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from camopt.exact.adjoint.gradient import value_and_gradient
+from camopt.exact.adjoint.motion import value_and_gradient
 from camopt.scene.units import RPM
 from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_of

@@ -15,8 +15,7 @@ from camopt.scene import build_train, load_scene
 from camopt.scene.laws import LINEAR, TABLE
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM
-from camopt.smooth.contact import Layer
-from camopt.smooth.laws import elastic_laws
+from camopt.smooth.laws import Layer, elastic_laws
 from camopt.smooth.metrics import at_angle
 from camopt.smooth.rest import rest_of, rest_state
 from camopt.smooth.scan import DrivenSystem

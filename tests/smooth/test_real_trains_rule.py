@@ -8,8 +8,7 @@ import numpy as np
 import pytest
 
 import camopt
-from camopt.exact.adjoint.gradient import value_and_gradient
-from camopt.exact.adjoint.motion import TracedMotion
+from camopt.exact.adjoint.motion import TracedMotion, value_and_gradient
 from camopt.scene import InputError, build_train, load_scene
 from camopt.scene.parameters import matching, with_numbers
 from camopt.scene.rest import state_at_rest

@@ -11,7 +11,7 @@ from scipy.linalg import expm
 
 from camopt.exact.engine import prepare as prepare_exact
 from camopt.scene import InputError, MotionRefused, Response
-from camopt.smooth.contact import Layer
+from camopt.smooth.laws import Layer
 from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem, integrate, lift_at
 from camopt.smooth.simulate import (

@@ -15,14 +15,15 @@ from camopt.optimizer.program.relocation import relocate
 from camopt.optimizer.search.search import without_rows
 from camopt.optimizer.search.smooth_rows import SMALL_N, SmoothRows
 from camopt.scene.train import build_train
-from camopt.smooth.contact import Layer
-from camopt.smooth.low_storage import IMAGINARY_LIMIT, LowStorage
+from camopt.smooth.laws import Layer
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples
 from camopt.smooth.tied import (
+    IMAGINARY_LIMIT,
     LARGEST_PHASE,
     STEPS,
     WIDTH,
+    LowStorage,
     parts_of_steps,
     tied_paths,
     tied_system,

@@ -14,7 +14,7 @@ from camopt.optimizer.free_numbers import free_number
 from camopt.scene import InputError, build_train
 from camopt.scene.load import parse_scene
 from camopt.scene.rest import rest_position
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 from camopt.scene.train import GROUND
 from camopt.scene.units import MM, UM
 

@@ -20,7 +20,7 @@ from camopt.scene import (
     scene_text,
     state_at_rest,
 )
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 from camopt.scene.vibration import assembled
 from camopt.study.modes import modes
 from camopt.study.reduce.idle_contacts import idle_contacts, leave_out

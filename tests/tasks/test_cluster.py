@@ -10,7 +10,7 @@ import pytest
 
 import camopt
 from camopt.scene import InputError
-from camopt.tasks.cluster import check_address, cluster
+from camopt.tasks.engines import check_address, cluster
 from tests.tasks.tasks_of_tests import rehearsals, stored
 from tests.tasks.test_sweep import DIED, DIES, Killer
 
@@ -55,7 +55,7 @@ def test_rows_of_a_cluster_with_a_killed_worker_are_those_of_the_serial_sweep(lo
 
 def test_nobody_at_the_address(monkeypatch):
     pytest.importorskip("distributed")
-    monkeypatch.setattr("camopt.tasks.cluster.WAIT_SECONDS", 1)
+    monkeypatch.setattr("camopt.tasks.engines.WAIT_SECONDS", 1)
     with pytest.raises(InputError, match=r"--scheduler tcp://127.0.0.1:9: no scheduler answers"):
         with cluster("tcp://127.0.0.1:9"):
             pass

@@ -8,7 +8,7 @@ import camopt
 from camopt.cam.design_file import as_written
 from camopt.scene import InputError, load_scene, scene_text
 from camopt.scene.load import scene_with
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 from camopt.tasks.task import SettledTask, filed
 
 SCENE = load_scene("motori-1")

@@ -18,7 +18,7 @@ from camopt.exact.adjoint.motion import TracedMotion
 from camopt.scene import InputError
 from camopt.scene.laws import KINDS, LINEAR
 from camopt.scene.train import GROUND
-from camopt.smooth.contact import Layer
+from camopt.smooth.laws import Layer
 from camopt.smooth.simulate import lift_samples
 from camopt.smooth.simulate import prepare as smooth
 from camopt.smooth.tied import STEPS, parts_of_steps, path_angles, tied_paths, tied_system

@@ -17,7 +17,7 @@ from camopt.measure.metrics import measure
 from camopt.scene import InputError, build_train, builtin_scenes, load_scene
 from camopt.scene.response import end_state, joined
 from camopt.scene.rest import state_at_rest
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 from camopt.scene.units import MM
 from camopt.verifier import from_outside as side
 from camopt.verifier.outside import filed, forces

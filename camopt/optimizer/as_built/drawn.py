@@ -19,10 +19,10 @@ from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.measure.limits import MotionLimit, motion_limits
 from camopt.optimizer.as_built.measured import WORKERS, used_limits
 from camopt.optimizer.search.judge import MEASURES, most_to_settle, next_starts
-from camopt.optimizer.step_files import StepFiles
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
+from camopt.storage.journal import StepFiles
 
 FOLDER = "drawn"
 SPEEDS, STAGGER = 11, 4

@@ -14,14 +14,14 @@ import numpy as np
 from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
 from camopt.measure.as_built import TrainAsBuilt
-from camopt.optimizer.as_built.openings import STEP
+from camopt.optimizer.as_built.openings_program import STEP
 from camopt.optimizer.program.force_rows import Window
 from camopt.optimizer.search.smooth_rows import MOST_TURNS, SETTLED, end_of_contact
 from camopt.scene.errors import NoCamFound
 from camopt.scene.smoothing import Smoothing
 from camopt.scene.train import Train
-from camopt.smooth.contact import Layer
 from camopt.smooth.grid import equal_grid
+from camopt.smooth.laws import Layer
 from camopt.smooth.periodic_slopes import Directions, TiedMotions
 from camopt.smooth.simulate import lift_samples
 from camopt.smooth.tied import (

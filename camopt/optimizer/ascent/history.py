@@ -15,7 +15,7 @@ from camopt.plots import save
 from camopt.plots.search import course
 from camopt.scene.quantities import QUANTITIES
 from camopt.scene.schema import Scene
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 from camopt.scene.units import MM
 from camopt.storage import write_csv, write_text
 

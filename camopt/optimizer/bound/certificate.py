@@ -28,8 +28,7 @@ from scipy.interpolate import PPoly
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import scene_ramps
 from camopt.measure.limits import broken_by_shape, duration_words
-from camopt.optimizer.bound.fine_program import DiscretisedControlProblem, equal_grid
-from camopt.optimizer.bound.limit_terms import limit_terms
+from camopt.optimizer.bound.fine_program import DiscretisedControlProblem, equal_grid, limit_terms
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3

@@ -1,19 +1,172 @@
-"""What a scene allows, before any search: the certified bound, the kinematic optimum, the no-jump optimum."""
+"""What a scene allows, before any search: the certified bound, the kinematic optimum, the no-jump optimum and a bound.
 
+The area of every cam that keeps the force margins, under the linear model, margins and angles, is bounded by weak
+duality again. To the area and the multiplier terms of `camopt.optimizer.bound.certificate`, every force row is added
+times a multiplier >= 0. Each force is a linear functional of the jerk (or acceleration), whose kernel comes from the
+adjoint of the periodic motion. All rows of a speed share that adjoint, so that a speed takes one backward sweep. The
+kernel is exact at the edges of the sweep; between them it is a cubic Hermite interpolant, whose error is of fourth
+order in a step that is short compared with every period.
+"""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import PPoly
 from threadpoolctl import threadpool_limits
 
-from camopt.optimizer.bound.certificate import area_ratio_bound
-from camopt.optimizer.bound.limit_terms import left_out
-from camopt.optimizer.bound.no_jump import no_jump_bound
-from camopt.optimizer.program.force_rows import Margins
+from camopt.cam.families.free import FreeCam
+from camopt.cam.linear_limits import radii_held_near
+from camopt.optimizer.bound.certificate import (
+    INTERVALS,
+    Certificate,
+    Terms,
+    area_ratio_bound,
+    control_is_limited,
+    piecewise_sum,
+)
+from camopt.optimizer.bound.fine_program import DiscretisedControlProblem, equal_grid, left_out
+from camopt.optimizer.program.force_rows import PEAK, SEAT, Margins, SpeedRows, speed_rows
 from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities
-from camopt.optimizer.program.no_jump import no_jump_program
+from camopt.optimizer.program.no_jump import NoJumpProgram, no_jump_program
+from camopt.optimizer.program.periodic import exact_steps, sample_cam, velocity_scale
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import converge_tangents
 from camopt.scene.errors import InputError
 from camopt.scene.rest import is_linear
 from camopt.scene.schema import Scene
-from camopt.scene.train import build_train
+from camopt.scene.train import Train, build_train
+from camopt.scene.units import DEG, MM
+
+STEP = 0.05 * DEG
+"""Step of the backward sweep [rad]."""
+SUPPLYING_KNOT_DEG = 1.0
+"""Knot interval of the free cam whose duals supply the force multipliers."""
+
+
+@dataclass(frozen=True)
+class NoJumpCertificate:
+    """Multipliers of the limits (`kinematic`) and of every force row of `program` (r), and the bound they give.
+
+    It bounds the area ratio of every cam, spline or not, whose forces keep `margins` (3, speeds) [N] on the rows of
+    `program`, under the linear model with its switching angles.
+    """
+
+    program: NoJumpProgram
+    margins: np.ndarray
+    kinematic: Certificate
+    force: np.ndarray
+
+    @cached_property
+    def bound(self) -> float:
+        """Upper bound on the area ratio, from the stored multipliers alone; raises ValueError where one that must be
+        >= 0 is negative."""
+        if not np.all(self.force >= 0):
+            raise ValueError("the force multipliers of a certificate must be >= 0")
+        return self.kinematic.evaluate(force_terms(self.program, self.margins, self.force))
+
+
+def no_jump_bound(
+    program: NoJumpProgram, margins: Margins, knot_deg: float = SUPPLYING_KNOT_DEG
+) -> NoJumpCertificate | None:
+    """The certificate of a program's speeds, angles and window; None where the design limits no control.
+
+    The multipliers of the forces are the duals of the program on a free cam with knots every `knot_deg`; those of the
+    limits then come from the discretised continuous problem. Raises NoCamHoldsContact where that cam keeps no such
+    margins.
+    """
+    design = program.design
+    if not control_is_limited(design):
+        return None
+    angles = [block.angles for block in program.blocks]
+    searched = ("waves_max", *radii_held_near(design))  # held in a chosen way, on which no bound counts
+    capped = design.model_copy(update={"reach_max_lift": False} | dict.fromkeys(searched))  # a cap bounds, too
+    cam = program_cam(capped, knot_deg)
+    fine = replace(program, design=capped, cam=cam).relocated(angles)
+    solution = fine.solve(margins)
+    full = design.max_lift_mm * MM * design.duration_deg * DEG
+    force = solution.optimum.duals[len(fine.limits.bound) :] * full
+    _, kernel = force_terms(fine, solution.margins, force)
+    grid = equal_grid(design, INTERVALS)
+    worth = np.diff(kernel.antiderivative()(grid))
+    kinematic = Certificate(design, grid, *DiscretisedControlProblem(design, grid).multipliers(worth))
+    return NoJumpCertificate(fine, solution.margins, kinematic, force)
+
+
+def force_terms(program: NoJumpProgram, margins: np.ndarray, multipliers: np.ndarray) -> Terms:
+    """The sum of multiplier times (force - margin) over all force rows, as a functional of the control."""
+    line = replace(program.cam, x_p=np.zeros_like(program.cam.x_p), Z=np.zeros((len(program.cam.x_p), 0)))
+    constant, kernel = 0.0, None
+    for i, block in enumerate(program.blocks):
+        signed = np.where(block.kind == PEAK, -1.0, 1.0) * multipliers[program.speed == i]
+        without = speed_rows(
+            program.train, program.design, sample_cam(line, block.angles), block.cam_speed, block.angles, program.window
+        )
+        peak = program.design.contact_force_max_N or 0.0
+        level = np.where(block.kind == PEAK, peak, margins[np.minimum(block.kind, SEAT), i])
+        constant += float(signed @ (without.offset - level))
+        own = _kernel(program, line, block, signed)
+        kernel = own if kernel is None else piecewise_sum(kernel, own)
+    assert kernel is not None, "a program has at least one speed"
+    return constant, kernel
+
+
+def _kernel(program: NoJumpProgram, line: FreeCam, block: SpeedRows, signed: np.ndarray) -> PPoly:
+    """What a unit of control at s adds to the sum of `signed` times the forces of one speed, over the duration."""
+    train, speed = program.train, block.cam_speed
+    edges = sample_cam(line, block.angles, STEP).edges
+    steps = exact_steps(train, edges, speed, block.angles)
+    n2 = 2 * len(train.mass)
+    size = n2 + 3  # state, lift, velocity, acceleration
+    moves, generators = steps.whole[:, :size, :size], steps.generator[:, :size, :size]
+    readings = _readings(train, block, signed, edges)
+    state = _periodic_adjoint(moves[:, :n2, :n2], steps.kind, readings[:, :n2])
+    begin, end = (int(np.argmin(np.abs(edges - b))) for b in line.breaks[[0, -1]])
+    control = n2 + (2 if program.design.jerk_max_mm_per_deg3 is not None else 1)  # what the control feeds
+    eta = np.concatenate([state[end], np.zeros(3)])
+    value, slope = np.empty((2, end - begin)), np.empty((2, end - begin))  # at the left and right end of every step
+    for j in range(end - 1, begin - 1, -1):
+        feed = generators[steps.kind[j], :, control]
+        value[1, j - begin], slope[1, j - begin] = eta[control], -feed @ eta
+        eta = moves[steps.kind[j]].T @ eta
+        value[0, j - begin], slope[0, j - begin] = eta[control], -feed @ eta
+        eta += readings[j]
+    width = np.diff(edges[begin : end + 1])
+    rise = (value[1] - value[0]) / width
+    bend = (3 * rise - 2 * slope[0] - slope[1]) / width
+    twist = (slope[0] + slope[1] - 2 * rise) / width**2
+    return PPoly(np.stack([twist, bend, slope[0], value[0]]), edges[begin : end + 1])
+
+
+def _readings(train: Train, block: SpeedRows, signed: np.ndarray, edges: np.ndarray) -> np.ndarray:
+    """The factors, at every edge, of state, lift, velocity and acceleration in the sum of `signed` times the forces."""
+    n2, d, omega = 2 * len(train.mass), train.incidence, velocity_scale(train)
+    readings = np.zeros((len(edges), n2 + 3))
+    at = np.searchsorted(edges, block.angle - 1e-9)
+    assert np.max(np.abs(edges[at] - block.angle)) < 1e-9, "every force row lies on an edge of the finer sweep"
+    for e in np.unique(block.element):
+        k, c, drive = train.stiffness[e], train.damping[e], float(train.cam_driven[e])
+        lift = drive * np.array([k, c * block.cam_speed, 0.0])
+        reading = np.concatenate([k * d[e], c * omega * d[e], lift])
+        rows = np.flatnonzero((block.element == e) & (signed != 0))
+        np.add.at(readings, at[rows], signed[rows, None] * reading)
+    return readings
+
+
+def _periodic_adjoint(moves: np.ndarray, kind: np.ndarray, readings: np.ndarray) -> np.ndarray:
+    """Adjoint state at every edge, its own reading included, of the motion that repeats after the last edge."""
+    readings = readings.copy()
+    readings[0] += readings[-1]  # one state, read at both ends of the revolution
+    readings[-1] = 0.0
+    n2 = readings.shape[1]
+    swept = np.zeros((len(readings), n2, n2 + 1))  # homogeneous answers, and from zero
+    swept[-1, :, :n2] = np.eye(n2)
+    for j in range(len(kind) - 1, -1, -1):
+        np.matmul(moves[kind[j]].T, swept[j + 1], out=swept[j])
+        swept[j, :, n2] += readings[j]
+    last = np.linalg.solve(np.eye(n2) - swept[0, :, :n2], swept[0, :, n2])
+    return swept[:, :, :n2] @ last + swept[:, :, n2]
+
 
 KNOT_DEG = 2.0
 MARGIN_N = 20.0

@@ -18,8 +18,7 @@ from scipy.special import factorial
 
 from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
-from camopt.optimizer.program.phases import Angles, phase_contacts
-from camopt.optimizer.program.tangents import Tangents
+from camopt.optimizer.program.phases import Angles, Tangents, phase_contacts
 from camopt.scene.rest import linearised_at_rest
 from camopt.scene.train import Train
 from camopt.scene.units import DEG

@@ -7,10 +7,8 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.exact.engine import prepare
 from camopt.optimizer.program.no_jump import NoJumpProgram
-from camopt.optimizer.program.phases import Angles
-from camopt.optimizer.program.radii import near, with_radii
-from camopt.optimizer.program.tangents import HELD_N, tangents_along
-from camopt.optimizer.program.waves import with_switches
+from camopt.optimizer.program.phases import HELD_N, Angles, tangents_along
+from camopt.optimizer.program.program_cam import near, with_radii, with_switches
 from camopt.scene.response import Response, end_state
 from camopt.scene.rest import is_linear, state_at_rest
 from camopt.scene.train import Train

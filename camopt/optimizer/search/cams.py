@@ -11,8 +11,8 @@ from camopt.cam.lift import Lift
 from camopt.optimizer.search.judge import Judge, Judged, with_speeds_between
 from camopt.optimizer.search.region import RowSource
 from camopt.optimizer.stage_clock import StageClock
-from camopt.optimizer.step_files import StepFiles
 from camopt.scene.units import DEG, MM
+from camopt.storage.journal import StepFiles
 
 FOLDER = "judged"
 ARRAYS = ("speeds_rpm", "limit", "share", "states", "spread")

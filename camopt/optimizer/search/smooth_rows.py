@@ -15,10 +15,8 @@ from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
 from camopt.optimizer.program.force_rows import CLOSING, OPENING, PEAK, SEAT, SpeedRows, Window
 from camopt.optimizer.program.no_jump import NoJumpProgram
-from camopt.optimizer.program.phases import static_angles
-from camopt.optimizer.program.radii import near, with_radii
-from camopt.optimizer.program.tangents import HELD_N
-from camopt.optimizer.program.waves import with_switches
+from camopt.optimizer.program.phases import HELD_N, static_angles
+from camopt.optimizer.program.program_cam import near, with_radii, with_switches
 from camopt.scene.errors import NoCamFound
 from camopt.scene.smoothing import Smoothing
 from camopt.scene.train import Train

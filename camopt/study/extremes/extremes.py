@@ -62,7 +62,7 @@ edge of a narrower layer would be shorter than that."""
 
 def smooth(train: Train, lift: Lift, cam_speed: float, dial: int, narrower: float = 1.0) -> Revolve:
     """The smooth path in double precision; its width and the error permitted are divided by `narrower`."""
-    from camopt.smooth.contact import Layer
+    from camopt.smooth.laws import Layer
     from camopt.smooth.simulate import EPS, TOLERANCE, prepare
 
     wide = 4 * DIAL / dial / narrower
@@ -73,7 +73,7 @@ def smooth_float32(train: Train, lift: Lift, cam_speed: float, dial: int) -> Rev
     """The smooth path in single precision. The revolution raises MotionRefused where no grid resolves the motion."""
     import jax.numpy as jnp
 
-    from camopt.smooth.contact import Layer
+    from camopt.smooth.laws import Layer
     from camopt.smooth.scan import DrivenSystem
     from camopt.smooth.simulate import STEPS, compiled_response, lift_samples
     from camopt.smooth.system import build_system, stacked

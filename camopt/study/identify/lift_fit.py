@@ -21,8 +21,7 @@ import numpy as np
 from scipy.optimize import brentq
 
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint.gradient import rest_back
-from camopt.exact.adjoint.motion import ByTrain, Samples, TracedMotion
+from camopt.exact.adjoint.motion import ByTrain, Samples, TracedMotion, rest_back
 from camopt.scene import InputError, MotionRefused, Scene, Train, build_train, state_at_rest
 from camopt.scene.parameters import Tied, matching, no_such_number
 

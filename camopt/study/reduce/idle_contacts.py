@@ -12,7 +12,7 @@ import numpy as np
 
 from camopt.measure.hermite import Hermite
 from camopt.scene import MotionRefused, Response, Scene, Train, build_train
-from camopt.scene.contact_laws import CONTACT_LAWS
+from camopt.scene.laws import CONTACT_LAWS
 from camopt.scene.response import Revolve
 from camopt.scene.train import GROUND
 from camopt.scene.units import DEG

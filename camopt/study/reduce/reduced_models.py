@@ -16,7 +16,7 @@ from scipy.linalg import eigh
 from camopt.scene import InputError, Scene, parse_scene
 from camopt.scene.element import Element
 from camopt.scene.schema import Mass
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 from camopt.scene.units import MM
 
 MOST_SURGE_MASSES = 5

@@ -13,7 +13,7 @@ from camopt.measure.hermite import Hermite
 from camopt.measure.settling import Settled, settle
 from camopt.scene import InputError, MotionRefused, Scene, Train, build_train, state_at_rest
 from camopt.scene.response import Revolve
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 from camopt.scene.units import DEG, MM
 from camopt.study.measurements import fastest
 from camopt.study.reduce.idle_contacts import LeftOut, idle_contacts, leave_out

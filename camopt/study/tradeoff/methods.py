@@ -132,7 +132,7 @@ def prepared_methods(case: RevolutionCase, size: str) -> Iterator[tuple[str, str
         yield LOCATED, f"{steps} samples", partial(dop853.prepare, case.train, *motion, steps)
 
     for eps in SMOOTH_EPS[size]:
-        path, layer = import_module("camopt.smooth.simulate"), import_module("camopt.smooth.contact").Layer(eps)
+        path, layer = import_module("camopt.smooth.simulate"), import_module("camopt.smooth.laws").Layer(eps)
         dials = {"layer": layer, "tolerance": eps * TOLERANCE_OF_EPS}
         yield "smooth, refined grid", f"eps {eps:g} m", partial(path.prepare, case.train, *motion, **dials)
 

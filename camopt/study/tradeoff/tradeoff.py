@@ -13,7 +13,7 @@ import numpy as np
 from camopt.cam.design_file import design_record
 from camopt.cam.lift import Lift
 from camopt.scene import InputError, MotionRefused, Scene, build_train
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 from camopt.scene.units import MM
 from camopt.storage import check_run_folder, default_run_folder, run_folder, run_identity, write_csv, write_text
 from camopt.storage.journal import Records

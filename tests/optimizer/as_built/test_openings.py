@@ -7,11 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from camopt.measure.as_built import trains_as_built
-from camopt.optimizer.as_built.openings import LONG, STEP, opening_rows
-from camopt.optimizer.as_built.openings_program import BROKEN, OpeningsProgram
-from camopt.optimizer.as_built.search import band_speeds, free_program
+from camopt.optimizer.as_built.openings_program import BROKEN, LONG, STEP, OpeningsProgram, opening_rows
+from camopt.optimizer.as_built.search import ExactForces, band_speeds, free_program
 from camopt.optimizer.as_built.smooth_forces import SmoothForces
-from camopt.optimizer.as_built.tied_forces import ExactForces
 from camopt.optimizer.program.periodic import periodic_response, sample_cam
 from camopt.optimizer.program.phases import LIFTED, phase_contacts, static_angles
 from camopt.scene import load_scene

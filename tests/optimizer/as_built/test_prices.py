@@ -11,7 +11,7 @@ from camopt.optimizer.as_built import prices
 from camopt.optimizer.as_built.prices import _level, _priced, price_list
 from camopt.scene import InputError, load_scene, parse_scene
 from camopt.scene.as_built import GRINDING, scatter_labels, with_scatter
-from camopt.scene.toml_text import scene_toml
+from camopt.scene.text_file import scene_toml
 from camopt.study import yields
 from tests.scene.test_load import EXAMPLE
 

@@ -21,11 +21,11 @@ from camopt.optimizer.as_built.levels import CHANCE, YieldSearch
 from camopt.optimizer.as_built.search import AT_TOP, UNSEEN_SEED, opening_limits, yield_search
 from camopt.optimizer.as_built.statement import YieldStatement, sampled
 from camopt.optimizer.search.judge import Judge
-from camopt.optimizer.step_files import HISTORY
 from camopt.scene import InputError, load_scene, parse_scene
 from camopt.scene.errors import NoCamFound
 from camopt.scene.rest import state_at_rest
 from camopt.scene.train import build_train
+from camopt.storage.journal import HISTORY
 from tests.scene.test_load import EXAMPLE
 
 SCATTER = '\n[[tolerance]]\nof = "spring.preload_N"\nrelative = 0.05\n[grinding]\nerror_um = 2.0\nharmonics = [2, 40]\n'

@@ -8,7 +8,7 @@ import camopt
 from camopt.cam.families.exponent import exponent
 from camopt.cam.families.free import free_cam
 from camopt.exact import settled_metrics
-from camopt.exact.adjoint.gradient import value_and_gradient
+from camopt.exact.adjoint.motion import value_and_gradient
 from camopt.measure.as_built import trains_as_built
 from camopt.optimizer.ascent.objective import AIM, REPRESENTATIVE
 from camopt.optimizer.ascent.train_variables import TrainVariables
