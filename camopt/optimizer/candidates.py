@@ -7,7 +7,6 @@ shape. A scene for which one of them is confirmed never ends without a cam.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Protocol
 
 from camopt.cam.design_file import as_written
 from camopt.cam.families.registry import FAMILIES
@@ -15,6 +14,8 @@ from camopt.cam.lift import Lift
 from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.optimizer.accuracy import Accuracy
+from camopt.optimizer.program.no_jump import NoJumpOptimum
+from camopt.optimizer.search.cams import Tried
 from camopt.scene.errors import NoCamFound
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
@@ -25,26 +26,16 @@ RULED_OUT = 1.5
 first. Nearer to a limit the verdict decides, with its finer steps."""
 
 
-class KnownCam(Protocol):
-    """What a search says of a cam that it found, and a family of its largest member."""
-
-    @property
-    def lift(self) -> Lift:
-        """The cam's lift law."""
-        ...
-
-    @property
-    def area_ratio(self) -> float:
-        """Area over the rectangle of largest lift and duration."""
-        ...
-
-
 @dataclass(frozen=True)
 class Member:
     """The largest member of a family under a scene's limits on the shape."""
 
     lift: Lift
     area_ratio: float
+
+
+KnownCam = Tried | NoJumpOptimum | Member
+"""A cam of the search, of the search for a yield, or of a family: its lift law and its area ratio."""
 
 
 @dataclass(frozen=True)
