@@ -1,6 +1,5 @@
 """The whole way of a spring by its measured load: table, place of the closed valve, tolerance, free number, slider."""
 
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -174,8 +173,7 @@ def test_its_rate_and_preload_are_factors_of_an_objective():
     """The arrays of the train that an ascent differentiates are those of the scene with the factors on it."""
     variables = TrainVariables(FROM_FREE, {"spring.stiffness_N_per_m": (0.5, 2.0), "*.preload_N": (0.5, 2.0)})
     factors = np.array([1.2, 0.9])
-    numbers = {name: jnp.asarray(array) for name, array in build_train(FROM_FREE).parameters.items()}
-    applied = variables.applied(numbers, factors)
+    applied = variables.applied(variables.arrays(FROM_FREE), factors)
     for name, array in build_train(variables.scene_with(factors)).parameters.items():
         np.testing.assert_allclose(applied[name], array, rtol=1e-12)
     with pytest.raises(InputError, match=r"spring\.preload_N has two factors"):

@@ -18,7 +18,7 @@ from camopt.cam.lift import Lift
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import motion_limits
 from camopt.optimizer.ascent.train_variables import TrainVariables
-from camopt.scene import QUANTITIES, InputError, Scene, Train, build_train
+from camopt.scene import QUANTITIES, InputError, Scene, build_train
 from camopt.scene.errors import did_you_mean
 from camopt.scene.smoothing import Smoothing, smoothing
 from camopt.scene.units import DEG, MM
@@ -162,15 +162,17 @@ class BoundObjective:
 
     @cached_property
     def _cases(self) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """By case, a train at a speed: the train's numbers by name, and the cam speeds [rad/s]."""
+        """By case, a train at a speed: the train's arrays by name, as of `TrainVariables`, and the cam speeds [rad/s]."""
         asked = self.objective
         speeds = [asked.scene.cam_speed(speed) for speed in asked.speeds_rpm]
-        trains: list[Train] = [build_train(asked.scene)]
+        scenes = [asked.scene]
         if asked.trains:
-            trains = [one.train for one in trains_as_built(asked.scene, asked.trains, seed=asked.seed)]
-        varies = trains[0].parameters if asked.trains or self.train.names else ()
-        numbers = {name: np.array([t.parameters[name] for t in trains for _ in speeds]) for name in varies}
-        return numbers, np.tile(speeds, len(trains))
+            scenes = [one.scene for one in trains_as_built(asked.scene, asked.trains, seed=asked.seed)]
+        if not asked.trains and not self.train.names:
+            return {}, np.array(speeds)
+        found = [self.train.arrays(scene) for scene in scenes]
+        numbers = {name: np.repeat([one[name] for one in found], len(speeds), axis=0) for name in found[0]}
+        return numbers, np.tile(speeds, len(scenes))
 
 
 def objective(

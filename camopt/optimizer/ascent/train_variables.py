@@ -5,28 +5,15 @@ from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
 
 from camopt.scene.errors import InputError
-from camopt.scene.parameters import PRELOAD, RATE, SceneNumber, Tied, matching, no_such_number
-from camopt.scene.parts import OIL_OF
+from camopt.scene.parameters import SceneNumber, Tied, matching, no_such_number
 from camopt.scene.schema import Scene
 from camopt.scene.text_file import excerpt
 from camopt.scene.train import build_train
 
-ARRAYS = {
-    "mass": {"mass_kg": "mass", "damping_N_s_per_m": "mass_damping", "force_N": "mass_force"},
-    "element": {
-        RATE: "stiffness",
-        "damping_N_s_per_m": "damping",
-        PRELOAD: "preload",
-        "gap_mm": "gap",
-        "dissipation_s_per_m": "dissipation",
-        "leak_N_s_per_m": "leak",
-        "slip_N": "slip",
-    },
-}
-"""Keys of a scene whose numbers may vary, by their table, and the arrays of a train in which they stand."""
 Names = str | tuple[str, ...]
 
 
@@ -44,6 +31,11 @@ class TrainVariables:
         numbers = [number for tied in self._tied for number in tied.numbers]  # unknown names are answered now
         if twice := [number.named(self.scene) for number in set(numbers) if numbers.count(number) > 1]:
             raise InputError(f"train: {min(twice)} has two factors: name it once")
+        own = build_train(self.scene).parameters
+        for tied in self._tied:  # the arrays have to follow every factor in a straight line
+            more, most = (build_train(tied.scaled(self.scene, factor)).parameters for factor in (1.5, 2.0))
+            if not all(np.allclose(2.0 * more[n], own[n] + most[n], rtol=1e-9, atol=0.0) for n in own):
+                raise InputError(f"train: {excerpt(tied.name)} is no number of the train that may vary")
 
     @property
     def names(self) -> list[str]:
@@ -65,38 +57,23 @@ class TrainVariables:
         ]
 
     def _numbers(self, name: str) -> list[SceneNumber]:
-        """The numbers that a name means; raises InputError where one of them is no factor on arrays of a train."""
-        numbers = matching(self.scene, name)
+        """The numbers that a name means; raises InputError where it means none."""
+        numbers = [number for number in matching(self.scene, name) if number.of(self.scene) is not None]
         if not numbers:
             raise no_such_number(self.scene, name, "train")
-        for number in numbers:
-            of_adjuster = number.table == "element" and self.scene.element[number.row].kind == "adjuster"
-            out_of_proportion = of_adjuster and number.key != "leak_N_s_per_m"  # it moves the rows of the plunger
-            if number.key not in ARRAYS[number.table] or out_of_proportion or number.of(self.scene) is None:
-                raise InputError(f"train: {excerpt(number.named(self.scene))} is no number of the train that may vary")
         return numbers
 
-    def applied(self, numbers: Mapping[str, Any], factors: Any) -> dict[str, Any]:
-        """A train's arrays by name, in JAX, with the factors (k) on them."""
-        arrays = dict(numbers)
-        for k, tied in enumerate(self._tied):
-            for number in tied.numbers:
-                self._multiply(arrays, number, factors[k])
-        return arrays
+    def arrays(self, scene: Scene) -> dict[str, np.ndarray]:
+        """The arrays of a train by name, each with a first axis (1 + k): its own numbers, and how they change with each
+        factor."""
+        own = build_train(scene).parameters
+        moved = [build_train(tied.scaled(scene, 2.0)).parameters for tied in self._tied]
+        return {name: np.stack([array, *(one[name] - array for one in moved)]) for name, array in own.items()}
 
-    def _multiply(self, arrays: dict[str, Any], number: SceneNumber, factor: Any) -> None:
-        """Multiplies one number of a train; that of a table moves its rows as `camopt.scene.parameters` says."""
-        array, at = ARRAYS[number.table][number.key], number.row
-        element = self.scene.element[at] if number.table == "element" else None
-        if element is not None and element.kind == "adjuster":
-            at = build_train(self.scene).element_names.index(OIL_OF.format(element.name))
-        if element is not None and number.key == PRELOAD and element.force_table:
-            arrays["table"] = arrays["table"].at[at, :, 1].add((factor - 1.0) * arrays["preload"][at])
-        elif element is not None and number.key == RATE and element.form in ("progressive", "table"):
-            installed = arrays["preload"][at] if element.force_table else 0.0
-            rows = arrays["table"][at, :, 1]
-            arrays["table"] = arrays["table"].at[at, :, 1].set(installed + factor * (rows - installed))
-        arrays[array] = arrays[array].at[at].multiply(factor)
+    def applied(self, arrays: Mapping[str, Any], factors: Any) -> dict[str, Any]:
+        """A train's arrays by name, in JAX, with the factors (k) on them; `arrays` as above."""
+        shares = jnp.concatenate([jnp.ones(1), jnp.asarray(factors) - 1.0])
+        return {name: jnp.tensordot(shares, array, 1) for name, array in arrays.items()}
 
     def scene_with(self, factors: np.ndarray) -> Scene:
         """The scene with the factors (k) on its numbers."""
