@@ -58,8 +58,9 @@ def _limits(scene: Scene, lift: Lift, law: Lift) -> list[str]:
     """The cam against the scene's limits; `law` has its derivatives."""
     design = scene.required_design
     ratio = lift.area_ratio_in(design)
+    shown = {k: round(v, 4) if k == "knot_deg" else v for k, v in lift.parameters.items()}
     lines = [
-        f"{lift.family}: " + ", ".join(f"{k} = {_brief(v)}" for k, v in lift.parameters.items() if k != "mended"),
+        f"{lift.family}: " + ", ".join(f"{k} = {_brief(v)}" for k, v in shown.items() if k != "mended"),
         f"duration       {2 * lift.half_duration / DEG:.4f} deg (scene: {design.duration_deg:g})",
         f"maximum lift   {lift.max_lift / MM:.6f} mm (limit {design.max_lift_mm:g})",
         f"area           {lift.area / MM / DEG:.4f} mm deg, area ratio {ratio:.6f}",
@@ -97,9 +98,9 @@ def _steps(law: Lift, design: Design, order: int) -> str:
 
 
 def _brief(value: object) -> str:
-    """A parameter in few words and digits; long lists of numbers are in the files that the verb writes."""
+    """A parameter in few words, without its rounding; long lists of numbers are in the files that the verb writes."""
     if isinstance(value, float):
-        return f"{value:.5g}"
+        return f"{value:.12g}"
     if isinstance(value, list | tuple) and len(value) > MOST_SHOWN:
         return f"{len(value)} numbers, in design.json"
     return str(value)

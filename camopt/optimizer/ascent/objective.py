@@ -162,7 +162,7 @@ class BoundObjective:
 
     @cached_property
     def _cases(self) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """By case, a train at a speed: the train's arrays by name, as of `TrainVariables`, and the cam speeds [rad/s]."""
+        """By case, a train at a speed: its arrays by name, as of `TrainVariables`, and the cam speeds [rad/s]."""
         asked = self.objective
         speeds = [asked.scene.cam_speed(speed) for speed in asked.speeds_rpm]
         scenes = [asked.scene]

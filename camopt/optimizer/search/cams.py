@@ -9,7 +9,7 @@ import numpy as np
 from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
 from camopt.optimizer.search.judge import Judge, Judged, with_speeds_between
-from camopt.optimizer.search.region import RowSource
+from camopt.optimizer.search.region import ExactRows
 from camopt.optimizer.stage_clock import StageClock
 from camopt.scene.units import DEG, MM
 from camopt.storage.journal import StepFiles
@@ -83,7 +83,7 @@ class Search:
 
     judge: Judge  # at the program's speeds
     band: Judge | None  # at these and between them, where the search is for a band
-    source: RowSource
+    source: ExactRows
     log: Logbook
     start: str  # the family of the cam that it began from, or "calmest"
     seen: list[Tried] = field(default_factory=list)  # all that were judged

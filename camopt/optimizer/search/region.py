@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Protocol
 
 import numpy as np
 
 from camopt.optimizer.program.force_rows import Box
-from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram
+from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
+from camopt.optimizer.program.relocation import converge_tangents, relocate
 from camopt.scene.design import Design
 
 FIRST, USUAL_ACCELERATION = 1e-2, 0.015
@@ -25,23 +25,31 @@ EXACT = 1e-9
 """Error that counts as none."""
 
 
-class RowSource(Protocol):
-    """Where the rows of a program come from."""
+class ExactRows:
+    """Where the rows of a program come from: the closed periodic response, with contacts that switch where event-exact
+    finds it on a cam. Another source has the same methods."""
 
-    name: str
-    jacobians: int
+    name = "exact"
+
+    def __init__(self) -> None:
+        self.jacobians = 0
 
     def first(self, program: NoJumpProgram, z: np.ndarray) -> tuple[NoJumpProgram, np.ndarray]:
-        """The program with its rows about a cam near z (m), and that cam."""
-        ...
+        """The program with its rows about a cam near z (m), and that cam; here at the angles of static load transfer,
+        which do not depend on it."""
+        self.jacobians += 1
+        return converge_tangents(no_jump_program(program.train, program.design, program.cam, program.speeds)), z
 
     def errors_at(self, program: NoJumpProgram, z: np.ndarray) -> np.ndarray:
-        """The errors (s) of the forces that the rows foretold for the cam of z (m), as parts of their change."""
-        ...
+        """The errors (s) of the forces that the rows foretold for the cam of z (m), as parts of their change; zero,
+        since here forces are straight in z while contacts switch at the same angles."""
+        return np.zeros(len(program.blocks))
 
     def about(self, program: NoJumpProgram, z: np.ndarray) -> NoJumpProgram:
-        """The program with its rows about the cam of z (m), where `errors_at` was asked last."""
-        ...
+        """The program with its rows about the cam of z (m), where `errors_at` was asked last; here at the angles of its
+        settled motion."""
+        self.jacobians += 1
+        return relocate(program, program.cam.lift(z))
 
 
 @dataclass
@@ -74,7 +82,7 @@ def first_region(design: Design) -> Region:
 
 
 def stepped(
-    source: RowSource,
+    source: ExactRows,
     program: NoJumpProgram,
     z: np.ndarray,
     region: Region,

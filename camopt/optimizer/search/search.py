@@ -19,14 +19,13 @@ from camopt.optimizer.accuracy import Accuracy, design_speeds
 from camopt.optimizer.ascent.projection import ShapeLimits
 from camopt.optimizer.program.force_rows import Margins, SpeedRows, Window
 from camopt.optimizer.program.kinematic import area_ratio_row
-from camopt.optimizer.program.no_jump import NoCamHoldsContact, NoJumpProgram, no_jump_program
+from camopt.optimizer.program.no_jump import NoCamHoldsContact, NoJumpProgram
 from camopt.optimizer.program.phases import Angles
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.program.relocation import converge_tangents, relocate
 from camopt.optimizer.search.cams import BETWEEN_SHARE, RESOLUTION, Logbook, Search, Tried
 from camopt.optimizer.search.judge import Judge, Judged
 from camopt.optimizer.search.margins import FedBack, first_margins, used_by_kind
-from camopt.optimizer.search.region import RowSource, first_region, stepped
+from camopt.optimizer.search.region import ExactRows, first_region, stepped
 from camopt.scene.design import Design
 from camopt.scene.errors import NoCamFound
 from camopt.scene.rest import is_linear
@@ -111,18 +110,16 @@ def without_rows(train: Train, design: Design, cam: FreeCam, speeds: Sequence[fl
     return NoJumpProgram(train, design, cam, Window(), blocks)
 
 
-def _source(smooth: bool, program: NoJumpProgram, smoothing: Smoothing) -> RowSource:
+def _source(smooth: bool, program: NoJumpProgram, smoothing: Smoothing) -> ExactRows:
     """The source of the rows; only the smoothed motion loads JAX."""
     if not smooth:
-        from camopt.optimizer.search.search import ExactRows
-
         return ExactRows()
     from camopt.optimizer.search.smooth_rows import SmoothRows
 
     return SmoothRows(program, smoothing)
 
 
-def _programs(search: Search, source: RowSource, program: NoJumpProgram, z: np.ndarray, rounds: int) -> None:
+def _programs(search: Search, source: ExactRows, program: NoJumpProgram, z: np.ndarray, rounds: int) -> None:
     """Programs from the cam of z (m) on: with the first margins until one promises little more area, then so many
     rounds whose margins follow what the judged motion uses of the limits.
 
@@ -162,7 +159,7 @@ def _programs(search: Search, source: RowSource, program: NoJumpProgram, z: np.n
 
 
 def _between(
-    source: RowSource, program: NoJumpProgram, z: np.ndarray, beyond: np.ndarray
+    source: ExactRows, program: NoJumpProgram, z: np.ndarray, beyond: np.ndarray
 ) -> tuple[NoJumpProgram, np.ndarray]:
     """The program about a cam on the way from that of z (m) to one whose valve does not seat, and the cam; those at
     hand where no cam on the way has a motion that slopes describe."""
@@ -197,29 +194,6 @@ def _blend(search: Search) -> None:
         area_ratio = (1 - share) * best.area_ratio + share * beyond.area_ratio
         tried = search.evaluate("between two cams", beyond.free, z, area_ratio)
         low, high = (share, high) if search.best is tried else (low, share)
-
-
-class ExactRows:
-    """The rows of a program at its speeds, with contacts that switch where event-exact finds it on a cam."""
-
-    name = "exact"
-
-    def __init__(self) -> None:
-        self.jacobians = 0
-
-    def first(self, program: NoJumpProgram, z: np.ndarray) -> tuple[NoJumpProgram, np.ndarray]:
-        """The program at the angles of static load transfer; they do not depend on the cam of z (m)."""
-        self.jacobians += 1
-        return converge_tangents(no_jump_program(program.train, program.design, program.cam, program.speeds)), z
-
-    def errors_at(self, program: NoJumpProgram, z: np.ndarray) -> np.ndarray:
-        """Zero (s): the forces are straight in z (m) while contacts switch at the same angles."""
-        return np.zeros(len(program.blocks))
-
-    def about(self, program: NoJumpProgram, z: np.ndarray) -> NoJumpProgram:
-        """The program at the angles of the settled motion of the cam of z (m)."""
-        self.jacobians += 1
-        return relocate(program, program.cam.lift(z))
 
 
 def why_none_holds(judged: Sequence[Judged], program: NoJumpProgram) -> str:

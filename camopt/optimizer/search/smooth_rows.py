@@ -17,6 +17,7 @@ from camopt.optimizer.program.force_rows import CLOSING, OPENING, PEAK, SEAT, Sp
 from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.optimizer.program.phases import HELD_N, static_angles
 from camopt.optimizer.program.program_cam import near, with_radii, with_switches
+from camopt.optimizer.search.region import ExactRows
 from camopt.scene.errors import NoCamFound
 from camopt.scene.smoothing import Smoothing
 from camopt.scene.train import Train
@@ -50,7 +51,7 @@ KEPT, TOLERATED = 0.003, 0.05
 about as large, and up to the second a change is too small to judge them by."""
 
 
-class SmoothRows:
+class SmoothRows(ExactRows):
     """The rows of a program at its speeds, renewed about any cam of it."""
 
     name = "smooth"
@@ -64,7 +65,7 @@ class SmoothRows:
         self._known: _Known | None = None  # about which the rows are
         self._paths: TiedPaths | None = None  # of the cam that was asked for last
         self._missed = np.inf
-        self.jacobians = 0
+        super().__init__()
 
     def first(self, program: NoJumpProgram, z: np.ndarray) -> tuple[NoJumpProgram, np.ndarray]:
         """The program about the largest share of z (m) whose motion linear slopes describe, and that share of z."""
