@@ -23,7 +23,6 @@ from camopt.optimizer.accuracy import ACCURACIES, Accuracy
 from camopt.optimizer.ascent.projection import ShapeLimits
 from camopt.optimizer.candidates import largest_confirmed
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.search.cams import Logbook
 from camopt.optimizer.search.region import USUAL_ACCELERATION
 from camopt.optimizer.search.search import find_cam
 from camopt.plots.style import new_figure, styled
@@ -77,9 +76,8 @@ def searched(scene: str, start: str, gradient: str, size: str = "small") -> dict
     """One search from a start, and the largest of its cams that the full verdict confirms; why there is none where
     there is none."""
     loaded, lines, speeds, effort = load_scene(scene), [], SPEEDS[size], ACCURACIES[ACCURACY[size]]
-    log = Logbook(show=lines.append)
     try:
-        search = find_cam(loaded, speeds, effort, gradient, log=log, start=start_cam(loaded, start, effort))
+        search = find_cam(loaded, speeds, effort, gradient, show=lines.append, start=start_cam(loaded, start, effort))
         begin = time.process_time()
         chosen = largest_confirmed(loaded, search.confirmed, speeds, effort)
     except InputError as error:
@@ -90,7 +88,7 @@ def searched(scene: str, start: str, gradient: str, size: str = "small") -> dict
         "refused": [cam.area_ratio for cam, _ in chosen.refused],
         "rounds": search.steps,
         "jacobians": search.source.jacobians,
-        "search_s": log.clock.spent_s("search"),
+        "search_s": search.clock.spent_s("search"),
         "verdict_s": time.process_time() - begin,
         "course": [line["area_ratio"] for line in lines],
     }

@@ -22,7 +22,7 @@ from camopt.optimizer.first_run import SAYING, compile_programs, programs_missin
 from camopt.optimizer.free_numbers import free_numbers, with_best_values
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_sensitivities
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.search.cams import CANDIDATES, Journal, Logbook
+from camopt.optimizer.search import cams
 from camopt.optimizer.search.search import find_cam
 from camopt.optimizer.stage_clock import Progress, StageClock
 from camopt.scene.errors import InputError, NoCamFound
@@ -31,6 +31,7 @@ from camopt.scene.smoothing import smoothing, smoothing_in
 from camopt.scene.text_file import scene_toml
 from camopt.scene.units import MM
 from camopt.storage import check_run_folder, default_run_folder, run_folder, run_identity, write_json, write_text
+from camopt.storage.journal import StepFiles
 from camopt.verifier.verdict import Verdict
 
 if TYPE_CHECKING:
@@ -223,8 +224,9 @@ class _OpenRun:
 
     def _cams(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam | None]:
         """The confirmed cams of the search, each larger than the one before, and the best of the program alone."""
-        asked, log = self.settings, Logbook(Journal(folder), shown.step, self.clock)
-        how = {"log": log, "start": self.start, "seed": asked["seed"], "smoothing": smoothing_in(asked)}
+        asked, journal = self.settings, StepFiles(folder, cams.FOLDER)
+        how = {"journal": journal, "show": shown.step, "clock": self.clock, "start": self.start, "seed": asked["seed"]}
+        how |= {"smoothing": smoothing_in(asked)}
         search = find_cam(self.scene, asked["speeds"], self.effort, asked["gradient"], **how)
         self.further["search"], self.found = search.course, {"cams_judged": search.judge.calls}
         assert search.first is not None, "a search with a cam has ended its first stage"
@@ -232,15 +234,16 @@ class _OpenRun:
 
     def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam | None]:
         """The same of the search for yield, which has no program alone."""
-        from camopt.optimizer.as_built.drawn import TrainsLog
+        from camopt.optimizer.as_built.drawn import FOLDER
         from camopt.optimizer.as_built.search import yield_search
 
         asked = self.settings
         with self.clock.stage("yield_search"):
-            how = {"gradient": asked["gradient"], "seed": asked["seed"], "log": TrainsLog(folder), "show": shown.step}
-            search = yield_search(self.scene, asked["yield"], self.effort, **how)
+            how = {"gradient": asked["gradient"], "seed": asked["seed"], "show": shown.step}
+            journal = StepFiles(folder, FOLDER)
+            search = yield_search(self.scene, asked["yield"], self.effort, journal=journal, **how)
         self.found = {"cams_judged": search.steps, "trains_drawn": search.trains_drawn}
-        return search.held[-CANDIDATES:], None
+        return search.held[-cams.CANDIDATES :], None
 
     def state_yield(self, folder: Path, lift: Lift, verdict: Verdict, shown: Progress) -> "YieldStatement | None":
         """What fresh trains say of the cam, written into verification.json; None where nothing scatters."""

@@ -29,11 +29,12 @@ from camopt.optimizer.ascent.train_variables import TrainVariables
 from camopt.optimizer.ascent.variables import FreeVariables, Variables
 from camopt.optimizer.program.kinematic import area_ratio_row
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.search.cams import Journal, Logbook
+from camopt.optimizer.search.cams import FOLDER
 from camopt.optimizer.search.judge import Judge
 from camopt.optimizer.search.region import first_region
 from camopt.optimizer.search.search import find_cam
 from camopt.scene import load_scene
+from camopt.storage.journal import StepFiles
 
 KNOT_DEG = 6.0
 CONSTRAINTS = {"contact_force_N": 0.0, "seat_gap_mm": 0.03}
@@ -131,14 +132,14 @@ def climb(problem: Problem, optimiser: optax.GradientTransformation, metric: boo
             ascent.step(judged=False)
 
 
-class Watched(Journal):
+class Watched(StepFiles):
     """The journal of a search, whose cams the problem's judge sees too."""
 
     def __init__(self, problem: Problem):
-        super().__init__(None)
+        super().__init__(None, FOLDER)
         self.problem = problem
 
-    def keep(self, step: int, z: np.ndarray, judged) -> None:
+    def store(self, step: int, z: np.ndarray, arrays: dict[str, np.ndarray]) -> None:
         self.problem.share(z)
 
 
@@ -147,10 +148,10 @@ def convex(problem: Problem, source: str) -> str:
     effort, cam = replace(ACCURACIES["standard"], knot_deg=KNOT_DEG), problem.cam.lift(problem.start)
     seconds, problem.seconds = problem.seconds, 0.0
     with suppress(Spent):
-        find_cam(problem.scene, "nominal", effort, source, log=Logbook(Watched(problem)), start=cam)
+        find_cam(problem.scene, "nominal", effort, source, journal=Watched(problem), start=cam)
     problem.seconds = seconds
     problem.begin()
-    search = find_cam(problem.scene, "nominal", effort, source, log=Logbook(Watched(problem)), start=cam)
+    search = find_cam(problem.scene, "nominal", effort, source, journal=Watched(problem), start=cam)
     return f"ended by itself after {search.steps} rounds"
 
 

@@ -13,7 +13,7 @@ from camopt.optimizer import candidates, run
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.candidates import Families, Member, largest_confirmed
 from camopt.optimizer.run import optimize
-from camopt.optimizer.search.cams import Logbook, Search
+from camopt.optimizer.search.cams import Search
 from camopt.optimizer.search.judge import Judged
 from camopt.optimizer.stage_clock import StageClock
 from camopt.report.folder import read_run_folder
@@ -206,7 +206,7 @@ def search_of(*cams):
         )
 
     source = SimpleNamespace(name="exact", jacobians=1)
-    search = Search(judge, None, source, Logbook(), "calmest")
+    search = Search(judge, None, source, "calmest")
     for area in answers:
         free = SimpleNamespace(lift=lambda z: SimpleNamespace(area_ratio=float(z[0]), area=1.0))
         search.evaluate("path constraints", free, np.array([area]), area)

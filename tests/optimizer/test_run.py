@@ -23,13 +23,13 @@ from camopt.optimizer.accuracy import ACCURACIES, design_speeds
 from camopt.optimizer.baselines import comparison
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.run import optimize
-from camopt.optimizer.search.cams import Journal
 from camopt.optimizer.search.judge import Judge
 from camopt.optimizer.stage_clock import StageClock
 from camopt.report import write_report
 from camopt.scene import InputError, build_train, load_scene
 from camopt.scene.errors import NoCamFound
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3
+from camopt.storage.journal import StepFiles
 from camopt.verifier.methods import rkg
 from tests.test_docs import undocumented
 
@@ -151,7 +151,7 @@ def test_a_resumed_search_that_stops_again_keeps_its_history(plain, tmp_path, mo
     def interrupted(*_):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(Journal, "recall", interrupted)
+    monkeypatch.setattr(StepFiles, "stored", interrupted)
     with pytest.raises(KeyboardInterrupt):
         optimize(load_scene("motori-1"), "nominal", "draft", "none", folder, resume=True)
     assert (folder / "history.jsonl").read_bytes() == before

@@ -9,7 +9,7 @@ import pytest
 
 from camopt import load_scene, optimize, polydyne
 from camopt.optimizer.accuracy import ACCURACIES
-from camopt.optimizer.search.cams import APART, USES_LESS, Logbook, Search
+from camopt.optimizer.search.cams import APART, USES_LESS, Search
 from camopt.optimizer.search.margins import AIM, FIRST_STEP_N, LARGEST_N, LEAST_STEP_N, FedBack
 from camopt.optimizer.search.search import FLOWN, _between, find_cam
 
@@ -42,7 +42,7 @@ def test_margins_go_half_way_back_and_step_less():
 def test_margins_of_other_speeds_do_not_run_away_while_the_motion_flies_off():
     """On this train every cam's motion at the top speed breaks its limits as margins at lower speeds fall."""
     lines = []
-    find_cam(load_scene("exhaust-gas"), "band", EFFORT, log=Logbook(show=lines.append))
+    find_cam(load_scene("exhaust-gas"), "band", EFFORT, show=lines.append)
     fed_back = [line for line in lines if line["stage"] == "margins fed back"]
     assert sum(line["worst_share"] > FLOWN for line in fed_back) <= len(fed_back) / 2
 

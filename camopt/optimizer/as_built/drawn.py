@@ -5,10 +5,10 @@ the ensemble samples the band more finely than each train alone. A train remembe
 it settled, so that of the next cam, which differs little, only what matters need be judged, and settles sooner.
 """
 
+from collections.abc import Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from pathlib import Path
 
 import numpy as np
 
@@ -22,9 +22,9 @@ from camopt.optimizer.search.judge import MEASURES, most_to_settle, next_starts
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
-from camopt.storage.journal import StepFiles
 
-FOLDER = "drawn"
+FOLDER, MET = "drawn", ("at", "used", "states")
+"""Where a search keeps what trains met at its steps, and the names of the arrays."""
 SPEEDS, STAGGER = 11, 4
 """Speeds at which a train is judged, and after how many trains the same speeds come again."""
 CHORDS = 8
@@ -127,27 +127,12 @@ class TrainEnsemble:
         self.used[t][:, at] = used = used_limits(self.limits, found)
         self.states[t, at] = next_starts(found.states[0, 0], used, self._nominal[t % STAGGER, at])
 
+    def met(self, judged: np.ndarray) -> dict[str, np.ndarray]:
+        """What the trains met with a cam, for a file, at the speeds at which they were `judged` (t, s: bool)."""
+        at = np.nonzero(judged)
+        return {"at": np.stack(at), "used": self.used[at[0], :, at[1]], "states": self.states[at]}
 
-class TrainsLog(StepFiles):
-    """The steps' lines, and of each of them what the trains used and where they settled, as far as they were judged."""
-
-    def __init__(self, folder: Path | None):
-        super().__init__(folder, FOLDER)
-
-    def recalled(self, step: int, z: np.ndarray, drawn: TrainEnsemble) -> bool:
-        """Whether an interrupted run judged this cam z (m) at this step; then `drawn` knows what it found.
-
-        Raises InputError where the stored step belongs to another cam.
-        """
-        stored = self.stored(step, z, ("at", "used", "states"))
-        if stored is None:
-            return False
-        trains, speeds = stored["at"]
-        drawn.used[trains, :, speeds], drawn.states[trains, speeds] = stored["used"], stored["states"]
-        return True
-
-    def keep(self, step: int, z: np.ndarray, drawn: TrainEnsemble, judged: np.ndarray) -> None:
-        """Stores what the trains met at a step, at the speeds at which they were `judged` (t, s: bool)."""
-        if self.kept:  # the states of thousands of trains are not copied for nothing
-            at = np.nonzero(judged)
-            self.store(step, z, {"at": np.stack(at), "used": drawn.used[at[0], :, at[1]], "states": drawn.states[at]})
+    def take(self, met: Mapping[str, np.ndarray]) -> None:
+        """Takes over what trains met."""
+        trains, speeds = met["at"]
+        self.used[trains, :, speeds], self.states[trains, speeds] = met["used"], met["states"]

@@ -15,12 +15,13 @@ import numpy as np
 from scipy.special import bdtr
 
 from camopt.cam.lift import Lift
-from camopt.optimizer.as_built.drawn import TrainEnsemble, TrainsLog
+from camopt.optimizer.as_built.drawn import FOLDER, MET, TrainEnsemble
 from camopt.optimizer.as_built.openings_program import OpeningsProgram
 from camopt.optimizer.program.force_rows import Box
 from camopt.optimizer.program.no_jump import NoJumpOptimum
 from camopt.scene.errors import NoCamFound
 from camopt.scene.units import DEG, MM
+from camopt.storage.journal import StepFiles
 
 LEVELS, FIRST_LEVEL, LEVEL_FACTOR, LATER_FACTOR, LEAST_LEVEL = "foretold openings", 0.5, 1.7, 1.2, 0.02
 """What the history calls the steps; the first limit on foretold openings, as a part of that on the jump, the factors
@@ -64,7 +65,7 @@ class YieldSearch:
     drawn: TrainEnsemble
     program: OpeningsProgram
     wanted: float
-    log: TrainsLog = field(default_factory=lambda: TrainsLog(None))
+    journal: StepFiles = field(default_factory=lambda: StepFiles(None, FOLDER))
     show: Callable[[dict], None] = lambda line: None
     held: list[NoJumpOptimum] = field(default_factory=list)  # each larger than the one before
     steps: int = 0
@@ -100,8 +101,13 @@ class YieldSearch:
     def evaluate(self, found: NoJumpOptimum) -> float:
         """Judges a cam, keeps it if it is the largest that enough trains hold, and reports the step; returns `used`."""
         drawn, self.steps = self.drawn, self.steps + 1
-        if not self.log.recalled(self.steps, found.z, drawn):
-            self.log.keep(self.steps, found.z, drawn, self._judge(found.lift))
+        stored = self.journal.stored(self.steps, found.z, MET)
+        if stored is not None:
+            drawn.take(stored)
+        else:
+            judged = self._judge(found.lift)
+            if self.journal.kept:  # the states of thousands of trains are not copied for nothing
+                self.journal.store(self.steps, found.z, drawn.met(judged))
         used = self.used
         if used <= 1.0 and (self.best is None or found.area_ratio > self.best.area_ratio + RESOLUTION):
             self.held.append(found)
@@ -115,7 +121,7 @@ class YieldSearch:
             "confirmed": self.best is found,
             "best_area_ratio": self.best.area_ratio if self.best else None,
         }
-        self.log.note(line)
+        self.journal.note(line)
         self.show(line)
         return used
 

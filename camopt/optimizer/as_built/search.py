@@ -9,7 +9,7 @@ from threadpoolctl import threadpool_limits
 from camopt.cam.families.free import FreeCam
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.optimizer.accuracy import Accuracy
-from camopt.optimizer.as_built.drawn import TrainEnsemble, TrainsLog
+from camopt.optimizer.as_built.drawn import FOLDER, TrainEnsemble
 from camopt.optimizer.as_built.levels import FIRST_LEVEL, LATER_FACTOR, LEVEL_FACTOR, YieldSearch
 from camopt.optimizer.as_built.openings_program import STEP, OpeningsProgram
 from camopt.optimizer.program.force_rows import Box, Window
@@ -24,6 +24,7 @@ from camopt.scene.rest import is_linear
 from camopt.scene.schema import Scene
 from camopt.scene.train import Train, build_train
 from camopt.scene.units import MM
+from camopt.storage.journal import StepFiles
 
 
 class ForceSource(Protocol):
@@ -126,7 +127,7 @@ def yield_search(
     *,
     gradient: str = "auto",
     seed: int = 0,
-    log: TrainsLog | None = None,
+    journal: StepFiles | None = None,
     show: Callable[[dict], None] = lambda line: None,
 ) -> YieldSearch:
     """The search for the cam of largest area that `wanted` of the trains as built hold over the scene's band.
@@ -141,7 +142,7 @@ def yield_search(
     source = _source(gradient, trains, plain, cam_speeds)
     program = OpeningsProgram(plain, source.theta, cam_speeds, source.about(z))
     unseen = TrainEnsemble(scene, seed + UNSEEN_SEED)
-    search = YieldSearch(unseen, program, wanted, log or TrainsLog(None), show)
+    search = YieldSearch(unseen, program, wanted, journal or StepFiles(None, FOLDER), show)
     limits, lost = opening_limits(scene, cam_speeds), int((1.0 - wanted) * shaping + 1e-9)
     first, box = _about_its_own_cam(program, source, z, FIRST_LEVEL * limits, lost)
     level, cam, factor = FIRST_LEVEL, first, LEVEL_FACTOR

@@ -2,21 +2,18 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from pathlib import Path
 
 import numpy as np
 
 from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
-from camopt.optimizer.search.judge import Judge, Judged, with_speeds_between
+from camopt.optimizer.search.judge import JUDGED, Judge, Judged, with_speeds_between
 from camopt.optimizer.search.region import ExactRows
 from camopt.optimizer.stage_clock import StageClock
 from camopt.scene.units import DEG, MM
 from camopt.storage.journal import StepFiles
 
 FOLDER = "judged"
-ARRAYS = ("speeds_rpm", "limit", "share", "states", "spread")
-FIGURE = "figure:"
 CANDIDATES = 5
 """Cams of a search, the largest of those that hold, that the full verdict may be asked about."""
 USES_LESS, APART = 0.02, 5e-4
@@ -27,39 +24,6 @@ BETWEEN_SHARE = 0.9
 RESOLUTION = 5e-5
 """Resolution of the area ratio in a search, half a unit of the fourth digit, to which areas are stated: smaller gains
 are ignored."""
-
-
-class Journal(StepFiles):
-    """The steps' lines, and what the judge found at each of them."""
-
-    def __init__(self, folder: Path | None):
-        super().__init__(folder, FOLDER)
-
-    def recall(self, step: int, z: np.ndarray) -> Judged | None:
-        """What was judged at this step of an interrupted run, None if nothing was.
-
-        Raises InputError where the stored step belongs to another cam.
-        """
-        stored = self.stored(step, z, (*ARRAYS, "limited"))
-        if stored is None:
-            return None
-        figures = {name.removeprefix(FIGURE): stored[name] for name in stored if name.startswith(FIGURE)}
-        limited = tuple(str(name) for name in stored["limited"])
-        return Judged(figures=figures, limited=limited, **{name: stored[name] for name in ARRAYS})
-
-    def keep(self, step: int, z: np.ndarray, judged: Judged) -> None:
-        """Stores what was judged at a step."""
-        arrays = {name: getattr(judged, name) for name in ARRAYS} | {"limited": np.array(judged.limited, dtype=str)}
-        self.store(step, z, arrays | {FIGURE + name: values for name, values in judged.figures.items()})
-
-
-@dataclass(frozen=True)
-class Logbook:
-    """Journal, progress callback and stage timer of a search."""
-
-    journal: Journal = field(default_factory=lambda: Journal(None))
-    show: Callable[[dict], None] = lambda line: None
-    clock: StageClock = field(default_factory=StageClock)
 
 
 @dataclass(frozen=True, eq=False)  # as its arrays have no one answer
@@ -84,8 +48,10 @@ class Search:
     judge: Judge  # at the program's speeds
     band: Judge | None  # at these and between them, where the search is for a band
     source: ExactRows
-    log: Logbook
     start: str  # the family of the cam that it began from, or "calmest"
+    journal: StepFiles = field(default_factory=lambda: StepFiles(None, FOLDER))
+    show: Callable[[dict], None] = lambda line: None  # is told the line of every step
+    clock: StageClock = field(default_factory=StageClock)
     seen: list[Tried] = field(default_factory=list)  # all that were judged
     held: list[Tried] = field(default_factory=list)  # each larger than the one before
     confirmed: list[Tried] = field(default_factory=list)  # those that are offered to the verdict
@@ -106,18 +72,18 @@ class Search:
             "start": self.start,
             "rounds": self.steps,
             "jacobians": source.jacobians,
-            "seconds": self.log.clock.spent_s("search"),
+            "seconds": self.clock.spent_s("search"),
         }
 
     def evaluate(self, stage: str, free: FreeCam, z: np.ndarray, area_ratio: float) -> Tried:
         """Judges the cam of z (m), keeps it if it holds and is larger than the best, and reports the step."""
         self.steps += 1
-        journal, lift = self.log.journal, free.lift(z)
-        judged = journal.recall(self.steps, z)
-        if judged is None:
+        lift, stored = free.lift(z), self.journal.stored(self.steps, z, JUDGED)
+        if stored is None:
             judged = self.judge(lift)
-            journal.keep(self.steps, z, judged)
+            self.journal.store(self.steps, z, judged.arrays)
         else:
+            judged = Judged.of_arrays(stored)
             self.judge.remember(judged)
         larger = self.best is None or area_ratio > self.best.area_ratio + RESOLUTION
         if larger and judged.used <= BETWEEN_SHARE and self.band:
@@ -138,8 +104,8 @@ class Search:
             "confirmed": self.best is tried,
             "best_area_ratio": self.best.area_ratio if self.best else None,
         }
-        journal.note(line)
-        self.log.show(line)
+        self.journal.note(line)
+        self.show(line)
         return tried
 
     def confirm(self) -> None:

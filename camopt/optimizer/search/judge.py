@@ -23,6 +23,8 @@ settles as everywhere else, since its oil leaks over more revolutions."""
 IRREGULAR = 1.5
 """What a motion that does not repeat itself uses of its limits counts so many times: it met only a part of what it
 may. The verdict finds that figures of such motions differ by a quarter to three quarters between neighbours."""
+JUDGED, FIGURE = ("speeds_rpm", "limited", "limit", "share", "states", "spread"), "figure:"
+"""Names of the arrays of `Judged`, and what stands before those of its figures."""
 CRITICAL = 4
 """Speeds judged before all others where not all are: two per thread."""
 
@@ -48,6 +50,19 @@ class Judged:
     def worst_speed_rpm(self) -> float:
         """Speed at which a limit is used most."""
         return float(self.speeds_rpm[int(np.argmax(self.share.max(axis=0)))]) if self.share.size else np.nan
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All of it by name, for a file; `of_arrays` reads it."""
+        own = {name: np.array(getattr(self, name)) for name in JUDGED}
+        return own | {FIGURE + name: values for name, values in self.figures.items()}
+
+    @classmethod
+    def of_arrays(cls, arrays: Mapping[str, np.ndarray]) -> "Judged":
+        """What was found, from its `arrays`."""
+        own = {name: arrays[name] for name in JUDGED} | {"limited": tuple(map(str, arrays["limited"]))}
+        figures = {name.removeprefix(FIGURE): values for name, values in arrays.items() if name.startswith(FIGURE)}
+        return cls(figures=figures, **own)
 
     def worst(self, name: str) -> float:
         """Worst value of a metric over the speeds."""

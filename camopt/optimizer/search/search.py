@@ -7,7 +7,7 @@ The rows come from one of two sources, which nothing here tells apart: for any l
 by JAX (`smooth_rows`), or for laws that are straight in pieces the closed periodic response (`ExactRows`).
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from threadpoolctl import threadpool_limits
@@ -22,16 +22,18 @@ from camopt.optimizer.program.kinematic import area_ratio_row
 from camopt.optimizer.program.no_jump import NoCamHoldsContact, NoJumpProgram
 from camopt.optimizer.program.phases import Angles
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.search.cams import BETWEEN_SHARE, RESOLUTION, Logbook, Search, Tried
+from camopt.optimizer.search.cams import BETWEEN_SHARE, FOLDER, RESOLUTION, Search, Tried
 from camopt.optimizer.search.judge import Judge, Judged
 from camopt.optimizer.search.margins import FedBack, first_margins, used_by_kind
 from camopt.optimizer.search.region import ExactRows, first_region, stepped
+from camopt.optimizer.stage_clock import StageClock
 from camopt.scene.design import Design
 from camopt.scene.errors import NoCamFound
 from camopt.scene.rest import is_linear
 from camopt.scene.schema import Scene
 from camopt.scene.smoothing import Smoothing
 from camopt.scene.train import Train, build_train
+from camopt.storage.journal import StepFiles
 
 KNOT_SPREAD = 0.1
 """Share of itself by which a seed may change the knot interval."""
@@ -66,7 +68,9 @@ def find_cam(
     effort: Accuracy,
     gradient: str = "auto",
     *,
-    log: Logbook | None = None,
+    journal: StepFiles | None = None,
+    show: Callable[[dict], None] = lambda line: None,
+    clock: StageClock | None = None,
     start: Lift | None = None,
     seed: int = 0,
     smoothing: Smoothing = Smoothing(),  # noqa: B008  it cannot change
@@ -77,20 +81,22 @@ def find_cam(
     smoothed motion by JAX, with "exact" those of the closed periodic response, and with "none" the search ends before
     margins are fed back. It begins from the cam within the limits on the shape that is nearest to `start`, by default
     from the calmest one. `smoothing` is how the smoothed motion stands in for the laws. `seed`, where it is not zero,
-    draws the knots. Raises NoCamFound where no cam holds.
+    draws the knots. A `journal` keeps the steps, `show` is told of each, and a `clock` measures them. Raises NoCamFound
+    where no cam holds.
     """
     design, operation = scene.required_design, scene.required_operation
-    log = log or Logbook()
+    journal, clock = journal or StepFiles(None, FOLDER), clock or StageClock()
     cam = program_cam(design, knot_interval_deg(effort, seed))
     searched, band = design_speeds(operation, speeds, effort)
     between = Judge(scene, band, effort.judge_stride, BETWEEN_SHARE) if speeds == "band" else None
     smooth = gradient in ("auto", "smooth")
     if smooth:
         import jax.monitoring  # noqa: F401  the clock listens to its compilations
-    with log.clock.stage("search"):
+    with clock.stage("search"):
         program = without_rows(build_train(scene), design, cam, [scene.cam_speed(speed) for speed in searched])
         source = _source(smooth, program, smoothing)
-        search = Search(Judge(scene, searched), between, source, log, start.family if start else "calmest")
+        began = start.family if start else "calmest"
+        search = Search(Judge(scene, searched), between, source, began, journal, show, clock)
         nearest = ShapeLimits(cam, design).nearest_to(start) if start else np.zeros(cam.Z.shape[1])
         program, z = source.first(program, nearest)
         _programs(search, source, program, z, 0 if gradient == "none" else effort.feedback_rounds)

@@ -16,7 +16,7 @@ from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.as_built import levels
 from camopt.optimizer.as_built import search as search_module
 from camopt.optimizer.as_built.checks import check_wanted
-from camopt.optimizer.as_built.drawn import FOLDER, SPEEDS, STAGGER, TrainEnsemble, TrainsLog
+from camopt.optimizer.as_built.drawn import FOLDER, MET, SPEEDS, STAGGER, TrainEnsemble
 from camopt.optimizer.as_built.levels import CHANCE, YieldSearch
 from camopt.optimizer.as_built.search import AT_TOP, UNSEEN_SEED, opening_limits, yield_search
 from camopt.optimizer.as_built.statement import YieldStatement, sampled
@@ -25,7 +25,7 @@ from camopt.scene import InputError, load_scene, parse_scene
 from camopt.scene.errors import NoCamFound
 from camopt.scene.rest import state_at_rest
 from camopt.scene.train import build_train
-from camopt.storage.journal import HISTORY
+from camopt.storage.journal import HISTORY, StepFiles
 from tests.scene.test_load import EXAMPLE
 
 SCATTER = '\n[[tolerance]]\nof = "spring.preload_N"\nrelative = 0.05\n[grinding]\nerror_um = 2.0\nharmonics = [2, 40]\n'
@@ -41,7 +41,7 @@ def journal(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def found(journal):
-    return yield_search(SCENE, 0.9, SMALL, log=TrainsLog(journal))
+    return yield_search(SCENE, 0.9, SMALL, journal=StepFiles(journal, FOLDER))
 
 
 def test_every_cam_that_counts_holds_in_enough_trains(found):
@@ -214,23 +214,23 @@ def test_a_resumed_search_judges_nothing_twice(found, journal, monkeypatch):
     last.unlink()
     judged, judge = [], YieldSearch._judge
     monkeypatch.setattr(YieldSearch, "_judge", lambda self, lift: judged.append(lift) or judge(self, lift))
-    again = yield_search(SCENE, 0.9, SMALL, log=TrainsLog(journal))
+    again = yield_search(SCENE, 0.9, SMALL, journal=StepFiles(journal, FOLDER))
     assert len(judged) == 1 and last.stem == f"{found.steps:04d}"
     assert np.array_equal(again.best.z, found.best.z)
     assert (journal / HISTORY).read_text() == lines
 
 
 def test_a_journal_of_another_search_is_refused(found, tmp_path):
-    log = TrainsLog(tmp_path)
+    log = StepFiles(tmp_path, FOLDER)
     drawn, judged = deepcopy(found.drawn), found.drawn.all
     judged[1:] = False
-    log.keep(1, found.best.z, drawn, judged)
+    log.store(1, found.best.z, drawn.met(judged))
     drawn.used[:2], drawn.states[:2] = 7.0, 7.0
-    assert log.recalled(1, found.best.z, drawn)
+    drawn.take(log.stored(1, found.best.z, MET))
     assert np.array_equal(drawn.used[0], found.drawn.used[0]) and np.all(drawn.used[1] == 7.0)
     assert np.array_equal(drawn.states[0], found.drawn.states[0]) and np.all(drawn.states[1] == 7.0)
     with pytest.raises(InputError, match="belongs to another search"):
-        log.recalled(1, found.best.z + 1e-3, found.drawn)
+        log.stored(1, found.best.z + 1e-3, MET)
 
 
 @pytest.mark.parametrize(
