@@ -23,8 +23,8 @@ Every name below belongs to `camopt` and is imported when it is first used; `hel
   that holds the limits with a cam.
 - Gradient ascent of your own: `objective` is what it maximises, `ascend` climbs it from any cam by any optax
   transformation within the limits on the shape, `nearest_free_cam` is where it starts.
-- For programs of your own: `linearised` gives contact forces and gaps along a revolution with their derivatives by cam
-  and train.
+- The programs behind the designs: `linearised` gives contact forces and gaps along a revolution with their derivatives
+  by cam and train, `linear_program` solves a program under linear rows, as a function that JAX differentiates.
 - Many tasks: `sweep` computes them on all cores or on a cluster and keeps a row for each in a store that resumes.
 - Beyond one design: `pareto` fronts, `joint_spring` for cam and spring together, `differentiable` cams for JAX.
 
@@ -57,6 +57,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
     from camopt.optimizer.baselines.comparison import compare
     from camopt.optimizer.bound.summary import area_bound
     from camopt.optimizer.program.chosen_duration import load_scene
+    from camopt.optimizer.program.differentiable import linear_program
     from camopt.optimizer.run import optimize
     from camopt.smooth.families import differentiable
     from camopt.study.cam_force import camshaft_torque
@@ -89,6 +90,7 @@ __all__ = [
     "identify",
     "joint_spring",
     "kurz",
+    "linear_program",
     "linearised",
     "live",
     "load_scene",
@@ -151,6 +153,7 @@ _PUBLIC = {
     "objective": "camopt.optimizer.ascent.objective",
     "ascend": "camopt.optimizer.ascent.ascent",
     "nearest_free_cam": "camopt.optimizer.ascent.projection",
+    "linear_program": "camopt.optimizer.program.differentiable",
     "live": "camopt.designer.notebook",
 }
 

@@ -37,6 +37,7 @@ SIGNATURES = {
     "joint_spring": "scene, rate=(0.9, 1.1), preload=(0.9, 1.1), *, speeds='band', accuracy='draft', "
     "margin_N=0.0, evaluations=30",
     "kurz": "scene, sections_deg=None, a23=None, *, jerk=True",
+    "linear_program": "objective, matrix, bound, *, size=None",
     "linearised": "scene, cam, speeds_rpm=None, *, trains=0, seed=0, tie=1.0, width_um=1.0, source='smooth', "
     "steps_per_revolution=1440, free=()",
     "live": "scene, *, folder=None",
@@ -73,7 +74,7 @@ SIGNATURES = {
 }
 """Public name -> its parameters with their defaults; those after the star go by name alone."""
 UNPROMISED = {"CrankTiming", "MeasuredLift", "cam_card", "camshaft_torque", "converted", "cycloidal", "differentiable",
-              "exponent", "joint_spring", "live", "polynomial_345", "polynomial_4567", "read_cam",
+              "exponent", "joint_spring", "linear_program", "live", "polynomial_345", "polynomial_4567", "read_cam",
               "tradeoff"}  # fmt: skip
 """Public names that the guide need not show."""
 

@@ -88,6 +88,11 @@ class WarmModel:
         succeeds(self._highs.deleteRows(len(out), out))
         self.held = np.delete(self.held, out)
 
+    def basis(self) -> np.ndarray:
+        """Indices of the rows that hold the last solution, as many as columns at a vertex: those outside the basis."""
+        status = self._highs.getBasis().row_status
+        return self.held[[one != HighsBasisStatus.kBasic for one in status]]
+
     def pose(self, cost: np.ndarray, level: np.ndarray) -> None:
         """Another objective (m) and right sides (r) on the rows in the model."""
         succeeds(self._highs.changeColsCost(len(cost), self._columns, -cost))

@@ -1,0 +1,128 @@
+"""A linear program as a function that JAX differentiates: HiGHS solves it on the host, its duals and basis give slopes.
+
+The largest value v = c z under A z <= b has dv = dc z + y (db - dA z) with the duals y (the envelope theorem; Gal 1995,
+Postoptimal Analyses, Parametric Programming and Related Topics). At a vertex the basis' rows B hold with equality, and
+as long as they are the basis, dz = B^-1 (db_B - dB z) and dy_B = B^-T (dc - dB^T y_B).
+"""
+
+from collections import OrderedDict
+from hashlib import blake2b
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax.typing import ArrayLike
+
+import camopt.smooth  # noqa: F401  (64-bit floats)
+from camopt.highs import Infeasible, Unbounded
+from camopt.optimizer.program.linear_program import ADDED_PER_ROUND, Rows, maximise
+from camopt.scene.errors import InputError
+
+MOST_MODELS = 8
+"""Programs kept with their last basis: enough for a few in turn, and thousands of rows take megabytes."""
+
+
+class LinearOptimum(NamedTuple):
+    """The maximiser z (m) of a linear program, its value, and the duals (r) >= 0 of its rows."""
+
+    z: jax.Array
+    value: jax.Array
+    duals: jax.Array
+
+
+def linear_program(
+    objective: ArrayLike, matrix: ArrayLike, bound: ArrayLike, *, size: ArrayLike | None = None
+) -> LinearOptimum:
+    """The z (m), free in sign, with the largest objective (m) @ z under matrix (r, m) @ z <= bound (r), in JAX.
+
+    `size` (m) are typical magnitudes of z, for the solver's scaling (one each by default). Works under `jax.jit`,
+    `jax.vmap` and `jax.grad` (once, in reverse mode) with respect to all three arguments. A program with a matrix that
+    was solved before goes on from its last basis.
+
+    Derivatives are those of the vertex that was found, while its basis lasts. They are the true ones where the vertex
+    is not degenerate. Where more rows than m hold with equality, the value still has the slope of the duals found, but
+    to one side only, and z may turn another way on the other; where a dual of the basis is zero, the maximiser is one
+    of many. Where the rows leave a direction free that the objective does not ask for, nothing moves along it.
+
+    A program without any point has the value -inf, one without a largest value inf; z, duals and slopes are NaN then,
+    and all is NaN where the solver gives up. Raises InputError for arguments whose shapes do not fit.
+    """
+    cost, left, right = (jnp.asarray(part, dtype=float) for part in (objective, matrix, bound))
+    columns = jnp.ones(cost.shape) if size is None else jnp.asarray(size, dtype=float)
+    shapes = cost.shape, left.shape, right.shape
+    if len(left.shape) != 2 or cost.shape != left.shape[1:] or right.shape != left.shape[:1] or not right.size:
+        raise InputError(f"linear_program: shapes {shapes}: expected (m), (r, m) and (r), with one row at least")
+    if columns.shape != cost.shape:
+        raise InputError(f"linear_program: size has the shape {columns.shape}, expected that of the objective")
+    return LinearOptimum(*_program(cost, left, right, columns))
+
+
+@jax.custom_vjp
+def _program(cost, matrix, bound, size):
+    return _solved(cost, matrix, bound, size)[:3]
+
+
+def _solved(cost, matrix, bound, size) -> tuple[jax.Array, ...]:
+    """Maximiser (m), value, duals (r), the basis' rows (m), and the derivative (m, m) of z by their bounds."""
+    r, m = matrix.shape
+    shapes = [jax.ShapeDtypeStruct(shape, float) for shape in ((m,), (), (r,))]
+    shapes += [jax.ShapeDtypeStruct((m,), np.int32), jax.ShapeDtypeStruct((m, m), float)]
+    return jax.pure_callback(_solve, tuple(shapes), cost, matrix, bound, size, vmap_method="sequential")
+
+
+def _forward(cost, matrix, bound, size):
+    z, value, duals, basis, inverse = _solved(cost, matrix, bound, size)
+    return (z, value, duals), (z, duals, basis, inverse, size)
+
+
+def _backward(kept, bars):
+    z, duals, basis, inverse, size = kept
+    z_bar, value_bar, duals_bar = bars
+    by_bound = jnp.zeros_like(duals).at[basis].add(inverse.T @ z_bar) + value_bar * duals
+    by_cost = inverse @ duals_bar[basis] + value_bar * z
+    by_matrix = -jnp.outer(by_bound, z) - jnp.outer(duals, inverse @ duals_bar[basis])
+    return by_cost, by_matrix, by_bound, jnp.zeros_like(size)
+
+
+_program.defvjp(_forward, _backward)
+
+
+def _solve(cost: Any, matrix: Any, bound: Any, size: Any) -> tuple[np.ndarray, ...]:
+    """What `_solved` asks the host for."""
+    cost, matrix, bound, size = (np.array(part, dtype=float) for part in (cost, matrix, bound, size))
+    rows = _rows(matrix, size)
+    try:
+        found = maximise(cost, rows, bound, np.arange(0, len(bound), max(1, len(bound) // ADDED_PER_ROUND)))
+    except Infeasible:
+        return _nowhere(matrix, -np.inf)
+    except Unbounded:
+        return _nowhere(matrix, np.inf)
+    except ArithmeticError:
+        return _nowhere(matrix, np.nan)
+    basis = rows.model.basis()
+    inverse = np.zeros((len(size), len(size)))
+    inverse[:, : len(basis)] = np.linalg.pinv(rows.scaled[basis]) * size[:, None] / rows.norm[basis]
+    padded = np.zeros(len(size), dtype=np.int32)  # beyond the basis the derivative is zero, whichever row stands there
+    padded[: len(basis)] = basis
+    return found.z, np.array(found.value), found.duals, padded, inverse
+
+
+def _nowhere(matrix: np.ndarray, value: float) -> tuple[np.ndarray, ...]:
+    """The answer where there is no maximiser."""
+    r, m = matrix.shape
+    missing = np.full(m, np.nan), np.array(value), np.full(r, np.nan)
+    return *missing, np.zeros(m, dtype=np.int32), np.full((m, m), np.nan)
+
+
+_models: OrderedDict[bytes, Rows] = OrderedDict()
+
+
+def _rows(matrix: np.ndarray, size: np.ndarray) -> Rows:
+    """The rows of a matrix, the same ones, with their solver, where it was solved lately."""
+    key = blake2b(matrix.tobytes() + size.tobytes() + str(matrix.shape).encode(), digest_size=16).digest()
+    rows = _models.pop(key, None) or Rows(matrix, size)
+    _models[key] = rows
+    while len(_models) > MOST_MODELS:
+        _models.popitem(last=False)
+    return rows
