@@ -20,6 +20,7 @@ from typing import Any
 from camopt import __version__
 from camopt.cli import values
 from camopt.cli.next_steps import left_behind, next_step
+from camopt.cli.process import prepare_process
 from camopt.scene.errors import InputError, NoCamFound, brief, did_you_mean
 from camopt.scene.text_file import excerpt
 from camopt.storage import check_file
@@ -42,6 +43,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     args = parser().parse_args(arguments)
+    prepare_process()
     try:
         check_outputs(args)
         code = getattr(import_module("camopt.cli.verbs"), verb_named(args.command))(args)
