@@ -11,7 +11,7 @@ from typing import Any, NamedTuple
 import highspy
 import numpy as np
 from highspy import HighsModelStatus, HighsStatus
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, issparse
 
 FEASIBILITY = 1e-10
 """Largest violation of a row: the least tolerance that HiGHS takes."""
@@ -104,23 +104,33 @@ _SOLVERS = local()
 """The solvers of every thread: making one takes as long as solving a small program with it."""
 
 
+def entries_of(rows: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Where in the others each of dense or sparse rows (r, m) starts (r + 1), and the columns and values of its entries
+    that HiGHS takes."""
+    if issparse(rows):
+        matrix = csr_array(rows, copy=True)
+        matrix.data = np.where(np.abs(matrix.data) > SMALLEST, matrix.data, 0.0)
+        matrix.eliminate_zeros()
+        return matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32), matrix.data
+    kept = np.abs(rows) > SMALLEST
+    row, column = np.nonzero(kept)
+    return np.searchsorted(row, np.arange(len(rows) + 1)).astype(np.int32), column.astype(np.int32), rows[kept]
+
+
 def minimise(cost: np.ndarray, rows: Any, low: Any, high: Any, bounds: np.ndarray, *, large: bool = False) -> Minimum:
     """The x (m) of least cost (m) @ x under low (r) <= rows (r, m) @ x <= high (r), x within `bounds` (m, 2).
 
     `rows` are dense or sparse; a low or high that is one number holds for all rows. With `large` presolve and interior
     points come first. Raises Infeasible, Unbounded, and ArithmeticError where the solver gives up.
     """
-    name, matrix = "large" if large else "plain", csr_array(rows, copy=True)
+    name, entries = "large" if large else "plain", entries_of(rows)
     solver = vars(_SOLVERS).get(name) or vars(_SOLVERS).setdefault(name, Solver(**(LARGE if large else {})))
-    matrix.data = np.where(np.abs(matrix.data) > SMALLEST, matrix.data, 0.0)
-    matrix.eliminate_zeros()
     model = highspy.HighsLp()
-    model.num_row_, model.num_col_ = len(matrix.indptr) - 1, len(cost)
+    model.num_row_, model.num_col_ = rows.shape[0], len(cost)
     model.col_cost_, model.col_lower_, model.col_upper_ = cost, *np.transpose(bounds)
     model.row_lower_, model.row_upper_ = (np.broadcast_to(side, model.num_row_) for side in (low, high))
     model.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
-    model.a_matrix_.start_, model.a_matrix_.index_ = (part.astype(np.int32) for part in (matrix.indptr, matrix.indices))
-    model.a_matrix_.value_ = matrix.data
+    model.a_matrix_.start_, model.a_matrix_.index_, model.a_matrix_.value_ = entries
     succeeds(solver.highs.passModel(model))  # which forgets what was solved before
     found = solver.decide(INTERIOR if large else ATTEMPTS)
     x = np.array(found.col_value)

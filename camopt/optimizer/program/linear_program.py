@@ -12,7 +12,7 @@ from functools import cached_property
 import numpy as np
 from highspy import HighsBasisStatus
 
-from camopt.highs import FARTHEST, FEASIBILITY, SMALLEST, Infeasible, Solver, succeeds
+from camopt.highs import FARTHEST, FEASIBILITY, Infeasible, Solver, entries_of, succeeds
 
 NOTHING = 1e-100
 """Entries that count as zero: what is left of a force long after the cam has passed, at low speeds and high damping."""
@@ -73,12 +73,9 @@ class WarmModel:
     def add(self, rows: np.ndarray, level: np.ndarray) -> None:
         """Take further rows in, their right sides from `level` (r)."""
         rows = np.setdiff1d(rows, self.held)
-        dense, lowest = self.matrix[rows], np.full(len(rows), -np.inf)
-        kept = np.abs(dense) > SMALLEST
-        row, column = np.nonzero(kept)
-        starts = np.searchsorted(row, np.arange(len(rows))).astype(np.int32)
-        entries, columns = dense[kept], column.astype(np.int32)
-        succeeds(self._highs.addRows(len(rows), lowest, level[rows], len(entries), starts, columns, entries))
+        starts, columns, entries = entries_of(self.matrix[rows])
+        lowest = np.full(len(rows), -np.inf)
+        succeeds(self._highs.addRows(len(rows), lowest, level[rows], len(entries), starts[:-1], columns, entries))
         self.held = np.concatenate([self.held, rows])
 
     def keep(self, rows: np.ndarray) -> None:
