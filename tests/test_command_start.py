@@ -97,3 +97,27 @@ def test_no_colour_where_there_is_no_terminal(words):
 @pytest.mark.parametrize("verb", ["optimize", "compare"])
 def test_every_command_with_a_progress_bar_can_be_quiet(verb):
     assert cli.parser().parse_args([verb, "kodama", "--quiet"]).quiet
+
+
+FREED = """
+import numpy as np
+from camopt.cli.process import prepare_process
+
+def resident_MB():
+    with open("/proc/self/statm") as numbers:
+        return int(numbers.read().split()[1]) * 4096 / 1e6
+
+prepare_process()
+np.ones(3_000_000)  # freed at once, after which glibc keeps arrays of that size on its heap
+before, pairs = resident_MB(), [(np.ones(1_000_000), np.ones(10_000)) for _ in range(40)]
+kept = [small for _, small in pairs]
+pairs.clear()
+print(resident_MB() - before)
+"""
+
+
+@pytest.mark.skipif(sys.platform != "linux", reason="other systems have other allocators")
+def test_freed_arrays_leave_the_process_of_a_command():
+    words = [sys.executable, "-c", FREED]
+    kept = float(subprocess.run(words, capture_output=True, text=True, check=True, timeout=60).stdout)
+    assert kept < 30.0  # of 323 MB, which a process that is not prepared keeps

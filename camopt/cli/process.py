@@ -18,5 +18,6 @@ def prepare_process() -> None:
     """Searches for cycles of objects less often and, where the C library is glibc, gives memory back that is free."""
     gc.set_threshold(OBJECTS, YOUNG, MIDDLE)
     mallopt = getattr(ctypes.CDLL(None), "mallopt", None) if sys.platform == "linux" else None
-    for number, value in MALLOPT.values() if mallopt else ():
-        mallopt(number, value)
+    if mallopt is not None:
+        for number, value in MALLOPT.values():
+            mallopt(number, value)
