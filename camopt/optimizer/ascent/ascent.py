@@ -137,7 +137,6 @@ class AscentState:
         self.point: Point = self.variables.start
         self.state = self._anew()
         self._slopes = jax.jit(jax.value_and_grad(self._value, has_aux=True))
-        self._moved = jax.jit(self._move)
 
     def _anew(self) -> Any:
         return _typed(self._optimiser.init(_arrays(self.point)))
@@ -151,21 +150,33 @@ class AscentState:
         climbed, worst, paths = self._lagrangian(value, parameters, held)
         return climbed, (value, terms | worst, paths)
 
-    def _move(self, point, state, value, gradient, faces, held) -> tuple[Any, Any]:
-        """The transformation's change of a point along its faces, and its new state."""
+    def _move(self, climbed: jax.Array, gradient: Point, faces: Point) -> Point:
+        """The point to which the transformation's change along the faces leads; the state goes on to its new one.
 
-        def along(change):
-            return jax.tree.map(lambda face, part: face @ part, faces, change)
+        Its own arithmetic is not compiled, since one program with the objective in every branch of a line search would
+        take long to compile, in every process: a line search calls the compiled one.
+        """
 
-        def loss(other):  # for a line search
-            apart = along(jax.tree.map(jnp.subtract, other, point))
-            return -self._value(self.variables.nearest_in_jax(jax.tree.map(jnp.add, point, apart)), held)[0]
+        def along(faces, change):
+            return {name: faces[name] @ part for name, part in change.items()}
 
-        downhill = jax.tree.map(jnp.negative, along(gradient))
-        change, state = self._optimiser.update(
-            downhill, state, point, value=-value, grad=downhill, value_fn=loss
-        )  # fmt: skip
-        return optax.apply_updates(point, along(change)), _typed(state)
+        def fall(other):  # of the objective at the nearest point that holds the limits, and its slopes
+            apart = along(faces, {name: np.asarray(part) - self.point[name] for name, part in other.items()})
+            moved = {name: self.point[name] + part for name, part in apart.items()}
+            there, on = self.variables.nearest_and_faces(moved)
+            with jax.disable_jit(False):
+                (value, _), slopes = self._slopes(_arrays(there), self._held)
+            return -value, along(faces, along(on, {name: -part for name, part in slopes.items()}))
+
+        loss = jax.custom_vjp(lambda other: fall(other)[0])
+        loss.defvjp(fall, lambda slopes, bar: ({name: bar * part for name, part in slopes.items()},))
+        point, downhill = _arrays(self.point), _arrays(along(faces, {name: -part for name, part in gradient.items()}))
+        with jax.disable_jit():
+            change, state = self._optimiser.update(
+                downhill, self.state, point, value=-climbed, grad=downhill, value_fn=loss
+            )  # fmt: skip
+        self.state = _typed(state)
+        return {name: self.point[name] + part for name, part in along(faces, change).items()}
 
     def step(self, judged: bool) -> None:
         """Records the present point as an iterate, and goes to the next one."""
@@ -184,10 +195,7 @@ class AscentState:
         found = {name: float(part) for name, part in terms.items()}
         cam = self.variables.cam_vector(self.point)
         self.iterates.append(Iterate(float(value), found, length, share, cam, self.point["train"]))
-        moved, self.state = self._moved(
-            _arrays(self.point), self.state, climbed, _arrays(gradient), _arrays(faces), self._held
-        )
-        self.point = self.variables.nearest(moved)
+        self.point = self.variables.nearest(self._move(climbed, gradient, faces))
         if self._held is not None:
             self._held = self._held._replace(start=paths.end)
 

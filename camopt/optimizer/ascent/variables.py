@@ -210,24 +210,9 @@ class Variables:
         held = ((factors <= low) & (uphill < 0)) | ((factors >= high) & (uphill > 0))
         return {"cam": self._limits.face(point["cam"], gradient["cam"]), "train": np.diag(1.0 - held)}
 
-    def nearest_in_jax(self, point: Mapping[str, jax.Array]) -> dict[str, jax.Array]:
-        """`nearest` as a JAX function, with the derivative of the point on its face; for line searches."""
-        low, high = self.train.limits
-        return {"cam": _on_face(self._limits, point["cam"]), "train": jnp.clip(point["train"], low, high)}
-
-
-def _on_face(limits: FreeVariables | FamilyVariables | Polyhedron, vector: jax.Array) -> jax.Array:
-    """The nearest vector within the limits, differentiable by JAX: the host finds it."""
-    size = vector.shape[0]
-    shapes = jax.ShapeDtypeStruct((size,), float), jax.ShapeDtypeStruct((size, size), float)
-
-    def found(given):
-        point, face = limits.nearest_and_face(np.array(given, dtype=float))
-        return np.asarray(point), np.asarray(face)
-
-    @jax.custom_vjp
-    def nearest(given):
-        return jax.pure_callback(found, shapes, given)[0]
-
-    nearest.defvjp(lambda given: jax.pure_callback(found, shapes, given), lambda face, bar: (face @ bar,))
-    return nearest(vector)
+    def nearest_and_faces(self, point: Mapping[str, Any]) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
+        """`nearest`, and its derivative: projectors onto the faces on which that point lies."""
+        (low, high), factors = self.train.limits, np.asarray(point["train"], dtype=float)
+        cam, face = self._limits.nearest_and_face(np.asarray(point["cam"], dtype=float))
+        free = (low <= factors) & (factors <= high)
+        return {"cam": cam, "train": np.clip(factors, low, high)}, {"cam": face, "train": np.diag(1.0 * free)}
