@@ -36,6 +36,7 @@ class TestNothingHidesAnother:
         assert keys(text) == {"mass.1.mass_kg", "element.2.stiffness_N_per_m", "element.2.stiffness", "seat"}
 
     def test_schema_and_a_train_that_nothing_holds_at_rest(self):
+        """The paper's own placement: lash at the cam and no hold-down force leave the follower floating."""
         loose = changed(changed(AS_GIVEN, "force_N = -19.1\n", ""), ', "force_N"]', "]")
         loose = changed(changed(loose, "gap_mm = 0.169\n", ""), ', "gap_mm"]', "]")
         loose = changed(loose, "cam_driven = true\n", "cam_driven = true\ngap_mm = 0.169\n")
@@ -45,6 +46,8 @@ class TestNothingHidesAnother:
             "design.duration_deg: must be greater than 0 (given: -1)",
             alone,
         ]
+        held = changed(loose, "damping_N_s_per_m = 20.5\n", "damping_N_s_per_m = 20.5\nforce_N = -19.1\n")
+        assert parse_scene(held, "held.toml").mass[1].force_N == -19.1
 
     def test_schema_and_a_mass_that_no_element_names(self):
         text = changed(EXAMPLE, "gap_mm = 0.1 ", "gap = 0.1 ") + '\n[[mass]]\nname = "loose"\nmass_kg = 0.1\n'

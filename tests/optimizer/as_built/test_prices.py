@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from camopt.cli.parser import main
-from camopt.optimizer.as_built import prices
+from camopt.optimizer.as_built import prices, search
 from camopt.optimizer.as_built.prices import _level, _priced, price_list
 from camopt.scene import InputError, load_scene, parse_scene
 from camopt.scene.as_built import GRINDING, scatter_labels, with_scatter
@@ -30,8 +30,10 @@ harmonics = [2, 40]
 SCENE = parse_scene(EXAMPLE + SCATTER, "mine.toml")
 
 
-def test_a_narrower_tolerance_never_costs_area():
-    listed = price_list(SCENE, 0.9, trains=12)
+def test_a_narrower_tolerance_never_costs_area(monkeypatch):
+    """One train of ten may be lost; coarse knots leave the signs what they are."""
+    monkeypatch.setattr(search, "KNOT_DEG", 6.0)
+    listed = price_list(SCENE, 0.9, trains=10)
     assert set(listed.left_out) == set(listed.halved) == {"spring.preload_N", "mass", GRINDING}
     for label, gained in listed.left_out.items():
         assert gained > -2 * listed.noise and listed.halved[label] > -2 * listed.noise

@@ -92,7 +92,8 @@ def test_drawn_trains_begin_at_rest_where_the_train_as_designed_breaks_a_limit()
 
 def test_trains_whose_adjusters_may_fill_are_held(monkeypatch):
     """Forces of adjusters that have filled foretell nothing: the search begins below and goes up from there."""
-    monkeypatch.setattr(search_module, "FILLING_ROUNDS", 3)
+    monkeypatch.setattr(search_module, "FILLING_ROUNDS", 2)
+    monkeypatch.setattr(search_module, "KNOT_DEG", 6.0)
     effort = replace(ACCURACIES["draft"], shaping_trains=12, unseen_trains=24)
     found = yield_search(load_scene("finger-hydraulic"), 0.9, effort)
     assert found.best is not None and found.best.area_ratio > 0.57  # the largest Polydyne has 0.556

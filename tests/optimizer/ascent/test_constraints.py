@@ -2,6 +2,7 @@
 
 import ast
 import re
+import shutil
 import time
 from pathlib import Path
 
@@ -103,13 +104,20 @@ def test_a_step_of_the_metric_moves_the_rows_by_one_unit(begun):
     [pytest.param(optax.adam(3e-2), id="adam"), pytest.param(optax.lbfgs(), id="lbfgs", marks=pytest.mark.long)],
 )
 def test_from_the_calmest_cam_the_area_climbs_within_all_limits(optimiser, monkeypatch, tmp_path):
-    """In rounds of four steps, interrupted and gone on with."""
+    """In rounds of four steps; and gone on with from what the folder held after six."""
     monkeypatch.setattr(climbing, "ROUND", 4)
     asked = ASKED, "calmest", optimiser
     chosen = {"knot_deg": 12.0, "judge_every": 2, "metric": True}
-    camopt.ascend(*asked, 6, **chosen, out=tmp_path / "x")
-    history = camopt.ascend(*asked, 10, **chosen, out=tmp_path / "x", resume=True)
-    whole = camopt.ascend(*asked, 10, **chosen)
+    save = climbing.AscentState.save
+
+    def copied(self, path):
+        save(self, path)
+        if len(self.iterates) == 7:
+            shutil.copytree(path.parent, tmp_path / "begun")
+
+    monkeypatch.setattr(climbing.AscentState, "save", copied)
+    whole = camopt.ascend(*asked, 10, **chosen, out=tmp_path / "whole")
+    history = camopt.ascend(*asked, 10, **chosen, out=tmp_path / "begun", resume=True)
     area = history["area_ratio"].values
     assert area == pytest.approx(whole["area_ratio"].values, rel=1e-6)
     free = program_cam(MOTORI.design, 12.0)
