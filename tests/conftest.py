@@ -1,6 +1,8 @@
 """Settings that hold for the whole suite: no windows, checked shapes, and in the smooth path no silent broadcasting."""
 
 import os
+from contextlib import nullcontext
+from html import escape
 
 import jaxtyping
 import pytest
@@ -40,4 +42,19 @@ def _no_rank_promotion(request):
     import jax
 
     with jax.numpy_rank_promotion("raise"):
+        yield
+
+
+@pytest.fixture(scope="module")
+def undrawn():
+    """Figures are made and saved with their words alone, from where a module first asks for it: to draw them takes
+    longer than most small jobs. tests/plots draws them, and tests/optimizer/test_run.py those of a job."""
+    from matplotlib.text import Text
+
+    def words(figure, kind):
+        return f"<svg>{escape(' '.join(text.get_text() for text in figure.findobj(Text)))}</svg>".encode()
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("camopt.plots.style.laid_out", lambda figure: nullcontext())
+        patch.setattr("camopt.plots.style.picture", words)
         yield

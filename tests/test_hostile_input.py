@@ -46,7 +46,7 @@ def test_paths_that_the_system_does_not_take(capsys, tmp_path, monkeypatch, word
 
 
 @pytest.mark.parametrize(
-    "option",
+    "options",
     [
         "--speeds=1:1e308:1e-308",
         "--speeds=1:1e15:1e-12",
@@ -54,21 +54,16 @@ def test_paths_that_the_system_does_not_take(capsys, tmp_path, monkeypatch, word
         "--speeds=5e-324",
         "--speeds=" + "9" * 5000,
         "--accuracy=1e-300",
+        "--speed=6000 --revolutions=" + "9" * 5000,
+        "--speed=6000 --step-deg=" + "9" * 5000,
     ],
 )
-def test_numbers_beyond_every_engine(capsys, option):
-    code, _, err = run(capsys, "verify", "kodama", *CAM[2:], option)
+def test_numbers_beyond_every_engine(capsys, options):
+    verb = "simulate" if "--speed=" in options else "verify"
+    code, _, err = run(capsys, verb, "kodama", *CAM[2:], *options.split())
     assert code == 2
     assert "expected" in err or "more than 10000 speeds" in err
     assert len(err.splitlines()[-1]) < 400
-
-
-@pytest.mark.parametrize("option", ["--revolutions", "--step-deg"])
-def test_thousands_of_digits(capsys, option):
-    words = ("simulate", "kodama", *CAM[2:], "--speed", "6000", option, "9" * 5000)
-    code, _, err = run(capsys, *words)
-    assert code == 2
-    assert "expected" in err and len(err.splitlines()[-1]) < 400
 
 
 def changed(record: dict, case: str) -> str:

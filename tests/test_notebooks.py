@@ -54,7 +54,7 @@ def test_all_are_there():
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
-def test_runs_at_small_size(path, tmp_path, monkeypatch):
+def test_runs_at_small_size(path, undrawn, tmp_path, monkeypatch):
     monkeypatch.setenv("CAMOPT_NOTEBOOK_SIZE", "small")
     monkeypatch.setattr(comparison, "SECTIONED", ())  # their searches are tested in tests/optimize
     monkeypatch.chdir(tmp_path)

@@ -17,8 +17,8 @@ PAGE = (ROOT / "docs" / "reference" / "commands.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README + PAGE, re.DOTALL)
 LINES = [line for kind, text in BLOCKS if kind == "sh" and not text.startswith("python3") for line in text.splitlines()]
 COMMANDS = [line for line in LINES if line.startswith("camopt ")]
-SLOW = ("optimize", "verify", "compare", "reduce", "bound", "extremes", "gradient", "tradeoff", "yield")
-"""Verbs that search or judge: parsed always, run by the long test."""
+SLOW = ("optimize", "verify", "compare", "reduce", "bound", "extremes", "gradient", "tradeoff", "yield", "what-if")
+"""Verbs that search or judge: parsed always, run by the long test; golden files have all of them at small sizes."""
 DESIGN = Path(__file__).parent / "data" / "kodama-design.json"
 
 

@@ -29,7 +29,7 @@ class TestInputs:
         assert cases == [drawn(seed) for seed in range(300)]
 
     def test_a_sample_ends_in_a_sentence(self):
-        with closing(outcomes(range(120), workers=1)) as found:
+        with closing(outcomes(range(80), workers=1)) as found:
             cases = list(found)
         assert not [case for case in cases if case["wrong"]], table(cases)
 
@@ -75,7 +75,7 @@ class TestMessages:
 class TestKills:
     @pytest.mark.parametrize("name", ["cam", pytest.param("sweep", marks=LONG)])
     def test_a_killed_command_goes_on(self, tmp_path, name):
-        assert [found["wrong"] for found in killings(name, tmp_path, 2)] == ["", ""]
+        assert [found["wrong"] for found in killings(name, tmp_path, 1)] == [""]
 
     @LONG
     @pytest.mark.parametrize("name", COMMANDS)
@@ -96,7 +96,7 @@ class TestKills:
 
 class TestSoak:
     def test_verdicts_leave_nothing_behind(self):
-        begin, *_, end = soaked(40, 10)
+        begin, *_, end = soaked(20, 5)
         assert not grown(begin, end), (begin, end)
 
     @pytest.mark.parametrize("key", ["memory_MB", "threads", "files"])

@@ -124,7 +124,7 @@ def test_event_exact_rules_out_what_breaks_a_limit_and_not_what_is_calm():
 
 
 @pytest.fixture(scope="module")
-def wide_lash():
+def wide_lash(undrawn):
     """Slow, and with more lash than its ramp is high: the search's model has no place for it, and a plain cam holds."""
     elements = (e.model_copy(update={"gap_mm": 0.3}) if e.cam_driven else e for e in SCENE.element)
     operation = SCENE.operation.model_copy(update={"speeds_rpm": (2000.0, 2500.0), "band_rpm": (2000.0, 2500.0)})

@@ -117,7 +117,7 @@ def test_what_is_no_free_number_is_refused_by_a_sentence(scene, asked, words):
         free_numbers(scene, asked)
 
 
-def test_the_command_designs_with_the_numbers_that_it_chose(tmp_path, capsys):
+def test_the_command_designs_with_the_numbers_that_it_chose(undrawn, tmp_path, capsys):
     words = ["optimize", "motori-1", "--accuracy", "draft", "--speeds", "nominal", "--no-compare", "--gradient", "none"]
     folder = tmp_path / "run"
     assert main([*words, "--free", "spring.preload_N=200:320", "--out", str(folder)]) == 0

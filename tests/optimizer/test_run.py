@@ -37,8 +37,10 @@ DELIVERED = Path(__file__).parents[1] / "data" / "kodama-design.json"  # camopt 
 
 
 @pytest.fixture(scope="module", autouse=True)
-def few_baselines():
+def small_job():
+    """Coarse knots, and few families: the job of a draft as it is has its golden file."""
     with pytest.MonkeyPatch.context() as patch:
+        patch.setitem(ACCURACIES, "draft", replace(ACCURACIES["draft"], knot_deg=6.0))
         patch.setattr(comparison, "SECTIONED", ())
         patch.setattr(candidates, "FAMILIES", ("polydyne",))
         yield
@@ -90,7 +92,7 @@ def test_verdict_is_confirmed_and_compared(plain):
     assert "breaks acceleration_max_mm_per_deg2 by up to 123%" in rows[-1]["broken"]  # too stiff a train for the family
 
 
-def test_interrupted_run_resumes_to_the_same_design(plain, tmp_path, monkeypatch):
+def test_interrupted_run_resumes_to_the_same_design(plain, undrawn, tmp_path, monkeypatch):
     folder = tmp_path / "run"
     steps = []
 
@@ -168,7 +170,7 @@ def test_unknown_words_leave_no_folder(tmp_path, word, value):
 
 
 @pytest.fixture
-def designed(plain, monkeypatch):
+def designed(plain, undrawn, monkeypatch):
     """The search's and the verdict's answers without their cost: (run folder) -> a job that only compares anew."""
     search = SimpleNamespace(course={"source": "exact"}, judge=SimpleNamespace(calls=0))
     design = load_scene("motori-1").design
@@ -195,8 +197,12 @@ def test_the_design_and_its_report_are_written_before_the_comparison(designed, t
 
 
 def test_without_a_comparison_there_is_a_report_that_says_so(designed, tmp_path):
-    folder = tmp_path / "run"
-    optimize(load_scene("motori-1"), "nominal", "draft", "none", folder, compare=False)
+    """And a job keeps BLAS to one thread."""
+    folder, seen = tmp_path / "run", []
+    with threadpool_limits(limits=2, user_api="blas"):
+        optimize(load_scene("motori-1"), "nominal", "draft", "none", folder, compare=False,
+                 designed=lambda _: seen.extend(threadpool_info()))  # fmt: skip
+    assert {one["num_threads"] for one in seen if one["user_api"] == "blas"} == {1}
     page = write_report(folder).read_text(encoding="utf-8")
     assert not any((folder / name).exists() for name in ("comparison.csv", "cams", "verdicts"))
     assert "no other cam was compared" in page and "processor s" in page
@@ -246,7 +252,7 @@ def test_contradictory_limits_leave_no_folder(tmp_path):
     assert not (tmp_path / "run").exists()
 
 
-def test_unconfirmed_design_ends_with_code_3_and_its_folder(plain, tmp_path, monkeypatch):
+def test_unconfirmed_design_ends_with_code_3_and_its_folder(designed, plain, tmp_path, monkeypatch):
     rejected = replace(plain.verdict, verdict="rejected", broken=("bounce_max_mm at 7000 r/min",))
     monkeypatch.setattr(candidates, "verdict_on", lambda *a, **k: rejected)
     result = optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run")
@@ -308,14 +314,6 @@ def test_margins_that_are_fed_back_gain_area(plain, tmp_path):
     result = optimize(load_scene("motori-1"), "nominal", "draft", "smooth", tmp_path / "run")
     assert result.record["gradient_gain"] > 0
     assert result.record["area_ratio"] > plain.record["area_ratio"]
-
-
-def test_a_run_keeps_blas_to_one_thread(designed, tmp_path):
-    seen = []
-    with threadpool_limits(limits=2, user_api="blas"):
-        optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run", compare=False,
-                 designed=lambda folder: seen.extend(threadpool_info()))  # fmt: skip
-    assert {one["num_threads"] for one in seen if one["user_api"] == "blas"} == {1}
 
 
 @pytest.mark.parametrize(("accuracy", "listed"), [("draft", (5000, 7000)), ("standard", (5000, 6000, 6500, 7000))])

@@ -122,7 +122,7 @@ def test_slopes_are_kept_where_they_foretell_the_forces(found):
     assert found["calmest"].source.jacobians < found["calmest"].steps
 
 
-def test_a_job_on_paths_is_confirmed_and_says_how_it_searched(tmp_path):
+def test_a_job_on_paths_is_confirmed_and_says_how_it_searched(undrawn, tmp_path):
     scene = load_scene("motori-1")
     run = optimize(scene, "nominal", "draft", "smooth", tmp_path / "run", compare=False, start=polydyne(scene))
     assert run.exit_code == 0

@@ -1,10 +1,13 @@
 """The whole way of a spring by its measured load: table, place of the closed valve, tolerance, free number, slider."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import camopt.smooth  # noqa: F401 - double precision
 from camopt.designer.controls import controls
+from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.ascent.train_variables import TrainVariables
 from camopt.optimizer.free_numbers import free_number, free_numbers, with_values
 from camopt.scene import InputError, build_train, parse_scene, rest_position
@@ -199,8 +202,9 @@ def test_it_is_a_valve_spring_with_sliders():
     assert {"spring_rate_percent", "spring_preload_percent"} <= {one.key for one in controls(FROM_FREE)}
 
 
-def test_joint_spring_changes_it():
+def test_joint_spring_changes_it(monkeypatch):
     """More preload keeps the contacts closed at the top speed, so that the program takes all it may have."""
+    monkeypatch.setitem(ACCURACIES, "draft", replace(ACCURACIES["draft"], knot_deg=6.0, program_speeds=3))
     found = joint_spring(FROM_FREE, rate=(1.0, 1.2), preload=(1.0, 1.2), margin_N=150.0, evaluations=3)
     assert found.area_ratio > found.area_ratio_as_given
     changed = found.scene.element[1]

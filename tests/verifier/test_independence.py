@@ -1,8 +1,6 @@
-"""The verifier's independence, read from its imports and from a fresh process."""
+"""The verifier's independence, read from its imports; what a fresh process loads: tests/test_layers.py."""
 
 import ast
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
@@ -65,13 +63,3 @@ def test_every_file_beside_the_methods_belongs_to_one():
 
 def test_the_reader_of_imports_sees_them():
     assert "camopt.exact.engine" in imported(FOLDER / "verdict.py")
-
-
-def test_a_fresh_import_leaves_no_jax_and_no_exact_path():
-    code = (
-        "import sys, camopt.verifier.accuracy, camopt.verifier.verdict\n"
-        "from camopt.verifier.methods import dop853, houbolt, rkg, tmm\n"
-        "print([m for m in sys.modules if m.split('.')[0] in ('jax', 'jaxlib') or m.startswith('camopt.exact')])"
-    )
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "[]"

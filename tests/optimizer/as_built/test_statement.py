@@ -64,7 +64,7 @@ def noted_trains():
 
 
 @pytest.fixture(scope="module")
-def interrupted(tmp_path_factory):
+def interrupted(undrawn, tmp_path_factory):
     """The folder of a job that was killed after two chunks of its trains."""
     folder, add, chunks = tmp_path_factory.mktemp("runs") / "run", Records.add, []
 
