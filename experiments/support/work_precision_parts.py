@@ -98,7 +98,7 @@ def parts(case, repeats: int) -> dict:
 
 def _unit_times(run, case, repeats: int) -> dict[str, float]:
     """Seconds of one span, jump and search, on the lift's nose."""
-    with run._tables(AT_ONCE) as one:
+    with run._lent(AT_ONCE) as one:
         tables = one.tables
     n2, q = len(case.rest), case.lift.coefficients.shape[1]
     slot = int(np.argmax(tables.keys[: tables.built[0]]))

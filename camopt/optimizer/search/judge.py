@@ -2,6 +2,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -60,7 +61,7 @@ class Judged:
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, np.ndarray]) -> "Judged":
         """What was found, from its `arrays`."""
-        own = {name: arrays[name] for name in JUDGED} | {"limited": tuple(map(str, arrays["limited"]))}
+        own: dict[str, Any] = {name: arrays[name] for name in JUDGED} | {"limited": tuple(map(str, arrays["limited"]))}
         figures = {name.removeprefix(FIGURE): values for name, values in arrays.items() if name.startswith(FIGURE)}
         return cls(figures=figures, **own)
 
