@@ -154,9 +154,9 @@ def matrix(run: RunFolder, limits: list[dict]) -> dict:
     cam's shape holds at every speed: its `shares` are None, and its own row says what is used.
     """
     judged, band = run.verification.by_speed, run.verification.get("band") or {}
-    ends = [band.get("from_rpm"), band.get("to_rpm")]
+    low, high = band.get("from_rpm"), band.get("to_rpm")
     speeds = [speed.get("speed_rpm") for speed in judged]
-    inside = [all(map(is_number, (*ends, speed))) and ends[0] <= speed <= ends[1] for speed in speeds]
+    inside = [is_number(low) and is_number(high) and is_number(speed) and low <= speed <= high for speed in speeds]
     motion, shape = [], []
     for row in limits:
         quantity, limit = OF_MOTION.get(row["key"]), run.demands.get(row["key"])
