@@ -90,6 +90,8 @@ def test_small_size(name, tmp_path, monkeypatch):
     if name == "fronts":
         coarse = replace(ACCURACIES["draft"], knot_deg=8.0, program_speeds=2)
         monkeypatch.setitem(ACCURACIES, "draft", coarse)
+    if name == "extremes":  # a layer that no grid resolves is tried on each, up to the finest
+        monkeypatch.setattr("camopt.smooth.simulate.MOST_GRID_STEPS", 8192)
     if name == "accuracy_curves":
         refused = "the small size is not for the package"
         monkeypatch.setattr("experiments.accuracy_curves.write_json", lambda *_: pytest.fail(refused))

@@ -69,7 +69,6 @@ def test_hertz_is_no_law_of_a_bilateral_spring():
 
 
 def test_linear_scenes_carry_no_laws():
-    assert build_train(load_scene("kodama")).laws is None
     linear = build_train(parse_scene(EXAMPLE.replace(TRAIN, TRAIN + '\nlaw = "linear"'), "mine.toml"))
     assert linear.laws is None and linear.stiffness[0] == 1.5e8
 

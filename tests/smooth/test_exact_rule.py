@@ -193,5 +193,3 @@ def test_asking_twice_gives_the_same():
 def test_unknown_names_are_refused():
     with pytest.raises(InputError, match="parameter lash"):
         exact_metrics(TRAIN, polydyne(), SPEED, {"lash": 0.0}, NAMES)
-    with pytest.raises(InputError, match="no exact gradient of noise"):
-        exact_metrics(TRAIN, polydyne(), SPEED, {}, ["noise"])

@@ -115,7 +115,8 @@ def test_two_revolutions_are_one_after_the_other():
     np.testing.assert_allclose(arrays.x[-1], record.x[-1], atol=1e-9)
 
 
-def test_too_few_steps_are_refused_and_bad_arguments_named():
+def test_too_few_steps_are_refused_and_bad_arguments_named(monkeypatch):
+    monkeypatch.setattr("camopt.smooth.simulate.MOST_GRID_STEPS", 8192)  # each grid is a program of its own
     scene, train, lift = kodama()
     speed = scene.cam_speed(5000)
     state = np.asarray(rest_state(train)).ravel()
