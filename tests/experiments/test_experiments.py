@@ -42,6 +42,12 @@ DRAWN = {
     "work_precision",
 }  # fmt: skip
 """Experiments that draw a figure at small size too."""
+SMALLER = {
+    "architectures": ("camopt.optimizer.baselines.comparison.SECTIONED", ()),
+    "extremes": ("camopt.smooth.simulate.MOST_GRID_STEPS", 8192),  # a layer that no grid resolves is tried on each
+    "yield_price": ("camopt.optimizer.as_built.search.KNOT_DEG", 6.0),
+}
+"""What the package takes at a smaller size here."""
 RESUMED = {"near_limit": "verdict_of", "never_nothing": "optimised", "starts": "searched"}
 """What an experiment must not call again where its store has all rows."""
 
@@ -85,13 +91,11 @@ def small_size(name: str):
 @pytest.mark.parametrize("name", [small_size(name) for name in SCRIPTS if name not in ELSEWHERE])
 def test_small_size(name, tmp_path, monkeypatch):
     """It has the fields of the stored result, its figures are drawn, and what it says holds."""
-    if name == "architectures":
-        monkeypatch.setattr("camopt.optimizer.baselines.comparison.SECTIONED", ())
-    if name == "fronts":
+    if name in SMALLER:
+        monkeypatch.setattr(*SMALLER[name])
+    if name in ("fronts", "never_nothing"):
         coarse = replace(ACCURACIES["draft"], knot_deg=8.0, program_speeds=2)
         monkeypatch.setitem(ACCURACIES, "draft", coarse)
-    if name == "extremes":  # a layer that no grid resolves is tried on each, up to the finest
-        monkeypatch.setattr("camopt.smooth.simulate.MOST_GRID_STEPS", 8192)
     if name == "accuracy_curves":
         refused = "the small size is not for the package"
         monkeypatch.setattr("experiments.accuracy_curves.write_json", lambda *_: pytest.fail(refused))
