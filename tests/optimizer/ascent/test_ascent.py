@@ -3,6 +3,8 @@
 import re
 from pathlib import Path
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 import optax
 import pytest
@@ -113,6 +115,25 @@ def test_numbers_of_the_train_vary_within_their_bounds():
     assert history.dataset.attrs["best"] == 12 and history.confirmed
     assert changed[1].stiffness_N_per_m == pytest.approx(38200.0 * float(factors[-1, 0]))
     assert changed[1].preload_N == changed[2].preload_N == pytest.approx(245.0)
+
+
+def test_a_line_search_sees_the_value_and_its_slope_at_the_nearest_point_within_the_limits():
+    """At a point itself what the transformation is given, and beyond the limits central differences."""
+    seen = []
+
+    def update(downhill, state, point, *, value, grad, value_fn, **_):
+        uphill, way = -grad["cam"], jnp.cos(jnp.arange(grad["cam"].size))
+        beyond = point["cam"] + 3e-3 * uphill / jnp.abs(uphill).max()
+        loss = jax.value_and_grad(lambda cam: value_fn(point | {"cam": cam}))
+        pair = [float(loss(beyond + h * way)[0]) for h in (1e-8, -1e-8)]
+        seen.append((loss(point["cam"]), (value, grad["cam"]), loss(beyond)[1] @ way, (pair[0] - pair[1]) / 2e-8))
+        return {name: -1e-3 * part for name, part in downhill.items()}, state
+
+    camopt.ascend(EASY, low_start(), optax.GradientTransformationExtraArgs(lambda _: (), update), 1)
+    for (value, slopes), given, slope, difference in seen:
+        assert float(value) == pytest.approx(float(given[0]), rel=1e-12)
+        assert np.asarray(slopes) == pytest.approx(np.asarray(given[1]), abs=1e-9)
+        assert abs(difference) > 0.1 and float(slope) == pytest.approx(difference, rel=1e-5)
 
 
 class TestOwnParameters:
