@@ -2,6 +2,7 @@
 which the charts draw; curvature and contact with the follower, the contour, the cam card, and the Hertz stress.
 """
 
+from functools import lru_cache
 from typing import Any
 
 import numpy as np
@@ -15,7 +16,7 @@ from camopt.plots.style import DESIGN, cam_line, page_line
 from camopt.report.folder import RunFolder
 from camopt.report.motion import RunCams
 from camopt.report.wording import shown
-from camopt.scene import InputError, MotionRefused
+from camopt.scene import InputError, MotionRefused, Scene
 from camopt.scene.design import Design
 from camopt.scene.quantities import QUANTITIES, is_number
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3
@@ -95,7 +96,13 @@ def stress(cams: RunCams) -> tuple[list[list[str]], str]:
         return [], "The design cannot be read, so there is no stress on it."
     if scene.geometry is None:
         return [], "The scene gives no [geometry], so the stress on the cam is not known."
-    rows, geometry = [], scene.geometry
+    return _stress(scene, lift)  # pyright: ignore[reportArgumentType]  # both have a hash
+
+
+@lru_cache(maxsize=4)  # a run writes its page before the comparison, and after it once more
+def _stress(scene: Scene, lift: Lift) -> tuple[list[list[str]], str]:
+    """The same of a scene with a geometry."""
+    rows, geometry = [], scene.required_geometry
 
     def cells(found: HertzStress) -> list[str]:
         figures = found.figures()
