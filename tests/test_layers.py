@@ -124,7 +124,8 @@ JOB = (
 """What `camopt optimize --gradient exact` loads."""
 
 
-VERIFIER = ("camopt.verifier", "camopt.verifier.verdict", "camopt.verifier.accuracy", "camopt.verifier.methods.dop853")
+METHODS = tuple(f"camopt.verifier.methods.{name}" for name in ("dop853", "houbolt", "rkg", "tmm"))
+VERIFIER = ("camopt.verifier", "camopt.verifier.verdict", "camopt.verifier.accuracy", *METHODS)
 """What is imported without event-exact too."""
 LEAN = (*VERIFIER, "camopt", "camopt.scene", "camopt.cam.read", "camopt.exact", "camopt.cli", *JOB)
 """What is imported without JAX."""
