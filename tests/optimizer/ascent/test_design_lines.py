@@ -48,13 +48,20 @@ def test_the_printed_design_speed_is_refused_with_a_remedy():
         run(LINES)
 
 
-def test_the_page_has_these_lines():
-    """So the tests that run the page's lines, by Adam and by L-BFGS on the exact path, run these."""
+def test_the_page_has_these_lines_from_another_start():
+    """So the tests that run the page's lines, by Adam and by L-BFGS on the exact path, run these but for the start,
+    from which fifty steps gain nothing."""
     printed = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)[0]
     statements = [ast.unparse(one) for one in ast.parse(printed).body if not isinstance(one, ast.Import)]
-    changed = "print(history, camopt.verify(scene, history.best, accuracy='draft').verdict)"
-    lines = ast.parse(with_changes(verify=changed, path='source="smooth"')).body
-    assert statements == [ast.unparse(one) for one in lines if not isinstance(one, ast.Import)]
+    verify = "camopt.verify(scene, history.best, speeds_rpm=(4000, 5000), accuracy='draft')"
+    lines = with_changes(verify=f"print(history, {verify}.verdict)", path='source="smooth"')
+    promised = [ast.unparse(one) for one in ast.parse(lines.replace("objective, start,", "objective, 'calmest',")).body]
+    assert statements == [one for one in promised if not one.startswith(("import", "start ="))]
+
+
+def test_some_steps_from_the_promised_start():
+    names = run(with_changes(path='path="exact"', steps="steps=4", verify="history"))
+    assert names["history"].dataset.sizes["step"] == 5 and names["history"].confirmed
 
 
 @pytest.mark.long
