@@ -94,11 +94,11 @@ def jacobian_cost(content):
 
 
 def job_time(content):
-    """The times of cold and warm runs are kept as the page says."""
+    """The times of cold and warm runs are kept, and the memory of all, as the page says."""
     cases = content["cases"]
     assert cases.keys() == jobs.CASES.keys()
     missed = {(case, key) for case, row in cases.items() for key, kept in row["within_target"].items() if not kept}
-    assert missed == {("draft", "processor_s"), *((case, "peak_memory_MB") for case in jobs.TARGETS)}
+    assert missed == {("draft", "processor_s")}
 
 
 def linear_cost(content):
