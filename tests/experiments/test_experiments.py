@@ -32,6 +32,7 @@ NEEDED = {"contact_laws": "exudyn", "outside_judges": "exudyn", "optimisers": "c
 """Packages of extras without which a small size cannot run."""
 STORED_ALONE = {
     "job_time": {"older", "ratios"},  # of the full size alone
+    "yield_price": {"beside"},  # of an older tree
     "measured_tables": {"generated.acceleration_estimated_percent"},  # the script states other errors since
     "optimiser": {"rows.area_ratio_no_jump"},
     "work_precision": {"times_slower_by_round.CVODE Adams"},  # of the extra `peers`
