@@ -138,22 +138,21 @@ def designed(
 
 
 def beside(scene: str, tree: str) -> dict[str, dict]:
-    """What the job for the wanted share takes in an older `tree` and in this one, the second time, and what fresh
+    """What the job for the wanted share takes in an older `tree` and in this one, its programs compiled, and what fresh
     trains of each seed say of its cam."""
     words, rows = ("optimize", scene, "--yield", str(WANTED["full"]), "--seed", "0", "--quiet"), {}
     for name, place in (("older", tree), ("newer", None)):
         with TemporaryDirectory() as held:
-            for number in range(2):  # the first one compiles
-                rows[name] = job(words, out := Path(held, f"run-{number}"), {}, place)
-            rows[name]["shares"] = fresh_shares(scene, out)
+            job((*words, "--accuracy", "draft"), Path(held, "draft"), {}, place)  # which compiles
+            rows[name] = job(words, out := Path(held, "run"), {}, place) | {"shares": fresh_shares(scene, out)}
     return rows
 
 
 def fresh_shares(scene: str, run: Path) -> list[dict]:
     """What so many fresh trains of each seed say of a job's cam."""
-    train = load_scene(scene)
-    cam, size = read_cam(run, train), {"trains": BESIDE_TRAINS, "speeds": SPEEDS, "sample": 0}
-    return [vars(yield_statement(train, cam, None, seed=seed, **size).share) for seed in BESIDE_SEEDS]
+    loaded = load_scene(scene)
+    cam, size = read_cam(run, loaded), {"trains": BESIDE_TRAINS, "speeds": SPEEDS, "sample": 0}
+    return [vars(yield_statement(loaded, cam, None, seed=seed, **size).share) for seed in BESIDE_SEEDS]
 
 
 def priced(size: str) -> dict:

@@ -1,4 +1,4 @@
-"""The box about a cam within which a program believes its rows: a trust region (Conn, Gould and Toint 2000)."""
+"""The trust region of a program, a box about a cam (Conn, Gould and Toint 2000), and the exact source of its rows."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field

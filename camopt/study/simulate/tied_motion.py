@@ -16,10 +16,10 @@ def tied_motion(train: Train, lift: Lift, cam_speed: float, revolutions: int, sm
     """Motion from rest over `revolutions` with tied contacts; raises MotionRefused where it has no bound."""
     motions = TiedMotions(train, np.array([cam_speed]), (-lift.half_duration, lift.half_duration), smoothing)
     steps, samples = smoothing.steps, jnp.asarray(lift_samples(lift, smoothing.steps))
-    states, forces = [motions.rest[None]], []
+    driven, states, forces = motions.driven(samples), [motions.rest[None]], []
     for _ in range(revolutions):
         states.append(motions.revolution(samples, states[-1][-1]).states)
-        forces.append(motions.driven(samples).forces(path_angles(steps), states[-1]))
+        forces.append(driven.forces(path_angles(steps), states[-1]))
     if not bool(jnp.all(jnp.isfinite(states[-1]))):
         raise MotionRefused(
             f"the smoothed motion with tied contacts grows without bound at {cam_speed / RPM:g} r/min of the camshaft: "
