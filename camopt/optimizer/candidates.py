@@ -14,6 +14,7 @@ from camopt.cam.lift import Lift
 from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.optimizer.accuracy import Accuracy
+from camopt.optimizer.as_built.slopes_program import CamOfSlopes
 from camopt.optimizer.program.no_jump import NoJumpOptimum
 from camopt.optimizer.search.cams import Tried
 from camopt.scene.errors import NoCamFound
@@ -34,7 +35,7 @@ class Member:
     area_ratio: float
 
 
-KnownCam = Tried | NoJumpOptimum | Member
+KnownCam = Tried | NoJumpOptimum | CamOfSlopes | Member
 """A cam of the search, of the search for a yield, or of a family: its lift law and its area ratio."""
 
 

@@ -96,6 +96,10 @@ class StepFiles:
         """Whether anything is kept: a search without a run folder keeps nothing."""
         return self._folder is not None
 
+    def beside(self, name: str) -> "StepFiles":
+        """The files of another name in the same run folder, or nowhere."""
+        return StepFiles(self._folder, name)
+
     def stored(self, step: int, z: np.ndarray, names: Sequence[str]) -> dict[str, np.ndarray] | None:
         """The arrays of this step of an interrupted run, None where there are none; z (m) is the step's cam.
 

@@ -32,6 +32,10 @@ CHORDS = 8
 of race-nested uses of its limits by half a percent at most. The statement takes as many as elsewhere."""
 UNJUDGED = 0.99
 """Part of a limit that a train counts as using before it is judged, so that it is."""
+FIRST_JUDGED = 200
+"""Trains that are judged at all speeds with the first cam, and say at which speeds the rest of them may fail."""
+WATCHED = 0.6
+"""A train is judged with every cam at the speeds where it last used more of a limit than this."""
 
 
 @dataclass
@@ -85,6 +89,27 @@ class TrainEnsemble:
     def all(self) -> np.ndarray:
         """Every train at every speed (t, s: bool)."""
         return np.ones((len(self.trains), SPEEDS), dtype=bool)
+
+    @property
+    def watched(self) -> np.ndarray:
+        """Which trains are watched at which speeds (t, s: bool)."""
+        return self.used.max(axis=1) > WATCHED
+
+    def matters(self, part: float) -> np.ndarray:
+        """The speeds at which more than this part of the trains is watched, and the top of the band (s: bool)."""
+        matters = self.watched.mean(axis=0) > part
+        matters[-1] = True
+        return matters
+
+    def enlarge(self, lift: Lift, count: int, part: float) -> None:
+        """Draws trains until there are so many, which begin where the train as designed settles with a cam; the first
+        of all say by their motions with it at which speeds the others may fail, those that matter to this `part`."""
+        self.settle(lift)
+        if not self.trains:
+            self.draw(min(FIRST_JUDGED, count))
+            self.judge(lift, self.all)
+        if count > len(self.trains):
+            self.draw(count, self.matters(part))
 
     def settle(self, lift: Lift) -> None:
         """Lets trains drawn from now on begin where the one as designed settles with a cam, if it holds its limits."""

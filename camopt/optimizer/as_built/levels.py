@@ -15,8 +15,10 @@ import numpy as np
 from scipy.special import bdtr
 
 from camopt.cam.lift import Lift
+from camopt.highs import Infeasible
 from camopt.optimizer.as_built.drawn import FOLDER, MET, TrainEnsemble
 from camopt.optimizer.as_built.openings_program import OpeningsProgram
+from camopt.optimizer.as_built.slopes_program import CamOfSlopes, SlopesProgram
 from camopt.optimizer.program.force_rows import Box
 from camopt.optimizer.program.no_jump import NoJumpOptimum
 from camopt.scene.errors import NoCamFound
@@ -33,18 +35,19 @@ NEWTONS, LOWEST_LEVEL = 100.0, -0.8
 MIDDLE, WORST = 0.2, 10.0
 """Part of the way between two levels that the next one leaves on either side, and the most that a cam counts as using:
 a motion that is refused uses infinitely much."""
+SLOPES, STEPS, PRICES, FIRST_PRICE = "slopes of motions", 12, 8, 0.012
+"""What the history calls steps along slopes, how many of them are at the first price and how many at others, and the
+first price times the share of trains that may fail."""
+BY_USE, MOST_AT_ONCE = 4.0, 2.0
+"""The power of the use of a limit by which the price follows it, and the most by which it changes at once."""
 NEAR_ENOUGH = 1e-3
 """Difference of area ratio between a cam that holds and one that does not which ends the bisection."""
 FEWER, FEWEST_ALLOWED = 3, 2
 """Part of the trains that say how large the cam may be which say so first, and of how many of them that may fail a
 count says something."""
-FIRST_JUDGED = 200
-"""Trains that are judged at all speeds with the first cam, and say at which speeds the rest of them may fail."""
 NEAR = 0.8
 """Part of a limit from which on a scout calls everyone."""
-WATCHED = 0.6
-"""A train is judged with every cam at the speeds where it last used more of a limit than this."""
-SCOUTS, FAR_SCOUTS = 12, 48
+SCOUTS, FAR_SCOUTS, MATTERING = 12, 48, 0.25
 """Of the other trains one in so many is judged with every cam, and with the next cam the next ones, at the speeds that
 matter: the top of the band, and where more than a quarter as many trains are watched as may fail. At the remaining
 speeds it is one in the second number. A train that uses little of a limit with one cam may break it with the next."""
@@ -67,11 +70,11 @@ class YieldSearch:
     wanted: float
     journal: StepFiles = field(default_factory=lambda: StepFiles(None, FOLDER))
     show: Callable[[dict], None] = lambda line: None
-    held: list[NoJumpOptimum] = field(default_factory=list)  # each larger than the one before
+    held: list[NoJumpOptimum | CamOfSlopes] = field(default_factory=list)  # each larger than the one before
     steps: int = 0
 
     @property
-    def best(self) -> NoJumpOptimum | None:
+    def best(self) -> NoJumpOptimum | CamOfSlopes | None:
         """The largest cam that holds."""
         return self.held[-1] if self.held else None
 
@@ -98,7 +101,7 @@ class YieldSearch:
         at most one where enough trains hold. Only trains that come near their limits are judged with every cam."""
         return float(np.sort(self.drawn.worst)[::-1][self.allowed])
 
-    def evaluate(self, found: NoJumpOptimum) -> float:
+    def evaluate(self, found: NoJumpOptimum | CamOfSlopes, stage: str = LEVELS) -> float:
         """Judges a cam, keeps it if it is the largest that enough trains hold, and reports the step; returns `used`."""
         drawn, self.steps = self.drawn, self.steps + 1
         stored = self.journal.stored(self.steps, found.z, MET)
@@ -111,9 +114,14 @@ class YieldSearch:
         used = self.used
         if used <= 1.0 and (self.best is None or found.area_ratio > self.best.area_ratio + RESOLUTION):
             self.held.append(found)
+        self._report(found, stage, drawn)
+        return used
+
+    def _report(self, found: NoJumpOptimum | CamOfSlopes, stage: str, drawn: TrainEnsemble) -> None:
+        """Reports a step: its cam, and how many of the trains that were drawn for it fail."""
         line = {
             "iteration": self.steps,
-            "stage": LEVELS,
+            "stage": stage,
             "area_ratio": found.area_ratio,
             "area_mm_deg": found.lift.area / MM / DEG,
             "trains": len(drawn.trains),
@@ -123,7 +131,6 @@ class YieldSearch:
         }
         self.journal.note(line)
         self.show(line)
-        return used
 
     def _judge(self, lift: Lift) -> np.ndarray:
         """Judges a cam with the trains that are watched and with scouts, and where a scout falls short with everyone.
@@ -131,7 +138,7 @@ class YieldSearch:
         It begins at the top of the band, and ends as soon as too many trains fail. Returns which trains were judged at
         which speeds (t, s: bool).
         """
-        drawn, (watched, matters) = self.drawn, self._watched()
+        drawn, watched, matters = self.drawn, self.drawn.watched, self.drawn.matters(self._mattering)
         turn = (np.arange(len(drawn.trains)) + self.steps)[:, None]
         scouts = ~watched & (turn % np.where(matters, SCOUTS, FAR_SCOUTS) == 0)
         judged = np.zeros_like(watched)
@@ -154,23 +161,14 @@ class YieldSearch:
         """Whether more trains break a limit from the speed of a number on than may fail."""
         return int(np.sum(self.drawn.used[:, :, begin:].max(axis=(1, 2)) > 1.0)) > self.allowed
 
-    def _watched(self) -> tuple[np.ndarray, np.ndarray]:
-        """Which trains are watched at which speeds (t, s: bool), and which speeds (s: bool) have many of them."""
-        watched = self.drawn.used.max(axis=1) > WATCHED
-        matters = watched.mean(axis=0) > 0.25 * (1.0 - self.wanted)
-        matters[-1] = True
-        return watched, matters
+    @property
+    def _mattering(self) -> float:
+        """The part of watched trains from which on a speed matters."""
+        return MATTERING * (1.0 - self.wanted)
 
     def ask(self, lift: Lift, count: int) -> None:
-        """Draws trains until there are so many, which begin where the train as designed settles with a cam; the first
-        of all say by their motions with it at which speeds the others may fail. No cam counts as one that holds until
-        it is judged with them."""
-        self.drawn.settle(lift)
-        if not self.drawn.trains:
-            self.drawn.draw(min(FIRST_JUDGED, count))
-            self.drawn.judge(lift, self.drawn.all)
-        if count > len(self.drawn.trains):
-            self.drawn.draw(count, self._watched()[1])
+        """Draws trains until there are so many. No cam counts as one that holds until it is judged with them."""
+        self.drawn.enlarge(lift, count, self._mattering)
         self.held.clear()
 
     def by_level(
@@ -211,6 +209,26 @@ class YieldSearch:
                 return low.level
             else:
                 level = _between(low, high)
+
+    def along_slopes(self, slopes: SlopesProgram) -> None:
+        """Goes on from the largest cam that holds along the slopes of the motions of other trains, and seeks the price
+        at which a cam just holds in those that say how large it may be.
+
+        What the train that uses most of its limits of those that may not fail uses of them moves the price. Where a
+        program is not solved, the cams that hold so far stand.
+        """
+        price = FIRST_PRICE / (1.0 - self.wanted)
+        for step in range(STEPS + PRICES):
+            try:
+                slopes.step(price)
+            except (Infeasible, ArithmeticError):
+                return
+            if step < STEPS:
+                self.steps += 1
+                self._report(slopes.cam, SLOPES, slopes.drawn)
+            else:
+                used = self.evaluate(slopes.cam, SLOPES)
+                price *= float(np.clip(used**BY_USE, 1 / MOST_AT_ONCE, MOST_AT_ONCE))
 
     def _none_holds(self) -> NoCamFound:
         drawn = self.drawn

@@ -12,6 +12,7 @@ from camopt.optimizer.accuracy import Accuracy
 from camopt.optimizer.as_built.drawn import FOLDER, TrainEnsemble
 from camopt.optimizer.as_built.levels import FIRST_LEVEL, LATER_FACTOR, LEVEL_FACTOR, YieldSearch
 from camopt.optimizer.as_built.openings_program import STEP, OpeningsProgram
+from camopt.optimizer.as_built.slopes_program import SHAPING, SlopesProgram
 from camopt.optimizer.program.force_rows import Box, Window
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.periodic import LIFT_DERIVATIVES, CamSamples, periodic_response, sample_cam
@@ -132,7 +133,8 @@ def yield_search(
 ) -> YieldSearch:
     """The search for the cam of largest area that `wanted` of the trains as built hold over the scene's band.
 
-    `held` of the answer has the cams, each larger than the one before; `seed` draws the trains. Their forces are those
+    `held` of the answer has the cams, each larger than the one before; `seed` draws the trains. Where the accuracy
+    names trains for it, the search goes on along slopes of their real motions. Their forces are those
     of the closed periodic response or, where laws are curved or `gradient` is "smooth", of the smoothed motion by JAX.
     Raises NoCamFound where no cam holds.
     """
@@ -150,6 +152,10 @@ def yield_search(
         search.ask(cam.lift, count)
         level = search.by_level(cam.z, limits, lost, level, box, factor)
         cam, factor = search.held[-1], LATER_FACTOR
+    if effort.sloped_trains:
+        slopes = SlopesProgram(plain, TrainEnsemble(scene, seed + DRAWS_SEED), search.journal.beside(SHAPING))
+        slopes.begin(cam, effort.sloped_trains, wanted)
+        search.along_slopes(slopes)
     return search
 
 

@@ -154,6 +154,8 @@ def test_the_limits_are_larger_at_the_top_of_the_band(found):
 class Told:
     """Trains of which it is told what they use of one limit, in place of those that move (t, l, s)."""
 
+    watched, matters = TrainEnsemble.watched, TrainEnsemble.matters
+
     def __init__(self, trains: int, speeds: int):
         self.trains, self.motions = [None] * trains, 0
         self.used, self.truth = np.zeros((trains, 1, speeds)), np.full((trains, 1, speeds), 0.1)

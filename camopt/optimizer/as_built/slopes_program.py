@@ -1,0 +1,208 @@
+"""The cam of largest area at a price of what drawn trains use of their limits, by slopes of their real motions.
+
+Foretold openings (`openings_program`) lead to the neighbourhood of a cam; here every train that comes near a limit on
+the motion says how much it uses of it and, by the adjoint of its event-exact motion, how that follows the cam's
+coefficients. The program about a cam gains area ratio and pays the price for the mean over all trains of how far each
+is beyond a target below its limits: the tail expectation of Rockafellar and Uryasev (2000), Journal of Risk 2:21,
+which a linear program holds. The tail has many times as many trains as may fail, so that no cam suits the few worst
+ones alone.
+"""
+
+from collections import deque
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from functools import cached_property
+from math import comb
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array, hstack, vstack
+
+from camopt.cam.lift import Lift
+from camopt.exact.adjoint.motion import TracedMotion
+from camopt.highs import minimise
+from camopt.optimizer.as_built.drawn import MET, TrainEnsemble
+from camopt.optimizer.as_built.measured import WORKERS
+from camopt.optimizer.program.kinematic import PEAK_STEP, area_ratio_row, lift_to_reach, spline_rows
+from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram
+from camopt.optimizer.search.region import first_region
+from camopt.scene.errors import MotionRefused
+from camopt.storage.journal import StepFiles
+
+TAIL, SPREADS, TARGETS = 10, 2.0, (0.25, 0.9)
+"""The target of a limit lies SPREADS times as far below it as the train that just may fail uses more of it than the one
+beyond which there are TAIL times as many: far below a limit on the jump, of which some trains use many times as much as
+others, and near to one on seating velocities, which are much alike. It lies within TARGETS, and not below what half of
+the trains use."""
+NEAR, SOON = 0.06, 0.06
+"""A train has rows from so far below the target on, and is judged from SOON below that with every cam."""
+TOP_SCOUTS, OTHER_SCOUTS = 10, 100
+"""Of the other trains one in so many is judged with every cam at the top of the band, and at other speeds."""
+FARTHEST = 10.0
+"""Use of a limit from which on a motion is another one, whose slopes lead nowhere."""
+STEEP = 10.0
+"""Slopes that are so many times as large as the median are those of motions that graze."""
+REVOLUTIONS = 2
+"""Revolutions that a train goes on with each cam: its motion settles while the cam does."""
+FIRST_WIDTH, NARROWER = 0.1, 0.93
+"""First width of the box about a cam, as a part of that of the forces' program, and its factor from one to the next."""
+CAMS = 2
+"""Rows about so many cams are in the program: a train's largest opening changes its place from one to the next, and
+contacts that stay closed with a cam have no slopes, until they open with the next."""
+SHAPING, TRACED = "shaping", (*MET, "train", "offset", "slope", "target")
+"""Where a search keeps what the trains met with each cam, and the names of the arrays."""
+
+
+class CamOfSlopes(NamedTuple):
+    """A cam of the program: its free coefficients z (m), area ratio and lift."""
+
+    z: np.ndarray
+    area_ratio: float
+    lift: Lift
+
+
+class UseRows(NamedTuple):
+    """What trains (r) use of a limit: `offset` (r) + `slope` (r, m) @ z, and the `target` (r) of that limit."""
+
+    train: np.ndarray
+    offset: np.ndarray
+    slope: np.ndarray
+    target: np.ndarray
+
+
+@dataclass
+class SlopesProgram:
+    """The program about one cam after the other, on trains `drawn` for it; `plain` has the limits on the shape. What
+    the trains met with a cam is kept in `journal`."""
+
+    plain: NoJumpProgram
+    drawn: TrainEnsemble
+    journal: StepFiles
+    targets: np.ndarray = field(init=False)  # (l) by limit
+    cam: CamOfSlopes = field(init=False)  # about which the program is
+
+    def __post_init__(self) -> None:
+        self._width = FIRST_WIDTH * first_region(self.plain.design).width
+        self._area, self._area_at_zero = area_ratio_row(self.plain.design, self.plain.cam)
+        self._turn, self._rows = 0, deque[UseRows](maxlen=CAMS)
+
+    def begin(self, cam: CamOfSlopes | NoJumpOptimum, count: int, wanted: float) -> None:
+        """Draws so many trains about a cam that `wanted` of others hold; what they use with it says what the targets
+        are."""
+        self.cam = CamOfSlopes(cam.z, cam.area_ratio, cam.lift)
+        self.targets = np.full(len(self.drawn.limits), TARGETS[1])
+        self.drawn.enlarge(cam.lift, count, 1.0 - wanted)
+        self._trace(self.cam)
+        worst = np.sort(np.minimum(self.drawn.used.max(axis=2), FARTHEST), axis=0)  # (t, l)
+        last = (np.array([TAIL, 1]) * (1.0 - wanted) * len(worst)).astype(int)
+        tail, most = worst[-1 - np.clip(last, 0, len(worst) - 1)]
+        apart = np.maximum(1.0 - SPREADS * (most - tail), np.median(worst, axis=0))
+        self.targets = np.clip(apart, *TARGETS)
+        self._rows.append(self._trace(self.cam))
+
+    def step(self, price: float) -> None:
+        """Goes on to the program's cam at a `price`, about which the next program is."""
+        self.cam = self._optimum(price)
+        self._width *= NARROWER
+        self._rows.append(self._trace(self.cam))
+
+    def _trace(self, cam: CamOfSlopes) -> UseRows:
+        """The rows about a cam, by the trains that are or may soon be near a target, and those whose turn it is."""
+        self._turn += 1
+        stored = self.journal.stored(self._turn, cam.z, TRACED)
+        if stored is not None:
+            self.drawn.take(stored)
+            return UseRows(*(stored[name] for name in UseRows._fields))
+        used, turn = self.drawn.used, np.arange(len(self.drawn.trains)) + self._turn
+        near = (used > (self.targets - NEAR - SOON)[:, None]).any(axis=1) | (turn % OTHER_SCOUTS == 0)[:, None]
+        near[:, -1] |= turn % TOP_SCOUTS == 0
+        with ThreadPoolExecutor(WORKERS) as pool:
+            traced = list(pool.map(lambda case: self._traced(cam.lift, *case), np.argwhere(near).tolist()))
+        rows = self._about(cam.z, [row for of_case in traced for row in of_case])
+        if self.journal.kept:
+            self.journal.store(self._turn, cam.z, self.drawn.met(near) | rows._asdict())
+        return rows
+
+    def _about(self, z: np.ndarray, traced: list[tuple[int, int, float, np.ndarray]]) -> UseRows:
+        """The rows about the cam of z (m), without those of motions that graze."""
+        train, limit = np.array([row[:2] for row in traced], dtype=int).reshape(-1, 2).T
+        use, slope = np.array([row[2] for row in traced]), np.array([row[3] for row in traced]).reshape(-1, len(z))
+        size = np.abs(slope).max(axis=1)
+        good = size <= STEEP * np.median(size) if len(size) else size > 0.0
+        return UseRows(train[good], (use - slope @ z)[good], slope[good], self.targets[limit[good]])
+
+    def _traced(self, lift: Lift, t: int, s: int) -> list[tuple[int, int, float, np.ndarray]]:
+        """How much of its limits train t uses at its speed s in the motion that goes on from where it was with the cam
+        before; for those that it comes near to train, limit, use, and its slope by the cam's coefficients (m)."""
+        one, limits = self.drawn.trains[t], self.drawn.limits
+        cam = one.cam(lift)
+        try:
+            motion = TracedMotion(one.train, cam, self.drawn.speeds(t)[s], self.drawn.states[t, s], REVOLUTIONS)
+        except MotionRefused:
+            self.drawn.used[t, :, s] = np.inf
+            return []
+        values = motion.values([limit.metric for limit in limits], REVOLUTIONS - 2)
+        use = np.array([float(limit.share(value)) for limit, value in zip(limits, values, strict=True)])
+        self.drawn.used[t, :, s] = use
+        if use.max() >= FARTHEST:
+            return []
+        self.drawn.states[t, s] = motion.end
+        near = np.flatnonzero(use > self.targets - NEAR).tolist()
+        if not near:
+            return []
+        found = motion.gradient([limits[i].metric for i in near], REVOLUTIONS - 2).by_coefficients
+        slopes = [limits[i].share_slope * self._by_free(rows, cam, lift) for i, rows in zip(near, found, strict=True)]
+        return [(t, i, use[i], slope) for i, slope in zip(near, slopes, strict=True) if np.isfinite(slope).all()]
+
+    def _by_free(self, by_ground: np.ndarray, ground: Lift, lift: Lift) -> np.ndarray:
+        """The gradient by the free coefficients (m) of one by those of a ground cam's pieces (g, q)."""
+        by_pieces = _by_pieces(by_ground, ground.borders, lift.borders)
+        width = min(by_pieces.shape[1], self._basis.shape[1])
+        return np.einsum("pq,pqm->m", by_pieces[:, :width], self._basis[:, :width])
+
+    @cached_property
+    def _basis(self) -> np.ndarray:
+        """The coefficients of the cam's pieces by its free ones (p, q, m)."""
+        return self.plain.cam.piece_basis()[0]
+
+    def _optimum(self, price: float) -> CamOfSlopes:
+        """The program's cam: columns are the free coefficients and, by train with rows, how far it is beyond."""
+        z, parts = self.cam.z, zip(*self._rows, strict=True)
+        train, offset, slope, target = (np.concatenate(part) for part in parts)
+        tail, column = np.unique(train, return_inverse=True)
+        reaching, reached = self._reaching(z)
+        shape = spline_rows(np.vstack([self.plain.limits.matrix, reaching]))
+        size, count = shape.column, len(tail)
+        beyond = csr_array((np.ones(len(train)), (np.arange(len(train)), column)), shape=(len(train), count))
+        rows = vstack(
+            [
+                hstack([csr_array(shape.scaled), csr_array((len(shape.scaled), count))]),
+                hstack([csr_array(slope * size), -beyond]),
+            ]
+        )
+        high = np.concatenate([np.append(self.plain.limits.bound, reached) / shape.norm, target - offset])
+        cost = np.concatenate([-self._area * size, np.full(count, price / len(self.drawn.trains))])
+        box = np.column_stack([z - self._width, z + self._width]) / size[:, None]
+        bounds = np.vstack([box, np.tile([0.0, np.inf], (count, 1))])
+        found = minimise(cost, rows, -np.inf, high, bounds).x[: len(z)] * size
+        return CamOfSlopes(found, float(self._area @ found + self._area_at_zero), self.plain.cam.lift(found))
+
+    def _reaching(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Row (1, m) and bound (1) by which the maximum lift is reached where the cam of z (m) reaches it; none (0)
+        where the design does not ask for it."""
+        cam, design = self.plain.cam, self.plain.design
+        if not design.reach_max_lift:
+            return np.zeros((0, len(z))), np.zeros(0)
+        angles = np.linspace(-4, 4, 401) * PEAK_STEP
+        lift, offset = cam.basis(angles[[np.argmax(cam.lift(z)(angles))]])
+        return -(lift @ cam.Z), offset + lift @ cam.x_p - lift_to_reach(design)
+
+
+def _by_pieces(by_ground: np.ndarray, borders: np.ndarray, plain: np.ndarray) -> np.ndarray:
+    """Gradient by the coefficients of the pieces between `plain` borders (p + 1), of one by the coefficients (g, q) of
+    the same law's pieces between more `borders` (g + 1): the transposed shift of a Taylor polynomial."""
+    piece = np.searchsorted(plain, 0.5 * (borders[1:] + borders[:-1])) - 1
+    step, found = borders[:-1] - plain[piece], np.zeros((len(plain) - 1, by_ground.shape[1]))
+    for k in range(by_ground.shape[1]):
+        np.add.at(found[:, k], piece, sum(comb(k, j) * step ** (k - j) * by_ground[:, j] for j in range(k + 1)))
+    return found
