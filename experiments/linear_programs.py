@@ -18,7 +18,7 @@ import tomli_w
 from camopt.cam.families.free import free_cam
 from camopt.cam.families.shape_rows import LinearisationPoint
 from camopt.highs import Infeasible, Unbounded
-from camopt.optimizer.program.kinematic import area_ratio_row, first_working, reached_in_the_middle, spline_rows
+from camopt.optimizer.program.kinematic import area_ratio_row, first_working, spline_rows, with_lift_reached
 from camopt.optimizer.program.linear_program import Rows, WarmModel, maximise
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.scene import InputError, Scene, build_train, parse_scene
@@ -100,7 +100,7 @@ def programs(number: int) -> Iterator[Posed]:
         cam = replace(cam, about=LinearisationPoint((0.0,) * len(design.duration_at)))
         row, _ = area_ratio_row(design, cam)
         limits = cam.limits(design)
-        matrix, bound = reached_in_the_middle(cam, design, limits.matrix, limits.bound)
+        matrix, bound = with_lift_reached(cam, design, limits.matrix, limits.bound)
         reached = np.arange(len(limits.bound), len(bound))
         yield Posed(KINDS[0], row, spline_rows(matrix), bound, np.append(first_working(limits), reached))
         program = no_jump_program(build_train(scene), design, cam, speeds)

@@ -7,6 +7,7 @@ shape. A scene for which one of them is confirmed never ends without a cam.
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Protocol
 
 from camopt.cam.design_file import as_written
 from camopt.cam.families.registry import FAMILIES
@@ -14,9 +15,6 @@ from camopt.cam.lift import Lift
 from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.optimizer.accuracy import Accuracy
-from camopt.optimizer.as_built.slopes_program import CamOfSlopes
-from camopt.optimizer.program.no_jump import NoJumpOptimum
-from camopt.optimizer.search.cams import Tried
 from camopt.scene.errors import NoCamFound
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
@@ -35,8 +33,14 @@ class Member:
     area_ratio: float
 
 
-KnownCam = Tried | NoJumpOptimum | CamOfSlopes | Member
-"""A cam of the search, of the search for a yield, or of a family: its lift law and its area ratio."""
+class KnownCam(Protocol):
+    """A cam of the search, of the search for a yield, or of a family: its lift law and its area ratio."""
+
+    @property
+    def lift(self) -> Lift: ...
+
+    @property
+    def area_ratio(self) -> float: ...
 
 
 @dataclass(frozen=True)

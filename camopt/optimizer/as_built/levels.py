@@ -3,7 +3,8 @@
 Openings that are foretold from tied forces of one set of trains shape the cam (`openings_program`): the program of
 largest area under limits on them, in which as many trains are given up as the yield may lose. How large these limits
 may be, as a multiple of the limit on the jump, is sought on another set, whose motions are judged by event-exact: the
-train that uses most of its limits of those that may not fail uses all of them. The final statement asks still others.
+train that uses most of its limits of those that may not fail uses all of them. Slopes of real motions may lead on from
+there (`slopes_program`), at a price that the same set decides. The final statement asks still others.
 The draws are the same for every cam (common random numbers).
 """
 
@@ -72,6 +73,7 @@ class YieldSearch:
     show: Callable[[dict], None] = lambda line: None
     held: list[NoJumpOptimum | CamOfSlopes] = field(default_factory=list)  # each larger than the one before
     steps: int = 0
+    sloped: int = 0  # trains that shaped a cam by their slopes; those that did so by their forces are the first of them
 
     @property
     def best(self) -> NoJumpOptimum | CamOfSlopes | None:
@@ -93,7 +95,7 @@ class YieldSearch:
     @property
     def trains_drawn(self) -> int:
         """Trains that were drawn so far, those that shaped the cam and the others."""
-        return len(self.program.forces) + len(self.drawn.trains)
+        return max(len(self.program.forces), self.sloped) + len(self.drawn.trains)
 
     @property
     def used(self) -> float:
@@ -217,7 +219,7 @@ class YieldSearch:
         What the train that uses most of its limits of those that may not fail uses of them moves the price. Where a
         program is not solved, the cams that hold so far stand.
         """
-        price = FIRST_PRICE / (1.0 - self.wanted)
+        price, self.sloped = FIRST_PRICE / (1.0 - self.wanted), len(slopes.drawn.trains)
         for step in range(STEPS + PRICES):
             try:
                 slopes.step(price)

@@ -133,10 +133,10 @@ def yield_search(
 ) -> YieldSearch:
     """The search for the cam of largest area that `wanted` of the trains as built hold over the scene's band.
 
-    `held` of the answer has the cams, each larger than the one before; `seed` draws the trains. Where the accuracy
-    names trains for it, the search goes on along slopes of their real motions. Their forces are those
+    `held` of the answer has the cams, each larger than the one before; `seed` draws the trains. Their forces are those
     of the closed periodic response or, where laws are curved or `gradient` is "smooth", of the smoothed motion by JAX.
-    Raises NoCamFound where no cam holds.
+    Where the accuracy names trains for it, the search then goes on along slopes of real motions. Raises NoCamFound
+    where no cam holds.
     """
     plain, z = free_program(scene)
     shaping = min(effort.shaping_trains, FILLING_TRAINS) if plain.train.memory else effort.shaping_trains

@@ -23,7 +23,7 @@ from camopt.exact.adjoint.motion import TracedMotion
 from camopt.highs import minimise
 from camopt.optimizer.as_built.drawn import MET, TrainEnsemble
 from camopt.optimizer.as_built.measured import WORKERS
-from camopt.optimizer.program.kinematic import PEAK_STEP, area_ratio_row, lift_to_reach, spline_rows
+from camopt.optimizer.program.kinematic import PEAK_STEP, area_ratio_row, spline_rows, with_lift_reached
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram
 from camopt.optimizer.search.region import first_region
 from camopt.scene.errors import MotionRefused
@@ -156,9 +156,8 @@ class SlopesProgram:
 
     def _by_free(self, by_ground: np.ndarray, ground: Lift, lift: Lift) -> np.ndarray:
         """The gradient by the free coefficients (m) of one by those of a ground cam's pieces (g, q)."""
-        by_pieces = _by_pieces(by_ground, ground.borders, lift.borders)
-        width = min(by_pieces.shape[1], self._basis.shape[1])
-        return np.einsum("pq,pqm->m", by_pieces[:, :width], self._basis[:, :width])
+        by_pieces = _by_pieces(by_ground, ground.borders, lift.borders)[:, : self._basis.shape[1]]
+        return np.einsum("pq,pqm->m", by_pieces, self._basis)
 
     @cached_property
     def _basis(self) -> np.ndarray:
@@ -170,8 +169,10 @@ class SlopesProgram:
         z, parts = self.cam.z, zip(*self._rows, strict=True)
         train, offset, slope, target = (np.concatenate(part) for part in parts)
         tail, column = np.unique(train, return_inverse=True)
-        reaching, reached = self._reaching(z)
-        shape = spline_rows(np.vstack([self.plain.limits.matrix, reaching]))
+        plain, angles = self.plain, np.linspace(-4, 4, 401) * PEAK_STEP
+        top = float(angles[np.argmax(self.cam.lift(angles))])
+        matrix, bound = with_lift_reached(plain.cam, plain.design, plain.limits.matrix, plain.limits.bound, top)
+        shape = spline_rows(matrix)
         size, count = shape.column, len(tail)
         beyond = csr_array((np.ones(len(train)), (np.arange(len(train)), column)), shape=(len(train), count))
         rows = vstack(
@@ -180,22 +181,12 @@ class SlopesProgram:
                 hstack([csr_array(slope * size), -beyond]),
             ]
         )
-        high = np.concatenate([np.append(self.plain.limits.bound, reached) / shape.norm, target - offset])
+        high = np.concatenate([bound / shape.norm, target - offset])
         cost = np.concatenate([-self._area * size, np.full(count, price / len(self.drawn.trains))])
         box = np.column_stack([z - self._width, z + self._width]) / size[:, None]
         bounds = np.vstack([box, np.tile([0.0, np.inf], (count, 1))])
         found = minimise(cost, rows, -np.inf, high, bounds).x[: len(z)] * size
-        return CamOfSlopes(found, float(self._area @ found + self._area_at_zero), self.plain.cam.lift(found))
-
-    def _reaching(self, z: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Row (1, m) and bound (1) by which the maximum lift is reached where the cam of z (m) reaches it; none (0)
-        where the design does not ask for it."""
-        cam, design = self.plain.cam, self.plain.design
-        if not design.reach_max_lift:
-            return np.zeros((0, len(z))), np.zeros(0)
-        angles = np.linspace(-4, 4, 401) * PEAK_STEP
-        lift, offset = cam.basis(angles[[np.argmax(cam.lift(z)(angles))]])
-        return -(lift @ cam.Z), offset + lift @ cam.x_p - lift_to_reach(design)
+        return CamOfSlopes(found, float(self._area @ found + self._area_at_zero), plain.cam.lift(found))
 
 
 def _by_pieces(by_ground: np.ndarray, borders: np.ndarray, plain: np.ndarray) -> np.ndarray:

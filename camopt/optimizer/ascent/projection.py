@@ -12,7 +12,7 @@ from scipy.optimize import lsq_linear, nnls
 
 from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
-from camopt.optimizer.program.kinematic import conflict, reached_in_the_middle
+from camopt.optimizer.program.kinematic import conflict, with_lift_reached
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError
@@ -118,7 +118,7 @@ class ShapeLimits:
     def __init__(self, cam: FreeCam, design: Design):
         self.cam, self.design = cam, design
         limits = cam.limits(design)
-        self._rows = reached_in_the_middle(cam, design, limits.matrix, limits.bound)
+        self._rows = with_lift_reached(cam, design, limits.matrix, limits.bound)
 
     @cached_property
     def polyhedron(self) -> Polyhedron:

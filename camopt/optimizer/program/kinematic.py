@@ -151,7 +151,7 @@ def conflict(design: Design, cam: FreeCam) -> str:
     asked += " to be reached" if design.reach_max_lift else ""
     lasting = {at_least(least): least for _, least, _ in design.duration_at}
     remedies = []
-    matrix, bound = reached_in_the_middle(cam, design, limits.matrix, limits.bound)
+    matrix, bound = with_lift_reached(cam, design, limits.matrix, limits.bound)
     spline = spline_rows(matrix)
     working = np.union1d(first_working(limits), np.arange(len(limits.bound), len(bound)))
     for g, name in enumerate(limits.names):
@@ -232,11 +232,12 @@ def _has_a_cam(design: Design, duration_deg: float) -> bool:
     return True
 
 
-def reached_in_the_middle(cam: FreeCam, design: Design, matrix, bound) -> tuple[np.ndarray, np.ndarray]:
-    """The rows, and where the design wants its maximum lift reached, a last one: that it is reached in the middle."""
+def with_lift_reached(cam: FreeCam, design: Design, matrix, bound, angle: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """The rows, and where the design wants its maximum lift reached, a last one: that it is reached at an angle [rad],
+    by default in the middle."""
     if not design.reach_max_lift:
         return matrix, bound
-    row, offset = cam.basis(np.zeros(1))
+    row, offset = cam.basis(np.array([angle]))
     level = offset + row @ cam.x_p - lift_to_reach(design)
     return np.vstack([matrix, -row @ cam.Z]), np.append(bound, level)
 
@@ -249,7 +250,7 @@ def elastic_shape(
     A maximum lift that is to be reached is reached in the middle.
     """
     limits, (row, _) = cam.limits(design), area_ratio_row(design, cam)
-    matrix, bound = reached_in_the_middle(cam, design, limits.matrix, limits.bound)
+    matrix, bound = with_lift_reached(cam, design, limits.matrix, limits.bound)
     give = np.zeros(len(bound))
     for name in names:
         give[limits.rows(name)] = 1.0

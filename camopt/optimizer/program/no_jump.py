@@ -21,9 +21,9 @@ from camopt.optimizer.program.kinematic import (
     TYPICAL_FORCE,
     area_ratio_row,
     first_working,
-    reached_in_the_middle,
     solve_over_peak_angles,
     spline_rows,
+    with_lift_reached,
 )
 from camopt.optimizer.program.linear_program import ElasticProgram, Optimum, Rows, least_relaxation
 from camopt.optimizer.program.periodic import CamSamples, sample_cam
@@ -206,7 +206,7 @@ class NoJumpProgram:
     def relaxable(self, margins: np.ndarray) -> tuple[Rows, np.ndarray, np.ndarray, np.ndarray]:
         """The rows, with a maximum lift reached in the middle, and their right sides (r) for margins (3, s) [N]; what
         each gives where all margins fall by one (r) [1/N], and the first working set."""
-        matrix, bound = reached_in_the_middle(self.cam, self.design, self.rows.matrix, self.bound(margins))
+        matrix, bound = with_lift_reached(self.cam, self.design, self.rows.matrix, self.bound(margins))
         give = np.zeros(len(bound))
         give[len(self.limits.bound) :][: len(self.kind)] = self.kind != PEAK
         working = np.union1d(self.first_working(), np.arange(len(self.rows.norm), len(bound)))

@@ -1,6 +1,7 @@
 """The program along slopes of real motions: its slopes, what its steps are worth, and its resumption."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,13 +10,14 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.cam.polynomials import recentred
 from camopt.exact.settled import settled_metrics
+from camopt.highs import Infeasible
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.as_built import levels, slopes_program
 from camopt.optimizer.as_built.drawn import FOLDER, TrainEnsemble
 from camopt.optimizer.as_built.measured import used_limits
 from camopt.optimizer.as_built.search import free_program, yield_search
 from camopt.optimizer.as_built.slopes_program import SHAPING, CamOfSlopes, SlopesProgram, _by_pieces
-from camopt.optimizer.program.kinematic import area_ratio_row
+from camopt.optimizer.program.kinematic import area_ratio_row, lift_to_reach
 from camopt.scene import parse_scene
 from camopt.storage.journal import StepFiles
 from tests.optimizer.as_built.test_yield_search import SCATTER
@@ -100,6 +102,7 @@ def test_the_search_goes_on_along_slopes_and_resumes(tmp_path, monkeypatch):
     monkeypatch.setattr(levels, "PRICES", 2)
     found = yield_search(SCENE, WANTED, EFFORT, journal=StepFiles(tmp_path, FOLDER))
     plain = yield_search(SCENE, WANTED, replace(EFFORT, sloped_trains=0))
+    assert found.trains_drawn == 24 + 30 and plain.trains_drawn == 20 + 30
     assert found.steps == plain.steps + 5 and found.best.area_ratio >= plain.best.area_ratio
     lines = (tmp_path / "history.jsonl").read_text().splitlines()
     assert sum(levels.SLOPES in line for line in lines) == 5
@@ -111,3 +114,25 @@ def test_the_search_goes_on_along_slopes_and_resumes(tmp_path, monkeypatch):
     again = yield_search(SCENE, WANTED, EFFORT, journal=StepFiles(tmp_path, FOLDER))
     assert np.array_equal(again.best.z, found.best.z)
     assert (tmp_path / "history.jsonl").read_text().splitlines() == lines
+
+
+def test_the_maximum_lift_is_reached_where_the_design_asks_for_it(monkeypatch):
+    """At a high price the steps make the cam smaller, but not lower."""
+    highest = []
+    for reach in (False, True):
+        design = SCENE.design.model_copy(update={"reach_max_lift": reach, "max_lift_mm": 6.0})
+        monkeypatch.setitem(globals(), "SCENE", SCENE.model_copy(update={"design": design}))
+        program = begun()
+        for _ in range(4):
+            program.step(50.0)
+        highest.append(program.cam.lift.max_lift)
+    assert lift_to_reach(design) - 1e-12 <= highest[1] <= 6e-3 + 1e-12 and highest[0] < 5.5e-3
+
+
+def test_a_program_that_is_not_solved_leaves_the_cams_that_hold():
+    search, held = levels.YieldSearch(TrainEnsemble(SCENE, 0), None, WANTED), ["a cam"]
+    search.held = held
+    for error in (Infeasible, ArithmeticError):
+        slopes = SimpleNamespace(drawn=SimpleNamespace(trains=[None]), step=lambda _, e=error: (_ for _ in ()).throw(e))
+        search.along_slopes(slopes)
+    assert search.held == ["a cam"] and search.steps == 0
