@@ -28,9 +28,9 @@ DIFFERENCE = 1e-2
 PLAIN, DEPTH, MOST_ACCELERATED, MOST_NEWTON = 2, 5, 25, 4
 """Numbers of plain revolutions at first, of earlier states that Anderson mixes, and at most of its revolutions and of
 Newton's steps."""
-PASSED, RANGED = 20, 8
-"""Numbers of plain revolutions that are discarded, and then measured, where no stable state was found. They start away
-from the state that was found, because a motion stays long near an unstable one."""
+WANDERING = 28
+"""Number of plain revolutions that lead to the state where no stable one was found. They start away from the state that
+was found, because a motion stays long near an unstable one."""
 LARGEST_RADIUS = 1 - 1e-3
 """Spectral radius below which a fixed point counts as stable. Finite differences do not tell closer ones from one."""
 SMALLEST_DIRECTION = 1e-8
@@ -39,19 +39,16 @@ SMALLEST_DIRECTION = 1e-8
 
 @dataclass(frozen=True)
 class PeriodicState:
-    """A stable periodic state or, where none was found, how far the states wander from revolution to revolution.
+    """A stable periodic state or, where none was found, one that plain revolutions lead to.
 
-    States (2n + r) are positions [m], velocities [m/s] and memories [m] at -180 degrees.
+    A state (2n + r) is positions [m], velocities [m/s] and memories [m] at -180 degrees.
     """
 
     periodic: bool
-    state: State  # the periodic one, or the last of the plain revolutions
+    state: State
     residual: float  # smallest change over a revolution that was reached, in units of 1 um and 1 mm/s
     multipliers: np.ndarray  # (2n + r) Floquet multipliers, the eigenvalues of the map's Jacobian
-    revolutions: int  # run in all, those of the finite differences and of the range included
-    revolutions_to_state: int  # run until the fixed point was reached, or given up
-    low: State  # smallest value of every component over RANGED revolutions
-    high: State  # largest value
+    revolutions: int  # run in all, those of the finite differences included
 
     @property
     def radius(self) -> float:
@@ -98,17 +95,13 @@ def periodic_state(revolve: Revolve, state: State, *, memories: int = 0) -> Peri
     plain = y
     y, after = _anderson(cycle, y)
     y, after = _newton(cycle, y, after)
-    reached, residual = cycle.count, _size(after - y)
+    residual = _size(after - y)
     multipliers = np.linalg.eigvals(cycle.jacobian(y, after)) if residual < ACCURACY else np.empty(0)
     if len(multipliers) and np.abs(multipliers).max() < LARGEST_RADIUS:
-        found = y * cycle.scale
-        return PeriodicState(True, found, residual, multipliers, cycle.count, reached, found, found)
-    visited = [plain]
-    for _ in range(PASSED + RANGED):
-        visited.append(cycle(visited[-1]))
-    states = np.stack(visited[-RANGED:]) * cycle.scale
-    low, high = states.min(axis=0), states.max(axis=0)
-    return PeriodicState(False, states[-1], residual, multipliers, cycle.count, reached, low, high)
+        return PeriodicState(True, y * cycle.scale, residual, multipliers, cycle.count)
+    for _ in range(WANDERING):
+        plain = cycle(plain)
+    return PeriodicState(False, plain * cycle.scale, residual, multipliers, cycle.count)
 
 
 def _size(change: np.ndarray) -> float:
