@@ -18,11 +18,6 @@ from camopt.scene.schema import Scene
 from camopt.scene.train import KEPT_TRAINS, Train, build_train
 from camopt.scene.units import UM
 
-HARMONICS = 2, 40
-"""Lowest and highest harmonic of a revolution in a grinding error where nothing else is said: the first harmonic is
-eccentricity, higher ones are roughness."""
-PEAK = 5e-6
-"""Largest value of a grinding error where nothing else is said [m]."""
 WAVE_KNOTS = 18
 """Knots of an error's spline in its shortest wave."""
 Seed = int | Sequence[int]
@@ -62,19 +57,15 @@ def trains_as_built(scene: Scene, count: int, *, seed: int = 0, first: int = 0) 
     """
     if count < 1 or seed < 0 or first < 0:
         raise InputError(f"trains as built: {count} trains of seed {seed}: expected at least one, and no negative seed")
-    return [_train_as_built(scene, seed, i) for i in range(first, first + count)]
+    drawn = {i: _draws(scene, seed, i) for i in range(first, first + count)}
+    scenes = {i: scene_as_built(scene, draws) for i, draws in drawn.items()}
+    return [TrainAsBuilt(i, seed, built, build_train(built), drawn[i]) for i, built in scenes.items()]
 
 
 def draws_of_trains(scene: Scene, count: int, *, seed: int = 0) -> dict[str, np.ndarray]:
     """The draws (t, k) of the first `count` trains by tolerance, as `TrainAsBuilt` has those of one."""
     drawn = [_draws(scene, seed, i) for i in range(count)]
     return {label: np.array([one[label] for one in drawn]) for label in drawn[0]}
-
-
-def _train_as_built(scene: Scene, seed: int, i: int) -> TrainAsBuilt:
-    draws = _draws(scene, seed, i)
-    built = scene_as_built(scene, draws)
-    return TrainAsBuilt(i, seed, built, build_train(built), draws)
 
 
 def _draws(scene: Scene, seed: int, i: int) -> dict[str, np.ndarray]:
@@ -101,18 +92,19 @@ class Waves(NamedTuple):
         return np.cos(self.harmonic * angle[:, None] + self.phase) @ self.size
 
 
-def drawn_waves(seed: Seed, harmonics: tuple[int, int] = HARMONICS) -> Waves:
+def drawn_waves(seed: Seed, harmonics: tuple[int, int]) -> Waves:
     """Waves of every harmonic from the lowest to the highest, of equal expected size and any phase."""
     random, harmonic = np.random.default_rng(seed), np.arange(harmonics[0], harmonics[1] + 1)
     size = random.standard_normal(len(harmonic))
     return Waves(harmonic, size, random.uniform(0, 2 * np.pi, len(harmonic)))
 
 
-def grinding_error(lift: Lift, seed: Seed, peak: float = PEAK, harmonics: tuple[int, int] = HARMONICS) -> Lift:
-    """The error [m] of one ground cam, whose largest value is `peak` [m]; the same seed gives the same error.
+def ground(lift: Lift, seed: Seed, peak: float, harmonics: tuple[int, int]) -> Lift:
+    """The lift with an error whose largest value is `peak` [m]; the same seed gives the same error.
 
-    It fades out over the ramps, or over its shortest wave where that is longer, so that the base circle stays the base
-    circle. Raises InputError for a lift without a base circle, and for one that does not rise from it.
+    The error fades out over the ramps, or over its shortest wave where that is longer, so that the base circle stays
+    the base circle. Its harmonics go from the lowest to the highest. Raises InputError for a lift without a base
+    circle, and for one that does not rise from it.
     """
     foot, half = lift.opening_foot, lift.half_duration
     if foot == -np.pi or foot == np.pi:
@@ -120,9 +112,8 @@ def grinding_error(lift: Lift, seed: Seed, peak: float = PEAK, harmonics: tuple[
             f"grinding errors lie on the lobe of a cam, and this lift is {'never' if foot < 0 else 'everywhere'} zero: "
             f"give a cam that rises from a base circle, or leave [grinding] out"
         )
-    return _error(
-        (foot, half, lift.closing_angle(0.0)), seed if isinstance(seed, int) else tuple(seed), peak, harmonics
-    )
+    angles = foot, half, lift.closing_angle(0.0)
+    return lift.shifted(_error(angles, seed if isinstance(seed, int) else tuple(seed), peak, harmonics))
 
 
 @lru_cache(maxsize=KEPT_TRAINS)  # the cams that a search judges on one train begin and end at the same angles
@@ -146,8 +137,3 @@ def _error(
     pieces[1:-1] = spline.c[::-1, keep].T
     borders = np.concatenate([[-np.pi], spline.x[keep], [end, np.pi]])
     return Lift(borders, pieces, half)
-
-
-def ground(lift: Lift, seed: Seed, peak: float = PEAK, harmonics: tuple[int, int] = HARMONICS) -> Lift:
-    """The lift with the grinding error of a seed."""
-    return lift.shifted(grinding_error(lift, seed, peak, harmonics))
