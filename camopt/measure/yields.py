@@ -11,6 +11,7 @@ Pearson (1934), Biometrika 26. Like theirs, it holds the true share in at least 
 share is.
 """
 
+from collections import Counter, defaultdict
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import cast
@@ -114,18 +115,6 @@ class UsedLimits:
         """Whether each train keeps every limit at every speed (t)."""
         return self.worst <= 1.0
 
-    def first_broken(self) -> list[tuple[str, float] | None]:
-        """By train the limit that is exceeded most at the lowest speed at which any is, and that speed; None: holds."""
-        found: list[tuple[str, float] | None] = []
-        for train in self.used:
-            broken = np.flatnonzero(train.max(axis=0) > 1.0)
-            if not len(broken):
-                found.append(None)
-                continue
-            s = broken[0]
-            found.append((self.limits[int(np.argmax(train[:, s]))], float(self.speeds_rpm[s])))
-        return found
-
     def __repr__(self) -> str:
         return f"UsedLimits({len(self.used)} trains, {int(self.holds.sum())} of them hold {', '.join(self.limits)})"
 
@@ -157,15 +146,20 @@ def share_of(holds: np.ndarray, looks: Looks | None = None) -> Share:
 
 
 def counted(used: UsedLimits) -> dict[str, dict]:
-    """By limit how many trains break it first, and at which speeds [r/min] how many; what none breaks is left out."""
-    found: dict[str, dict] = {}
-    for broken in filter(None, used.first_broken()):
-        limit, speed = broken
-        entry = found.setdefault(limit, {"trains": 0, "speeds_rpm": {}})
-        entry["trains"] += 1
-        entry["speeds_rpm"][f"{speed:g}"] = entry["speeds_rpm"].get(f"{speed:g}", 0) + 1
-    order = sorted(found, key=lambda limit: -found[limit]["trains"])
-    return {limit: found[limit] | {"speeds_rpm": _ascending(found[limit]["speeds_rpm"])} for limit in order}
+    """By limit how many trains break it first, and at which speeds [r/min] how many; what none breaks is left out.
+
+    A train breaks first the limit that it exceeds most at the lowest speed at which it exceeds any.
+    """
+    found: dict[str, Counter[float]] = defaultdict(Counter)
+    for train in used.used:
+        if len(broken := np.flatnonzero(train.max(axis=0) > 1.0)):
+            limit = used.limits[int(np.argmax(train[:, broken[0]]))]
+            found[limit][float(used.speeds_rpm[broken[0]])] += 1
+    order = sorted(found.items(), key=lambda item: -item[1].total())
+    return {
+        limit: {"trains": speeds.total(), "speeds_rpm": {f"{speed:g}": speeds[speed] for speed in sorted(speeds)}}
+        for limit, speeds in order
+    }
 
 
 def rank_correlation_shares(draws: dict[str, np.ndarray], worst: np.ndarray) -> dict[str, float]:
@@ -205,10 +199,6 @@ def _ranks(values: np.ndarray) -> np.ndarray:
     """The place of each value (t) among all of them from one on, the mean of their places for equal ones."""
     _, place, count = np.unique(values, return_inverse=True, return_counts=True)
     return (np.cumsum(count) - (count - 1) / 2)[place]
-
-
-def _ascending(counts: dict[str, int]) -> dict[str, int]:
-    return dict(sorted(counts.items(), key=lambda item: float(item[0])))
 
 
 def _chances(trains: int, p: float) -> np.ndarray:

@@ -74,7 +74,6 @@ def test_what_breaks_first_is_counted_by_limit_and_speed():
         [[0.2, 1.1], [0.1, np.inf]],
     )
     assert found.holds.tolist() == [True, False, False, False]
-    assert found.first_broken() == [None, ("bounce_max_mm", 6000), ("jump_max_mm", 5000), ("jump_max_mm", 6000)]
     assert counted(found) == {
         "jump_max_mm": {"trains": 2, "speeds_rpm": {"5000": 1, "6000": 1}},
         "bounce_max_mm": {"trains": 1, "speeds_rpm": {"6000": 1}},
