@@ -70,6 +70,13 @@ class RoundedRows:
                 return True
         return False
 
+    def told(self, how: str, acceleration: float, jerk: float) -> str:
+        """A sentence on how exactly means tell the derivatives [m/rad^2, m/rad^3], which are taken so."""
+        return (
+            f"The table's rows are off by up to {self.error / MM:.1g} mm: {how}, which tell the acceleration to "
+            f"{acceleration / MM_PER_DEG2:.1g} mm/deg^2 and the jerk to {jerk / MM_PER_DEG3:.1g} mm/deg^3"
+        )
+
     def waves(self, half: float) -> int:
         """Sign changes of the jerk that the cam has at least, between -half and half [rad]."""
         most = 0
@@ -150,13 +157,8 @@ def rounding_sentence(lift: Lift) -> str:
     rows = rows_of(lift)
     if rows is None:
         return ""
-    units = (MM_PER_DEG2, MM_PER_DEG3)
-    acceleration, jerk = (rows.resolution(order) / unit for order, unit in zip((2, 3), units, strict=True))
-    return (
-        f"The table's rows are off by up to {rows.error / MM:.1g} mm: the limits on the shape are judged by means over "
-        f"a few degrees, which tell the acceleration to {acceleration:.1g} mm/deg^2 and the jerk to {jerk:.1g} "
-        f"mm/deg^3; what a table does between its rows, no table tells"
-    )
+    how = "the limits on the shape are judged by means over a few degrees"
+    return f"{rows.told(how, *map(rows.resolution, (2, 3)))}; what a table does between its rows, no table tells"
 
 
 MEANS = 4
@@ -185,12 +187,8 @@ def moving_average(lift: Lift) -> tuple[Lift, str]:
     pieces = spline_pieces(name, np.append(rows.theta, np.pi), np.append(mean, mean[0]))
     law = Lift(*centred(pieces, 0.0), lift.half_duration, lift.family, lift.parameters)
     width = window * rows.step
-    acceleration, jerk = rows.mean(2, window)[1] / MM_PER_DEG2, rows.mean(3, window)[1] / MM_PER_DEG3
-    return law, (
-        f"The table's rows are off by up to {rows.error / MM:.1g} mm: acceleration, jerk, waves and contact are given "
-        f"by means over {MEANS * width / DEG:.2g} deg, which tell the acceleration to {acceleration:.1g} mm/deg^2 and "
-        f"the jerk to {jerk:.1g} mm/deg^3"
-    )
+    how = f"acceleration, jerk, waves and contact are given by means over {MEANS * width / DEG:.2g} deg"
+    return law, rows.told(how, rows.mean(2, window)[1], rows.mean(3, window)[1])
 
 
 def _window(rows: RoundedRows) -> int:
