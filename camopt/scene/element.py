@@ -5,14 +5,18 @@ from typing import Annotated, Literal
 
 from pydantic import Field, ValidationInfo, field_validator
 
-from camopt.scene.laws import CONTACT_LAWS, DISSIPATION, laws_by_key
+from camopt.scene.laws import CONTACT_LAWS, DISSIPATION
 from camopt.scene.table import SMALLEST, Name, NonNegative, Positive, Table
 from camopt.scene.units import MM
 
 LAWS = ("linear", *CONTACT_LAWS, "progressive", "table")
 FORMS = (*LAWS, "adjuster", "friction")
 """The laws that a spring or contact may have, and the two kinds that have a law of their own."""
-OF_CONTACT_LAWS = laws_by_key()
+OF_CONTACT_LAWS = {
+    key: tuple(name for name, law in CONTACT_LAWS.items() if key in law.keys)
+    for key in dict.fromkeys(key for law in CONTACT_LAWS.values() for key in law.keys)
+}
+"""The laws of contacts to which each of their keys belongs."""
 BELONGS = {
     "stiffness_N_per_m": ("linear", *CONTACT_LAWS, "adjuster", "friction"),
     **OF_CONTACT_LAWS,

@@ -111,12 +111,6 @@ CONTACT_LAWS = {
 """Every law of contacts by its name in a scene file."""
 
 
-def laws_by_key() -> dict[str, tuple[str, ...]]:
-    """The names of the laws of contacts to which each key belongs."""
-    keys = dict.fromkeys(key for law in CONTACT_LAWS.values() for key in law.keys)
-    return {key: tuple(name for name, law in CONTACT_LAWS.items() if key in law.keys) for key in keys}
-
-
 BEYOND = 1e-3
 """Width [m] of the pieces of a table's curve beyond its rows, which go on."""
 LINEAR, HERTZ, PROGRESSIVE, TABLE, OIL, FRICTION = range(6)

@@ -62,15 +62,6 @@ def highest_rate(train: Train) -> float:
     return float(np.abs(np.linalg.eigvals(_state_matrix(train.mass, damping, stiffness))).max())
 
 
-def slowest_decay(train: Train) -> float:
-    """Smallest rate at which a disturbance dies out, with the valve lifted or seated [1/s]; zero where one stays."""
-    rates = []
-    for state in ("lifted", "seated"):
-        damping, stiffness = assembled(train, acting_elements(train, state))
-        rates.append(-np.real(np.linalg.eigvals(_state_matrix(train.mass, damping, stiffness))).max())
-    return max(0.0, float(min(rates)))
-
-
 def slowest_leak(train: Train) -> float:
     """Least rate [1/s] at which what the oil of an adjuster carries too much leaks away; infinite without oil.
 
@@ -93,8 +84,13 @@ def slowest_leak(train: Train) -> float:
 
 @lru_cache(maxsize=256)
 def slowest_rate(train: Train) -> float:
-    """Least rate [1/s] at which a disturbance of a train's modes or of its adjusters dies out."""
-    return min(slowest_decay(train), slowest_leak(train))
+    """Least rate [1/s] at which a disturbance of a train's modes, with the valve lifted or seated, or of its adjusters
+    dies out; zero where one stays."""
+    rates = [slowest_leak(train)]
+    for state in ("lifted", "seated"):
+        damping, stiffness = assembled(train, acting_elements(train, state))
+        rates.append(float(-np.real(np.linalg.eigvals(_state_matrix(train.mass, damping, stiffness))).max()))
+    return max(0.0, min(rates))
 
 
 def _state_matrix(mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
