@@ -1,21 +1,18 @@
 """The tables and keys of a scene file as their schema declares them."""
 
 import re
-import tomllib
 import types
 from collections.abc import Iterator
-from pathlib import Path
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
 from pydantic import BaseModel
 from pydantic.fields import FieldInfo
 
 from camopt.scene.design import Piston
-from camopt.scene.notes import USUAL
+from camopt.scene.notes import KEYS, USUAL
 from camopt.scene.schema import Scene
 from docs.generators.tables import markdown
 
-MEANINGS = Path(__file__).parents[1] / "scene_keys.toml"
 TOP = {"mass", "element", "force", "tolerance", "operation", "design", "geometry", "grinding"}
 
 
@@ -30,11 +27,6 @@ def scene_keys(content: str) -> str:
             if name == "design":
                 sections.append(_section("`[design.piston]`", Piston, "piston"))
     return "\n".join(sections)
-
-
-def meanings() -> dict[str, dict[str, str]]:
-    """A sentence by table and key."""
-    return tomllib.loads(MEANINGS.read_text(encoding="utf-8"))
 
 
 def _model(annotation: Any) -> tuple[type[BaseModel], bool]:
@@ -52,7 +44,8 @@ def _parts(annotation: Any) -> Iterator[Any]:
 
 
 def _section(title: str, model: type[BaseModel], table: str, skip: frozenset | set = frozenset()) -> str:
-    meaning = meanings().get(table or "scene", {})
+    known = KEYS.get(table or "scene", {})
+    meaning = {key: said if isinstance(said, str) else said["meaning"] for key, said in known.items()}
     rows = [
         (f"`{key}`", meaning.get(key, ""), _type(field.annotation), _default(field), _usual(f"{table}.{key}"))
         for key, field in model.model_fields.items()

@@ -12,7 +12,7 @@ from docs.generators.commands import commands
 from docs.generators.python_names import python_names
 from docs.generators.questions import PAGES as QUESTIONS
 from docs.generators.questions import questions
-from docs.generators.scene_keys import meanings, scene_keys
+from docs.generators.scene_keys import KEYS, scene_keys
 
 
 def test_every_command_with_every_option():
@@ -41,7 +41,7 @@ def test_every_key_of_a_scene_has_a_meaning():
 def test_meanings_are_those_of_keys_that_exist():
     tables = {"mass": Mass, "element": Element, "operation": Operation, "design": Design, "geometry": Geometry}
     tables |= {"scene": Scene, "force": Force, "tolerance": Tolerance, "grinding": Grinding, "piston": Piston}
-    for table, keys in meanings().items():
+    for table, keys in KEYS.items():
         assert keys.keys() <= tables[table].model_fields.keys(), table
 
 
