@@ -69,28 +69,6 @@ def step_integral(angle: Float[Array, " k"], s: Float[Array, " k"], s_dtheta: Fl
     return simpson(lambda q: jnp.maximum(q, 0.0)), simpson(lambda q: jnp.maximum(q, 0.0) ** 2)
 
 
-def least(angle: Float[Array, " k"], values: Float[Array, " k"], edges):
-    """Smallest of `values` at samples between the edges, refined by the parabola through it and its neighbours.
-
-    A minimum between samples has the derivative of the interpolant at its foot, not that of the nearest sample. No
-    parabola is drawn through an exact zero: the force of a contact jumps from there where it closes.
-    """
-    keep = (angle >= edges[0]) & (angle <= edges[1])
-    i = jnp.clip(jnp.argmin(jnp.where(keep, values, jnp.inf)), 1, len(values) - 2)
-    left, right = angle[i] - angle[i - 1], angle[i + 1] - angle[i]
-    free = (values[i - 1] != 0) & (values[i] != 0) & (values[i + 1] != 0)
-    proper = (left > 0) & (right > 0) & keep[i] & free
-    left, right = jnp.where(proper, left, 1.0), jnp.where(proper, right, 1.0)
-    before, after = (values[i] - values[i - 1]) / left, (values[i + 1] - values[i]) / right
-    curve = (after - before) / (left + right)
-    slope = before + left * curve
-    proper = proper & (curve > 0)
-    shift = jnp.clip(-slope / (2 * jnp.where(proper, curve, 1.0)), -left, right)
-    shift = jnp.clip(shift, edges[0] - angle[i], edges[1] - angle[i])
-    refined = values[i] + jax.lax.stop_gradient(shift) * (slope + jax.lax.stop_gradient(shift) * curve)
-    return jnp.where(proper, refined, jnp.min(jnp.where(keep, values, jnp.inf)))
-
-
 def greatest(at: Float[Array, " k"], s: Float[Array, " k"], v: Float[Array, " k"], edges):
     """Greatest s at samples between the edges, raised to the crest of the cubic beside it; v is the slope by `at`.
 
@@ -130,30 +108,22 @@ def separation_angle(angle: Float[Array, " k"], margin: Float[Array, " k"], edge
 
 
 def greatest_between(angle, values, slopes, edges, sign=1.0):
-    """Greatest of sign * values (k) from one angle to another, by cubics or, without their `slopes`, by parabolas."""
-    values, slopes = sign * values, None if slopes is None else sign * slopes
-    crest = -least(angle, -values, edges) if slopes is None else greatest(angle, values, slopes, edges)
-    return jnp.max(jnp.stack([crest, *(at_angle(angle, values, edge, slopes) for edge in edges)]))
+    """Greatest of sign * values (k) from one angle to another, by cubics with the `slopes` by angle."""
+    values, slopes = sign * values, sign * slopes
+    ends = (at_angle(angle, values, edge, slopes) for edge in edges)
+    return jnp.max(jnp.stack([greatest(angle, values, slopes, edges), *ends]))
 
 
-def margins(system: System, motion: SystemState) -> Float[Array, "k e"]:
-    """Compression of every element beyond its touch [m]."""
+def margins(system: System, motion: SystemState, cam_speed) -> tuple[Float[Array, "k e"], Float[Array, "k e"]]:
+    """Compression of every element beyond its touch [m], and its derivative by angle [m/rad]."""
     y = jnp.stack([motion.x, motion.v], axis=1)
-    return jax.vmap(lambda y, lift: system.compression(y, lift, 0.0)[0])(y, motion.lift)
+    margin, rate = jax.vmap(system.compression)(y, motion.lift, motion.lift_dtheta * cam_speed)
+    return margin, rate / cam_speed
 
 
-def margin_slopes(system: System, motion: SystemState, cam_speed) -> Float[Array, "k e"] | None:
-    """Derivatives of the margins by angle [m/rad]; None where the derivative of the lift is not known."""
-    if motion.lift_dtheta is None:
-        return None
-    y = jnp.stack([motion.x, motion.v], axis=1)
-    lift_dt = motion.lift_dtheta * cam_speed
-    return jax.vmap(lambda y, lift_dt: system.compression(y, 0.0, lift_dt)[1])(y, lift_dt) / cam_speed
-
-
-def seat_distance(system: System, motion: SystemState) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
+def seat_distance(system: System, motion: SystemState, cam_speed) -> tuple[Float[Array, " k"], Float[Array, " k"]]:
     """Distance s of the valve from where its seat touches [m], positive open, and its rate [m/s]."""
-    return -margins(system, motion)[:, system.topology.seat], motion.v[:, system.topology.valve]
+    return -margins(system, motion, cam_speed)[0][:, system.topology.seat], motion.v[:, system.topology.valve]
 
 
 def valve_acceleration(system: System, motion: SystemState) -> Float[Array, " k"]:
@@ -173,7 +143,7 @@ def closing(system: System, motion: SystemState, cam_speed, revolution: int, lay
 
     `layer` [m] is the distance s where the seat starts to push: half of eps for the compact ramp, 0 without smoothing.
     """
-    s, v = seat_distance(system, motion)
+    s, v = seat_distance(system, motion, cam_speed)
     index = jnp.arange(len(s))
     top = jnp.argmax(jnp.where(in_revolution(motion.angle, revolution), s, -jnp.inf))
     pushes = (motion.force[:, system.topology.seat] > 0) & (index > top)
@@ -201,13 +171,13 @@ def leaked(system: System, motion: SystemState, touch, opening_foot, revolution:
 
 
 def nominal_closing(system: System, motion: SystemState, revolution: int, shorter: jax.Array | float = 0.0):
-    """Angle [rad] at which the cam lift has fallen to the lash and what the adjusters are `shorter` [m]: a cubic inside
-    a step, or linear without its slope."""
+    """Angle [rad] at which the cam lift, a cubic inside a step, has fallen to the lash and what the adjusters are
+    `shorter` [m]."""
     lash = shorter + sum(system.gap[e] for e in system.topology.cam_side)
     above = in_revolution(motion.angle, revolution) & (motion.lift > lash)
     i = jnp.clip(len(motion.angle) - 1 - jnp.argmax(above[::-1]), 0, len(motion.angle) - 2)
     width, rise = motion.angle[i + 1] - motion.angle[i], motion.lift[i + 1] - motion.lift[i]
-    slopes = (rise, rise) if motion.lift_dtheta is None else motion.lift_dtheta[i + jnp.arange(2)] * width
+    slopes = motion.lift_dtheta[i + jnp.arange(2)] * width
     t = time_to_fall(cubic(motion.lift[i], rise, *slopes), lash, jnp.where(rise < 0, 1.0, 0.0))
     return motion.angle[i] + t * width
 
@@ -218,11 +188,11 @@ def event_metrics(
     """Jump and contact forces at angles within half the duration from the nose, at the worst cam-side contact."""
     centre = 2 * jnp.pi * revolution
     edges = (centre - half_duration, centre + half_duration)
-    margin, slope = margins(system, motion), margin_slopes(system, motion, cam_speed)
+    margin, slope = margins(system, motion, cam_speed)
     gap, turn, low, high = [], [], [], []
     for e in system.topology.cam_side:
-        pressed = motion.angle, margin[:, e], None if slope is None else slope[:, e]
-        force = motion.angle, motion.force[:, e], None if motion.force_dtheta is None else motion.force_dtheta[:, e]
+        pressed = motion.angle, margin[:, e], slope[:, e]
+        force = motion.angle, motion.force[:, e], motion.force_dtheta[:, e]
         gap.append(greatest_between(*pressed, edges, -1.0))
         turn.append(separation_angle(*pressed[:2], edges))
         low.append(-greatest_between(*force, edges, -1.0))
@@ -246,7 +216,7 @@ def closed_metrics(
     opened, touches, touch, velocity = closing(system, motion, cam_speed, revolution, layer)
     shorter = leaked(system, motion, touch, opening_foot, revolution)
     nominal = nominal_closing(system, motion, revolution, shorter)
-    s, v = seat_distance(system, motion)
+    s, v = seat_distance(system, motion, cam_speed)
     end = 2 * jnp.pi * (revolution + 1) + opening_foot
     before_end, begin = motion.angle <= end, jnp.minimum(touch, nominal)
     window = (motion.angle >= begin) & before_end
@@ -282,7 +252,7 @@ def revolution_metrics(
 
     `half_duration` and `opening_foot` [rad] belong to the cam; `layer` [m] means what it means for `closing`.
     """
-    s, v = seat_distance(system, motion)
+    s, v = seat_distance(system, motion, cam_speed)
     now = in_revolution(motion.angle, revolution)
     lash = sum(system.gap[e] for e in system.topology.cam_side)
     area, _ = step_integral(motion.angle, s, v / cam_speed, now[1:] & now[:-1])

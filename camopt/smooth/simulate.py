@@ -193,7 +193,7 @@ def differentiable_motion(
     settings = {"revolutions": revolutions, "steps": steps, "most": allowed_steps(train, slowest)}
     foot = int(np.argmin(np.abs(lift.borders - lift.opening_foot)))
     motion, metrics = _motion(system_with(train, own), *cam, cam_speed, eps, foot=foot, **settings)
-    return Response(train, cam_speed, regular_angles(revolutions, steps), *motion[1:5]), metrics
+    return Response(train, cam_speed, regular_angles(revolutions, steps), *motion), metrics
 
 
 def allowed_steps(train: Train, slowest: float) -> int:
@@ -227,8 +227,9 @@ def _motion(
     return regular(motion, cam_speed, regular_angles(revolutions, steps)), metrics
 
 
-def regular(motion: SystemState, cam_speed, angle: np.ndarray) -> SystemState:
-    """The motion at the angles `angle` [rad]; between samples positions are cubics, velocities and forces linear."""
+def regular(motion: SystemState, cam_speed, angle: np.ndarray) -> tuple[jax.Array, ...]:
+    """Lift, positions, velocities and forces at the angles `angle` [rad]; between samples positions are cubics, and all
+    else is linear."""
     theta = jnp.asarray(angle)
 
     def linear(values):
@@ -238,4 +239,4 @@ def regular(motion: SystemState, cam_speed, angle: np.ndarray) -> SystemState:
         return jax.vmap(lambda q, s: at_angle(motion.angle, q, theta, s), 1, 1)(values, slope)
 
     lift = linear(motion.lift[:, None])[:, 0]
-    return SystemState(theta, lift, cubic(motion.x, motion.v / cam_speed), linear(motion.v), linear(motion.force))
+    return lift, cubic(motion.x, motion.v / cam_speed), linear(motion.v), linear(motion.force)

@@ -49,8 +49,8 @@ class SystemState(NamedTuple):
     x: Float[Array, "k n"]  # m
     v: Float[Array, "k n"]  # m/s
     force: Float[Array, "k e"]  # N
-    force_dtheta: Float[Array, "k e"] | None = None  # N/rad, where it is known
-    lift_dtheta: Float[Array, " k"] | None = None  # m/rad, where it is known
+    force_dtheta: Float[Array, "k e"]  # N/rad
+    lift_dtheta: Float[Array, " k"]  # m/rad
     memory: Float[Array, "k r"] | None = None  # m, where there is one
 
 

@@ -8,7 +8,7 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.laws import Layer
-from camopt.smooth.scan import DrivenSystem, integrate_stages, stage_angles
+from camopt.smooth.scan import DrivenSystem, forces_at, integrate_stages, stage_angles
 from camopt.smooth.system import System, SystemState
 
 BATCH_EPS = 1e-6
@@ -17,10 +17,8 @@ BATCH_EPS = 1e-6
 
 
 def stage_lifts(lift: Lift, steps: int) -> np.ndarray:
-    """Lift [m] and its angle derivative [m/rad] at the stages of `steps` equal steps from -pi: (2, steps, 6).
-
-    They are linear in the lift: those of L0 + sum_j z_j B_j are those of L0 plus the sum of z_j times those of B_j.
-    """
+    """Lift [m] and its angle derivative [m/rad] at the stages of `steps` equal steps from -pi: (2, steps, 6). They are
+    linear in the lift, as those of `camopt.smooth.simulate.lift_samples` are."""
     theta = np.asarray(stage_angles(jnp.asarray(equal_grid(steps))))
     return np.stack([lift(theta), lift(theta, 1)])
 
@@ -44,7 +42,8 @@ def batch_motion(system: System, stages, cam_speed, y0, eps=BATCH_EPS) -> System
     force = jax.vmap(lambda y, l, l_dt: system.force(y, l, l_dt, layer))(states, lift, lift_dtheta * speed[0])
     parts = jax.tree.map(lambda q: jnp.moveaxis(q, -1, 0), (*system.parts(states), force))
     x, v, memory, force = parts
-    return SystemState(jnp.broadcast_to(angle, (width, steps + 1)), lift.T, x, v, force, memory=memory)
+    slope = jnp.gradient(force, 2 * jnp.pi / steps, axis=1)
+    return SystemState(jnp.broadcast_to(angle, (width, steps + 1)), lift.T, x, v, force, slope, lift_dtheta.T, memory)
 
 
 @jax.jit
@@ -68,6 +67,6 @@ def tsit5_states(driven: DrivenSystem, y0, angle, layer: Layer, tolerance) -> Sy
     )  # fmt: skip
     states = jnp.where(solution.result == diffrax.RESULTS.successful, solution.ys * scale[None], jnp.nan)
     lift, lift_dt = driven.lift(angle)
-    force = jax.vmap(lambda y, l, l_dt: driven.system.force(y, l, l_dt, layer))(states, lift, lift_dt)
+    force, force_dtheta = forces_at(driven, angle, states, layer)
     x, v, memory = driven.system.parts(states)
-    return SystemState(angle, lift, x, v, force, memory=memory)
+    return SystemState(angle, lift, x, v, force, force_dtheta, lift_dt / cam_speed, memory)
