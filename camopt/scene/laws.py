@@ -113,15 +113,8 @@ CONTACT_LAWS = {
 
 BEYOND = 1e-3
 """Width [m] of the pieces of a table's curve beyond its rows, which go on."""
-LINEAR, HERTZ, PROGRESSIVE, TABLE, OIL, FRICTION = range(6)
-KINDS = {
-    "linear": LINEAR,
-    "hertz": HERTZ,
-    "progressive": PROGRESSIVE,
-    "table": TABLE,
-    "oil": OIL,
-    "friction": FRICTION,
-}
+KINDS = {name: kind for kind, name in enumerate(("linear", "hertz", "progressive", "table", "oil", "friction"))}
+LINEAR, HERTZ, PROGRESSIVE, TABLE, OIL, FRICTION = KINDS.values()
 KINDS |= {name: FRICTION + i for i, name in enumerate(CONTACT_LAWS) if name != "hertz"}
 """The number of each law; those of contacts beyond the first follow in the order of their registry."""
 OF_CONTACTS = {KINDS[name]: registered.law for name, registered in CONTACT_LAWS.items()}
