@@ -144,7 +144,8 @@ class Design(Table, frozen=True):
         return design
 
     def missing(self) -> list[str]:
-        """Sentences on limits whose geometry or operation the scene does not state."""
+        """Sentences on limits whose geometry or operation the scene does not state, or whose roller or pad cannot be
+        held to them."""
         follower = None if self._geometry is None else self._geometry.follower
         faults = []
         for key, followers in DRAWN_FOR.items():
@@ -153,20 +154,17 @@ class Design(Table, frozen=True):
             elif getattr(self, key) is not None and follower not in followers:
                 kinds = ", ".join(followers[:-1]) + " and " * (len(followers) > 1) + followers[-1]
                 faults.append(f"{key} is for {kinds} followers, and that of [geometry] is {follower}: leave it out")
-        if self._geometry is not None and self._geometry.contact_radius_mm is not None:
-            faults += self._beyond_the_circle(self._geometry, self._geometry.contact_radius_mm)
+        if (geometry := self._geometry) is not None and (circle := geometry.contact_radius_mm) is not None:
+            what = "roller" if geometry.roller_radius_mm is not None else "pad"
+            least, nose, base = self.concave_radius_min_mm, self.nose_radius_min_mm, geometry.base_radius_mm
+            if least is not None and least <= circle:
+                faults.append(
+                    f"concave_radius_min_mm must exceed {what}_radius_mm = {circle:g}, or the {what} undercuts"
+                )
+            if nose is not None and nose > base:
+                faults.append(f"nose_radius_min_mm must be at most base_radius_mm = {base:g}, which every cam has")
         if (self.piston or self.entrainment_min_m_per_s) and self._operation is None:
             faults.append("piston and entrainment_min_m_per_s need [operation] with the speeds and cam_per_crank")
-        return faults
-
-    def _beyond_the_circle(self, geometry: "Geometry", circle: float) -> list[str]:
-        """Sentences on radii of the cam that a roller or pad of this radius [mm] cannot be held to."""
-        faults, nose, base = [], self.nose_radius_min_mm, geometry.base_radius_mm
-        what = "roller" if geometry.roller_radius_mm is not None else "pad"
-        if self.concave_radius_min_mm is not None and self.concave_radius_min_mm <= circle:
-            faults.append(f"concave_radius_min_mm must exceed {what}_radius_mm = {circle:g}, or the {what} undercuts")
-        if nose is not None and nose > base:
-            faults.append(f"nose_radius_min_mm must be at most base_radius_mm = {base:g}, which every cam has")
         return faults
 
     @field_validator("nose_deg")
