@@ -236,7 +236,7 @@ def loosest(p: Problem, settings, valve) -> tuple[float, float]:
     """First of the settings whose valve position keeps within ERROR_MM of the finely resolved one at every speed."""
     fine = []
     for s in range(len(p.speeds_rpm)):
-        record = prepare(p.train, p.lift, p.cam_speeds[s], layer=Layer(BATCH_EPS))(p.states[s])
+        record = prepare(p.train, p.lift, p.cam_speeds[s], eps=BATCH_EPS)(p.states[s])
         i = p.train.valve
         fine.append(Hermite(record.angle, record.x[:, i], record.v[:, i] / p.cam_speeds[s]))
     for setting in settings:

@@ -11,7 +11,7 @@ from camopt.measure.metrics import measure, measure_first
 from camopt.measure.periodic import periodic_state
 from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import LESS_IS_WORSE
-from camopt.scene.response import Response, Revolve, end_state, joined, next_state
+from camopt.scene.response import Response, Revolve, end_state, joined, next_state, record_of
 from camopt.scene.rest import state_at_rest
 from camopt.scene.settled import (
     APERIODIC,
@@ -249,8 +249,7 @@ def first_revolution(revolve: Revolve, state: State) -> Settled:
 
     Raises MotionRefused where the motion has no bound.
     """
-    first = _finite(revolve(state))
-    return Settled(joined([first, _finite(revolve(end_state(first)))]), 0, True)
+    return Settled(record_of(lambda begin: _finite(revolve(begin)), state, 2), 0, True)
 
 
 def _bounded(state: State, memories: int) -> State:

@@ -72,6 +72,14 @@ def joined(responses: list[Response]) -> Response:
     return Response(first.train, first.cam_speed, angle, *series)
 
 
+def record_of(revolve: Revolve, state: np.ndarray, revolutions: int) -> Response:
+    """The motion from a state over so many revolutions, one or more, as one record."""
+    records = [revolve(state)]
+    for _ in range(revolutions - 1):
+        records.append(revolve(end_state(records[-1])))
+    return joined(records)
+
+
 def next_state(revolve: Revolve, state: np.ndarray) -> np.ndarray:
     """The state a revolution later; a method that offers `advance` gets there without samples, which is faster."""
     advance = getattr(revolve, "advance", None)

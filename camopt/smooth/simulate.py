@@ -15,8 +15,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift, permitted_steps, steps_at_borders
 from camopt.scene.errors import InputError, MotionRefused
-from camopt.scene.response import Response, Revolve, end_state, joined
-from camopt.scene.rest import state_at_rest
+from camopt.scene.response import Response, Revolve
 from camopt.scene.shapes import Float
 from camopt.scene.train import LAW_PARAMETERS, Train
 from camopt.smooth.grid import LARGEST_PHASE, equal_grid, refined_grid
@@ -90,24 +89,18 @@ def response_arrays(
 compiled_response = jax.jit(response_arrays, static_argnames=("revolutions", "steps", "refine"))
 
 
-def prepare(
-    train: Train,
-    lift: Lift,
-    cam_speed: float,
-    *,
-    layer: Layer = LAYER,
-    tolerance: float = TOLERANCE,
-) -> Revolve:
+def prepare(train: Train, lift: Lift, cam_speed: float, *, eps: float = EPS, tolerance: float = TOLERANCE) -> Revolve:
     """One smoothed revolution as a function of its start state (2n + r: [m], [m/s], [m]); `cam_speed` is in rad/s.
 
-    `layer` and `tolerance` [m] are those of `response_arrays`; the number of steps is raised until it suffices. Raises
-    InputError for a width that is not positive, and MotionRefused where no grid resolves the motion.
+    `eps` [m] is the width of the contacts' layer and `tolerance` [m] that of `response_arrays`; the number of steps is
+    raised until it suffices. Raises InputError for a width that is not positive, and MotionRefused where no grid
+    resolves the motion.
     """
-    if not layer.eps > 0.0:
+    if not eps > 0.0:
         raise InputError(
-            f"eps = {layer.eps:g} m: the width of the contact's layer must be positive; {EPS:g} m is the default"
+            f"eps = {eps:g} m: the width of the contact's layer must be positive; {EPS:g} m is the default"
         )
-    driven = DrivenSystem(build_system(train), jnp.asarray(lift_samples(lift)), cam_speed)
+    layer, driven = Layer(eps), DrivenSystem(build_system(train), jnp.asarray(lift_samples(lift)), cam_speed)
 
     def one_revolution(state: np.ndarray) -> Response:
         y0, steps = stacked(state, len(train.mass)), STEPS
@@ -119,31 +112,13 @@ def prepare(
         memory = np.zeros((len(angle), 0)) if motion.memory is None else np.asarray(motion.memory)
         if not np.all(np.isfinite(x)):
             raise MotionRefused(
-                f"smooth path at {cam_speed * 30 / np.pi:g} cam r/min with eps = {layer.eps:g} m: no grid of the steps "
+                f"smooth path at {cam_speed * 30 / np.pi:g} cam r/min with eps = {eps:g} m: no grid of the steps "
                 f"allowed resolves the motion; widen eps, loosen the tolerance, or take more steps"
             )
         distinct = np.append(True, np.diff(angle) > 0)
         return Response(train, cam_speed, *(q[distinct] for q in (angle, cam_lift, x, v, force, memory)))
 
     return one_revolution
-
-
-def simulate_smooth(
-    train: Train,
-    lift: Lift,
-    cam_speed: float,
-    revolutions: int = 2,
-    *,
-    eps: float = EPS,
-    tolerance: float = TOLERANCE,
-) -> Response:
-    """Motion from rest on the base circle over `revolutions`, by the scan; `eps` [m] is the width of the layer, the
-    other arguments and the errors are those of `prepare`."""
-    revolve = prepare(train, lift, cam_speed, layer=Layer(eps), tolerance=tolerance)
-    records = [revolve(state_at_rest(train))]
-    for _ in range(revolutions - 1):
-        records.append(revolve(end_state(records[-1])))
-    return joined(records)
 
 
 def system_with(train: Train, parameters: Mapping[str, jax.Array]) -> System:

@@ -10,7 +10,7 @@ from camopt.cam.lift import Lift
 from camopt.exact.engine import prepare
 from camopt.measure.metrics import measure
 from camopt.scene import Scene, Train, build_train
-from camopt.scene.response import end_state, joined
+from camopt.scene.response import record_of
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG
 
@@ -63,8 +63,7 @@ def problem(scene: Scene, lift: Lift, speeds_rpm: tuple[float, ...], bumps: int,
 def exact_value(p: Problem, lift: Lift, speed: int) -> float:
     """The metric of one event-exact revolution, on the verifier's side."""
     revolve = prepare(p.train, lift, p.cam_speeds[speed], 2880)
-    first = revolve(p.states[speed])
-    return float(measure(joined([first, revolve(end_state(first))]), lift)[METRIC][0])
+    return float(measure(record_of(revolve, p.states[speed], 2), lift)[METRIC][0])
 
 
 def exact_differences(p: Problem, speed: int) -> np.ndarray:

@@ -64,7 +64,7 @@ def test_the_motion_tends_to_dop853_as_the_layer_narrows():
     once = np.append(np.diff(located.angle) > 0, True)
     found = []
     for eps in (1e-6, 1e-7, 1e-8):
-        ours = prepare(train, lift, cam_speed, layer=Layer(eps))(start)
+        ours = prepare(train, lift, cam_speed, eps=eps)(start)
         curve = CubicHermiteSpline(located.angle[once], located.x[once], located.v[once] / cam_speed)
         apart = np.abs(ours.x - curve(ours.angle)).max()
         memory = [np.interp(ours.angle, located.angle[once], z) for z in located.memory[once].T]

@@ -10,7 +10,8 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import expm
 
 from camopt.exact.engine import prepare as prepare_exact
-from camopt.scene import InputError, MotionRefused, Response
+from camopt.scene import InputError, MotionRefused, Response, state_at_rest
+from camopt.scene.response import record_of
 from camopt.smooth.laws import Layer
 from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem, integrate, lift_at
@@ -21,7 +22,6 @@ from camopt.smooth.simulate import (
     equal_grid,
     lift_samples,
     prepare,
-    simulate_smooth,
 )
 from camopt.smooth.system import build_system
 from experiments.support.smooth_batch import tsit5_states
@@ -84,7 +84,7 @@ def test_equal_steps_come_near_the_refined_motion():
     speed = scene.cam_speed(6000)
     state = np.asarray(rest_state(train)).ravel()
     wide = Layer(1e-6)
-    fine = prepare(train, lift, speed, layer=wide)(state)
+    fine = prepare(train, lift, speed, eps=wide.eps)(state)
     driven, errors = DrivenSystem(build_system(train), jnp.asarray(lift_samples(lift)), speed), []
     for steps in (1440, 23040):
         equal = compiled_response(driven, rest_state(train), wide, steps=steps, refine=False)
@@ -107,7 +107,7 @@ def test_a_batch_of_speeds_is_what_each_gives_alone():
 @pytest.mark.long
 def test_two_revolutions_are_one_after_the_other():
     scene, train, lift = kodama()
-    record = simulate_smooth(train, lift, scene.cam_speed(5000), revolutions=2)
+    record = record_of(prepare(train, lift, scene.cam_speed(5000)), state_at_rest(train), 2)
     assert record.revolutions == 2
     assert np.all(np.diff(record.angle) >= 0)
     driven = DrivenSystem(build_system(train), jnp.asarray(lift_samples(lift)), record.cam_speed)
@@ -126,4 +126,4 @@ def test_too_few_steps_are_refused_and_bad_arguments_named(monkeypatch):
     with pytest.raises(MotionRefused, match="no grid"):
         prepare(train, lift, speed)(np.full_like(state, np.nan))
     with pytest.raises(InputError, match="eps"):
-        prepare(train, lift, speed, layer=Layer(0.0))
+        prepare(train, lift, speed, eps=0.0)

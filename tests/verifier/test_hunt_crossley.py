@@ -81,7 +81,7 @@ def test_chords_lose_the_energy_of_the_law_with_an_error_that_falls_with_the_squ
 def test_the_smoothed_law_is_the_law():
     """The layer of 2 nm is a part in ten thousand of the depth, and begins to push half of it before the touch."""
     depth, rebound = expected(1.5, 1.2)
-    found = collided(smooth(ball(), no_lift(), TURNS, layer=Layer(2e-9)), 1.2)
+    found = collided(smooth(ball(), no_lift(), TURNS, eps=2e-9), 1.2)
     assert found[1] == pytest.approx(rebound, rel=1e-5)
     assert found[0] == pytest.approx(depth, rel=1e-3)
 

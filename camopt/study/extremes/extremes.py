@@ -62,11 +62,10 @@ edge of a narrower layer would be shorter than that."""
 
 def smooth(train: Train, lift: Lift, cam_speed: float, dial: int, narrower: float = 1.0) -> Revolve:
     """The smooth path in double precision; its width and the error permitted are divided by `narrower`."""
-    from camopt.smooth.laws import Layer
     from camopt.smooth.simulate import EPS, TOLERANCE, prepare
 
     wide = 4 * DIAL / dial / narrower
-    return prepare(train, lift, cam_speed, layer=Layer(wide * EPS), tolerance=max(wide, 1.0) * TOLERANCE)
+    return prepare(train, lift, cam_speed, eps=wide * EPS, tolerance=max(wide, 1.0) * TOLERANCE)
 
 
 def smooth_float32(train: Train, lift: Lift, cam_speed: float, dial: int) -> Revolve:

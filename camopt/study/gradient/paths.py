@@ -20,7 +20,7 @@ from camopt.exact.adjoint.motion import Gradient, TracedMotion, value_and_gradie
 from camopt.exact.engine import prepare as prepare_event
 from camopt.measure.metrics import measure
 from camopt.scene import QUANTITIES, Scene, Train, build_train, state_at_rest
-from camopt.scene.response import end_state, joined
+from camopt.scene.response import record_of
 from camopt.scene.shapes import Float
 from camopt.smooth.laws import Layer
 from camopt.smooth.metrics import revolution_metrics
@@ -126,9 +126,7 @@ def true_values(p: Problem, heights: np.ndarray) -> np.ndarray:
     lift = moved(p.lift, p.directions, heights)
     if p.train.straight:
         return TracedMotion(p.train, lift, p.cam_speed, p.start, REVOLUTIONS).values(METRICS)
-    revolve = prepare_dop853(p.train, lift, p.cam_speed, SAMPLES)
-    first = revolve(p.start)
-    metrics = measure(joined([first, revolve(end_state(first))]), lift)
+    metrics = measure(record_of(prepare_dop853(p.train, lift, p.cam_speed, SAMPLES), p.start, REVOLUTIONS), lift)
     return np.array([metrics[name][0] for name in METRICS])
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from camopt.cam.lift import Lift, lift_with
 from camopt.scene import InputError, Response, Scene, Train, build_train, state_at_rest
-from camopt.scene.response import end_state, joined
+from camopt.scene.response import record_of
 from camopt.scene.smoothing import NAMES, Smoothing, smoothing
 from camopt.scene.units import DEG
 from camopt.scene.vibration import highest_rate
@@ -188,8 +188,9 @@ def dialled(train: Train, cam: Lift, cam_speed: float, method: str, revolutions:
 
     def run(setting: float) -> Response:
         if method == "smooth":
-            simulate_smooth, tolerance = import_module(SMOOTH).simulate_smooth, setting * TOLERANCE_OF_WIDTH
-            return simulate_smooth(train, cam, cam_speed, revolutions, eps=setting, tolerance=tolerance)
+            dials = {"eps": setting, "tolerance": setting * TOLERANCE_OF_WIDTH}
+            revolve = import_module(SMOOTH).prepare(train, cam, cam_speed, **dials)
+            return record_of(revolve, state_at_rest(train), revolutions)
         finer = (LARGEST_PHASE / setting) ** 0.5
         phase, chords = (LARGEST_PHASE / finer, round(FEWEST_CHORDS * finer)) if chorded else (setting, 0)
         steps = max(FEWEST_STEPS, int(np.ceil(2 * np.pi * rate / cam_speed / phase)))
@@ -257,13 +258,9 @@ def _motion(
     """The motion from rest at `steps` in a revolution; event-exact has `chords` in place of each curved law, or as many
     as a verdict at these steps would have, MOST_CHORDS at most."""
     if method == "smooth":  # at steps of its own: equal ones would miss its layers
-        return import_module(SMOOTH).simulate_smooth(train, cam, cam_speed, revolutions)
-    state, parts = state_at_rest(train), []
+        return record_of(import_module(SMOOTH).prepare(train, cam, cam_speed), state_at_rest(train), revolutions)
+    state = state_at_rest(train)
     if method == "event" and not train.straight:
         chords = chords or min(MOST_CHORDS, chords_at(train, cam_speed, steps))
         train = import_module("camopt.exact.affine.lines").with_chords(train, chords)
-    revolve = method_named(method)(train, cam, cam_speed, steps)
-    for _ in range(revolutions):
-        parts.append(revolve(state))
-        state = end_state(parts[-1])
-    return joined(parts)
+    return record_of(method_named(method)(train, cam, cam_speed, steps), state, revolutions)

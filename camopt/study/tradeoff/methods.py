@@ -24,7 +24,7 @@ from camopt.measure.metrics import measure
 from camopt.measure.settling import settle, settled_from_rest
 from camopt.optimizer.accuracy import ACCURACIES, Accuracy
 from camopt.scene import Response, Scene, build_train, state_at_rest
-from camopt.scene.response import end_state, joined
+from camopt.scene.response import Revolve, record_of
 from camopt.scene.units import DEG, MM, UM
 from camopt.scene.vibration import highest_rate
 from camopt.storage import write_json
@@ -68,17 +68,16 @@ class RevolutionCase:
         self.rest = state_at_rest(self.train)
         self.name = f"revolution at {speed_rpm:g} r/min"
 
-    def two(self, revolve: Callable[[np.ndarray], Response]) -> Response:
+    def two(self, revolve: Revolve) -> Response:
         """Two revolutions from rest: the bounce of the first ends in the second."""
-        first = revolve(self.rest)
-        return joined([first, revolve(end_state(first))])
+        return record_of(revolve, self.rest, 2)
 
     def figures(self, motion: Response) -> dict:
         """Bounce, jump and seating velocity of the first revolution, and its valve lift [mm]."""
         metrics = measure(motion, self.cam)
         return {**{name: metrics[name][0] for name in FIGURES}, "lift_mm": valve_lift(motion)}
 
-    def measured(self, revolve: Callable[[np.ndarray], Response]) -> dict:
+    def measured(self, revolve: Revolve) -> dict:
         """The figures with the times of a revolution, as a record."""
         times, motion = timed(lambda: self.two(revolve), 2)
         return {**times, "figures": self.figures(motion)}
@@ -132,9 +131,9 @@ def prepared_methods(case: RevolutionCase, size: str) -> Iterator[tuple[str, str
         yield LOCATED, f"{steps} samples", partial(dop853.prepare, case.train, *motion, steps)
 
     for eps in SMOOTH_EPS[size]:
-        path, layer = import_module("camopt.smooth.simulate"), import_module("camopt.smooth.laws").Layer(eps)
-        dials = {"layer": layer, "tolerance": eps * TOLERANCE_OF_EPS}
-        yield "smooth, refined grid", f"eps {eps:g} m", partial(path.prepare, case.train, *motion, **dials)
+        dials = {"eps": eps, "tolerance": eps * TOLERANCE_OF_EPS}
+        prepare = import_module("camopt.smooth.simulate").prepare
+        yield "smooth, refined grid", f"eps {eps:g} m", partial(prepare, case.train, *motion, **dials)
 
 
 def job_work(scene: Scene, cam: Lift, size: str, folder: Path) -> Iterator[Measurement]:
