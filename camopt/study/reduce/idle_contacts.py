@@ -14,7 +14,6 @@ from camopt.measure.hermite import Hermite
 from camopt.scene import MotionRefused, Response, Scene, Train, build_train
 from camopt.scene.laws import CONTACT_LAWS
 from camopt.scene.response import Revolve
-from camopt.scene.train import GROUND
 from camopt.scene.units import DEG
 
 
@@ -50,8 +49,8 @@ class LeftOut:
         if t is None:
             return
         for e, name in enumerate(t.element_names):
-            beyond = _between(response.x, t, e) - (t.gap[e] + t.touch_compression[e])
-            rate = _between(response.v, t, e)
+            beyond = response.x @ t.incidence[e] - (t.gap[e] + t.touch_compression[e])
+            rate = response.v @ t.incidence[e]
             if name in self.open:
                 k = _first_above(response, beyond, rate)
             else:
@@ -103,19 +102,11 @@ def leave_out(scene: Scene, never_closed: frozenset[str], never_open: frozenset[
 
 def _first_above(response: Response, height: np.ndarray, rate: np.ndarray) -> int | None:
     """First sample after which the cubic through heights (k) [m] and rates (k) [m/s] exceeds zero, or None."""
-    third = np.diff(response.angle) / (3.0 * response.cam_speed)
-    control = height, height[:-1] + rate[:-1] * third, height[1:] - rate[1:] * third  # they bound the cubics
-    if max(float(points.max()) for points in control) <= 0.0:
-        return None
     curve = Hermite(response.angle, height, rate / response.cam_speed)
+    if curve.maximum(curve.angle[0], curve.angle[-1]) <= 0.0:
+        return None
     k = _first(np.array([curve.maximum(a, b) > 0.0 for a, b in pairwise(curve.angle)]))
     return None if k is None else int(np.searchsorted(response.angle, curve.angle[k]))
-
-
-def _between(q: np.ndarray, t: Train, e: int) -> np.ndarray:
-    """Position or velocity of one end of element e relative to its other end (k), from those of the masses (k, n)."""
-    one, other = (q[:, end] if end != GROUND else np.zeros(len(q)) for end in (t.a[e], t.b[e]))
-    return one - other
 
 
 def _first(true: np.ndarray) -> int | None:
