@@ -61,7 +61,7 @@ class DifferentiableCam:
         held = jax.lax.stop_gradient(borders)
         away = (held - borders)[:-1]
         orders = range(coefficients.shape[1])
-        return held, jnp.stack([_polynomial(coefficients, away, k) / factorial(k) for k in orders], axis=1)
+        return held, jnp.stack([polynomial(coefficients, away, k) / factorial(k) for k in orders], axis=1)
 
     def lift(self, theta, parameters: Parameters, order: int = 0) -> jax.Array:
         """Lift or its derivative by angle [m/rad^order] at `theta` [rad], any shape."""
@@ -69,7 +69,7 @@ class DifferentiableCam:
         theta = jnp.mod(jnp.asarray(theta) + jnp.pi, 2 * jnp.pi) - jnp.pi
         piece = jnp.searchsorted(borders, theta, side="right") - 1
         piece = jnp.clip(piece, 0, len(coefficients) - 1)
-        return _polynomial(coefficients[piece], theta - borders[piece], order)
+        return polynomial(coefficients[piece], theta - borders[piece], order)
 
     def area(self, parameters: Parameters) -> Float[jax.Array, ""]:
         """Integral of the lift over the duration [m rad]."""
@@ -104,11 +104,11 @@ class DifferentiableCam:
         widths = jnp.diff(borders)
         sign = -1.0 if lowest else 1.0
         shares = _places(*jax.lax.stop_gradient((sign * coefficients, widths)), order)
-        values = _polynomial(coefficients, shares * widths, order)
+        values = polynomial(coefficients, shares * widths, order)
         return values[jnp.argmax(sign * values)]
 
 
-def _polynomial(coefficients, x, order: int) -> jax.Array:
+def polynomial(coefficients, x, order: int) -> jax.Array:
     """The derivative `order` of sum_k c_k x^k at x (...); the coefficients (..., q) stand in ascending powers."""
     k = np.arange(order, coefficients.shape[-1])
     falling = np.array([float(perm(i, order)) for i in k])
@@ -118,13 +118,13 @@ def _polynomial(coefficients, x, order: int) -> jax.Array:
 def _places(coefficients, widths, order: int) -> jax.Array:
     """The share (p) of its width at which the derivative `order` of each piece (p, q) is largest."""
     grid = np.linspace(0.0, 1.0, SAMPLES)
-    shares = jnp.asarray(grid)[jnp.argmax(_polynomial(coefficients[:, None, :], grid * widths[:, None], order), axis=1)]
+    shares = jnp.asarray(grid)[jnp.argmax(polynomial(coefficients[:, None, :], grid * widths[:, None], order), axis=1)]
 
     def newton(_, shares):
-        slope, bend = (widths**k * _polynomial(coefficients, shares * widths, order + k) for k in (1, 2))
+        slope, bend = (widths**k * polynomial(coefficients, shares * widths, order + k) for k in (1, 2))
         step = jnp.where(bend < 0, -slope / jnp.where(bend < 0, bend, -1.0), 0.0)
         moved = jnp.clip(shares + step, 0.0, 1.0)
-        now, then = (_polynomial(coefficients, at * widths, order) for at in (shares, moved))
+        now, then = (polynomial(coefficients, at * widths, order) for at in (shares, moved))
         return jnp.where(then > now, moved, shares)  # where slope and bend are both round-off a step leads astray
 
     return jax.lax.fori_loop(0, NEWTON_STEPS, newton, shares)

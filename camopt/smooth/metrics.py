@@ -81,21 +81,11 @@ def greatest(at: Float[Array, " k"], s: Float[Array, " k"], v: Float[Array, " k"
     h, (v0, v1) = at[j + 1] - at[j], jax.lax.stop_gradient((v[j], v[j + 1]))
     proper = (v0 > 0) & (v1 < 0)
     start, m0, second, third = cubic(s[j], s[j + 1] - s[j], v[j] * h, v[j + 1] * h)
-    m1 = v[j + 1] * h
-    t = jax.lax.stop_gradient(jnp.where(proper, _fall_through_zero(m0, m1, second, third), 0.0))
+    root = jnp.sqrt(jnp.maximum(second**2 - 3 * third * m0, 0.0))  # the slope falls through zero where it is -2 root
+    t = jax.lax.stop_gradient(jnp.where(proper, m0 / (root - second), 0.0))
     proper = proper & (at[j] + t * h >= edges[0]) & (at[j] + t * h <= edges[1])
     crest = start + t * (m0 + t * (second + t * third))
     return jnp.where(proper, crest, jnp.max(jnp.where(keep, s, -jnp.inf)))
-
-
-def _fall_through_zero(m0, m1, second, third):
-    """Place in [0, 1] at which m0 + 2 second t + 3 third t^2 falls from m0 > 0 through zero to m1 < 0."""
-    t = m0 / jnp.where(m0 > m1, m0 - m1, 1.0)
-    for _ in range(4):  # Newton; where the slope is not that of a fall the secant's serves
-        slope = 2 * second + 6 * third * t
-        slope = jnp.where(slope < 0, slope, jnp.where(m0 > m1, m1 - m0, -1.0))
-        t = jnp.clip(t - (m0 + t * (2 * second + 3 * third * t)) / slope, 0.0, 1.0)
-    return t
 
 
 def separation_angle(angle: Float[Array, " k"], margin: Float[Array, " k"], edges):

@@ -18,6 +18,7 @@ from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.response import Response, Revolve
 from camopt.scene.shapes import Float
 from camopt.scene.train import LAW_PARAMETERS, Train
+from camopt.smooth.families import polynomial
 from camopt.smooth.grid import LARGEST_PHASE, equal_grid, refined_grid
 from camopt.smooth.laws import Layer
 from camopt.smooth.metrics import at_angle, revolution_metrics
@@ -129,19 +130,14 @@ def system_with(train: Train, parameters: Mapping[str, jax.Array]) -> System:
     return eqx.tree_at(lambda s: [getattr(s.laws if n in LAW_PARAMETERS else s, n) for n in names], system, values)
 
 
-def samples_of_pieces(
-    borders, coefficients: Float[jax.Array, "p q"], steps: int = LIFT_SAMPLES
-) -> Float[jax.Array, "{steps}+1 2"]:
+def samples_of_pieces(borders, coefficients: Float[jax.Array, "p q"]) -> Float[jax.Array, "k 2"]:
     """As `lift_samples`, of polynomial pieces with coefficients [m/rad^k] between `borders` (p + 1) [rad].
 
     Derivatives by the borders take lift and velocity to be continuous across them.
     """
-    theta, borders = jnp.asarray(equal_grid(steps)), jnp.asarray(borders)
+    theta, borders = jnp.asarray(equal_grid(LIFT_SAMPLES)), jnp.asarray(borders)
     piece = jnp.clip(jnp.searchsorted(borders, theta, side="right") - 1, 0, len(borders) - 2)
-    powers = (theta - borders[piece])[:, None] ** np.arange(coefficients.shape[1])
-    order = np.arange(1, coefficients.shape[1])
-    own = coefficients[piece]
-    return jnp.stack([jnp.sum(own * powers, 1), jnp.sum(own[:, 1:] * (order * powers[:, :-1]), 1)], axis=-1)
+    return jnp.stack([polynomial(coefficients[piece], theta - borders[piece], k) for k in (0, 1)], axis=-1)
 
 
 def differentiable_motion(
@@ -207,11 +203,8 @@ def regular(motion: SystemState, cam_speed, angle: np.ndarray) -> tuple[jax.Arra
     else is linear."""
     theta = jnp.asarray(angle)
 
-    def linear(values):
-        return jax.vmap(lambda q: at_angle(motion.angle, q, theta), 1, 1)(values)
+    def at(values, *slopes):
+        return jax.vmap(lambda q, *s: at_angle(motion.angle, q, theta, *s), 1, 1)(values, *slopes)
 
-    def cubic(values, slope):
-        return jax.vmap(lambda q, s: at_angle(motion.angle, q, theta, s), 1, 1)(values, slope)
-
-    lift = linear(motion.lift[:, None])[:, 0]
-    return lift, cubic(motion.x, motion.v / cam_speed), linear(motion.v), linear(motion.force)
+    lift = at_angle(motion.angle, motion.lift, theta)
+    return lift, at(motion.x, motion.v / cam_speed), at(motion.v), at(motion.force)
