@@ -15,7 +15,7 @@ import numpy as np
 from tqdm import tqdm
 
 from camopt.measure.hermite import Hermite
-from camopt.scene import InputError, MotionRefused, Response
+from camopt.scene import MotionRefused, Response
 from camopt.scene.units import UM
 from camopt.verifier.accuracy import effort_of, stored_curves
 
@@ -98,8 +98,6 @@ def deliver(
     """
     effort = effort_of(accuracy)
     asked_um = effort.tolerances.tolerance_um if isinstance(accuracy, str) else float(accuracy)
-    if not (np.isfinite(asked_um) and asked_um > 0):
-        raise InputError(f"accuracy {accuracy}: a number of micrometres above 0 is needed")
     coarser = ESTIMATES.get(method, STEPPING)[0]
     curve = stored_curves()["event" if method == CHORDS_DIAL else method]
     first = 2 ** (coarser - 2) * max(curve.coarsest(asked_um, typical=True), 4 * least)
