@@ -1,4 +1,4 @@
-"""The metrics of a motion, each declared once: name, unit, sentence, window. Tables, axes and tests read this list.
+"""The metrics of a motion, each declared once: name, label, unit, limit. Tables, axes and tests read this list.
 
 The formulas are written once per side (`camopt.measure.metrics` in NumPy, `camopt.smooth.metrics` in JAX) and a test
 feeds both sides the same response.
@@ -11,82 +11,30 @@ from typing import TypeGuard
 
 @dataclass(frozen=True)
 class Quantity:
-    """A metric with its unit, its sentence, and the key of the scene's design that limits it, if any."""
+    """A metric with its unit, and the key of the scene's design that limits it, if any."""
 
     name: str  # as in verification.json, the unit in the name
     label: str
     unit: str
-    sentence: str
-    window: str
     limit: str | None = None
     less_is_worse: bool = False  # then a limit is the least value allowed
 
 
-CLOSED = "from the earlier of touch and nominal closing to the next opening foot"
-EVENT = "cam angles within half the duration of the nose"
-REVOLUTION = "one revolution"
-
 QUANTITIES = {
     q.name: q
     for q in (
-        Quantity(
-            "bounce_mm",
-            "bounce",
-            "mm",
-            "largest distance of the valve from its seat touch after closing",
-            CLOSED,
-            "bounce_max_mm",
-        ),
-        Quantity(
-            "jump_mm", "jump", "mm", "largest separation of a contact between cam and valve", EVENT, "jump_max_mm"
-        ),
-        Quantity(
-            "jump_deg",
-            "jump angle",
-            "deg",
-            "largest total angle of separation of such a contact",
-            EVENT,
-            "jump_max_deg",
-        ),
-        Quantity(
-            "contact_force_min_N",
-            "least contact force",
-            "N",
-            "smallest force of a contact between cam and valve",
-            EVENT,
-            "contact_force_min_N",
-            less_is_worse=True,
-        ),
-        Quantity(
-            "contact_force_max_N",
-            "peak contact force",
-            "N",
-            "largest force of a contact between cam and valve",
-            EVENT,
-            "contact_force_max_N",
-        ),
-        Quantity(
-            "seating_velocity_m_per_s",
-            "seating velocity",
-            "m/s",
-            "speed of the valve at the touch",
-            "the touch",
-            "seating_velocity_max_m_per_s",
-        ),
-        Quantity(
-            "impact_velocity_m_per_s", "impact velocity", "m/s", "largest approach speed of any seat closing", CLOSED
-        ),
-        Quantity(
-            "dynamic_area_mm_deg",
-            "dynamic area",
-            "mm deg",
-            "integral of the valve's distance from its seat touch",
-            REVOLUTION,
-            less_is_worse=True,
-        ),
-        Quantity("excess_lift_mm", "excess lift", "mm", "largest valve lift above the kinematic lift", REVOLUTION),
+        Quantity("bounce_mm", "bounce", "mm", "bounce_max_mm"),
+        Quantity("jump_mm", "jump", "mm", "jump_max_mm"),
+        Quantity("jump_deg", "jump angle", "deg", "jump_max_deg"),
+        Quantity("contact_force_min_N", "least contact force", "N", "contact_force_min_N", less_is_worse=True),
+        Quantity("contact_force_max_N", "peak contact force", "N", "contact_force_max_N"),
+        Quantity("seating_velocity_m_per_s", "seating velocity", "m/s", "seating_velocity_max_m_per_s"),
+        Quantity("impact_velocity_m_per_s", "impact velocity", "m/s"),
+        Quantity("dynamic_area_mm_deg", "dynamic area", "mm deg", less_is_worse=True),
+        Quantity("excess_lift_mm", "excess lift", "mm"),
     )
 }
+"""What each of them is, and over which window, is in docs/model.md."""
 LESS_IS_WORSE = frozenset(q.name for q in QUANTITIES.values() if q.less_is_worse)
 """Metrics whose worst value is the smallest one."""
 
