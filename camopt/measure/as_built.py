@@ -6,7 +6,6 @@ The error of a ground contour consists of waves over a revolution, of no more th
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import PPoly, make_interp_spline
@@ -71,32 +70,16 @@ def draws_of_trains(scene: Scene, count: int, *, seed: int = 0) -> dict[str, np.
 def _draws(scene: Scene, seed: int, i: int) -> dict[str, np.ndarray]:
     draws = deviates(scene, seed, i)
     if scene.grinding is not None:
-        draws[GRINDING] = drawn_waves(key_of(seed, i, GRINDING), scene.grinding.harmonics).parts
+        draws[GRINDING] = drawn_waves(key_of(seed, i, GRINDING), scene.grinding.harmonics)
     return draws
 
 
-class Waves(NamedTuple):
-    """Harmonics (h) of a revolution, with their sizes (h) and phases (h) [rad]."""
-
-    harmonic: np.ndarray
-    size: np.ndarray
-    phase: np.ndarray
-
-    @property
-    def parts(self) -> np.ndarray:
-        """Cosine and sine part of each harmonic (2 h), symmetric about zero and without correlation."""
-        return np.concatenate([self.size * np.cos(self.phase), -self.size * np.sin(self.phase)])
-
-    def __call__(self, angle: np.ndarray) -> np.ndarray:
-        """The sum of the waves at angles (k) [rad]."""
-        return np.cos(self.harmonic * angle[:, None] + self.phase) @ self.size
-
-
-def drawn_waves(seed: Seed, harmonics: tuple[int, int]) -> Waves:
-    """Waves of every harmonic from the lowest to the highest, of equal expected size and any phase."""
-    random, harmonic = np.random.default_rng(seed), np.arange(harmonics[0], harmonics[1] + 1)
-    size = random.standard_normal(len(harmonic))
-    return Waves(harmonic, size, random.uniform(0, 2 * np.pi, len(harmonic)))
+def drawn_waves(seed: Seed, harmonics: tuple[int, int]) -> np.ndarray:
+    """Cosine and sine parts (2 h) of the harmonics of a revolution from the lowest to the highest, which have one
+    expected size and any phase: the parts are symmetric about zero and without correlation."""
+    random, count = np.random.default_rng(seed), harmonics[1] - harmonics[0] + 1
+    size, phase = random.standard_normal(count), random.uniform(0, 2 * np.pi, count)
+    return np.concatenate([size * np.cos(phase), -size * np.sin(phase)])
 
 
 def ground(lift: Lift, seed: Seed, peak: float, harmonics: tuple[int, int]) -> Lift:
@@ -124,7 +107,8 @@ def _error(
     foot, half, end = angles
     knot = 2 * np.pi / (WAVE_KNOTS * harmonics[1])
     angle = np.linspace(foot, end, max(int(np.ceil((end - foot) / knot)), WAVE_KNOTS) + 1)
-    wave = drawn_waves(seed, harmonics)(angle)
+    phases = np.arange(harmonics[0], harmonics[1] + 1) * angle[:, None]
+    wave = np.concatenate([np.cos(phases), np.sin(phases)], axis=1) @ drawn_waves(seed, harmonics)
     opening, closing = (max(ramp, 2 * np.pi / harmonics[1]) for ramp in (-half - foot, end - half))
     inside = np.clip((angle - foot) / opening, 0, 1) * np.clip((end - angle) / closing, 0, 1)
     wave *= inside**3 * (10 - 15 * inside + 6 * inside**2)
