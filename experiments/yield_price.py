@@ -53,7 +53,7 @@ OTHERS = {"small": (), "full": ("motori-1", "pushrod-5mass", "race-nested", "fin
 OF_OTHERS = (0.99,)
 """Other trains, and shares of them."""
 EFFORT = {
-    "small": replace(ACCURACIES["draft"], shaping_trains=10, unseen_trains=12),
+    "small": replace(ACCURACIES["draft"], foretold_trains=10, shaping_trains=12, unseen_trains=12),
     "full": ACCURACIES["standard"],
 }
 QUICKER = "draft"

@@ -21,9 +21,9 @@ class Accuracy:
     feedback_rounds: int  # programs whose margins the judge feeds back
     verdict: Effort  # effort of the final verdict
     without_jerk_limit: bool  # whether the comparison shows the families without it as well
-    shaping_trains: int  # drawn trains that shape a cam for a yield
+    foretold_trains: int  # drawn trains whose foretold openings lead to the neighbourhood of a cam for a yield
+    shaping_trains: int  # drawn trains whose motions shape that cam
     unseen_trains: int  # others that say how large it may be
-    sloped_trains: int  # drawn trains whose real motions lead on from there; none where that takes too long
     stated_trains: int  # fresh ones that state the yield, unless a wanted share lets fewer than the next be expected
     stated_failing: int  # to fail of them
     stated_speeds: int  # speeds over the band at which they are judged
@@ -32,9 +32,9 @@ class Accuracy:
 
 
 ACCURACIES = {
-    DRAFT: Accuracy(2.75, 9, 93, 2, 12, EFFORTS[DRAFT], False, 500, 400, 0, 200, 10, 11, (0.5,), False),
-    STANDARD: Accuracy(1.75, 17, 373, 8, 24, EFFORTS[STANDARD], True, 600, 1500, 0, 1000, 40, 11, (0.15, 0.5)),
-    FINE: Accuracy(1.5, 33, 745, 16, 40, EFFORTS[FINE], True, 1200, 8000, 3000, 4000, 80, 21, (0.15, 0.5)),
+    DRAFT: Accuracy(2.75, 9, 93, 2, 12, EFFORTS[DRAFT], False, 200, 500, 400, 200, 10, 11, (0.5,), False),
+    STANDARD: Accuracy(1.75, 17, 373, 8, 24, EFFORTS[STANDARD], True, 300, 1500, 1500, 1000, 40, 11, (0.15, 0.5)),
+    FINE: Accuracy(1.5, 33, 745, 16, 40, EFFORTS[FINE], True, 600, 3000, 4000, 4000, 80, 21, (0.15, 0.5)),
 }
 """By name. Too few trains shape a cam that suits them alone, and the limits then have to fall for all others: with half
 of `kodama`'s tolerances 200 trains end at an area ratio of 0.486 and 500 at 0.510, in the same time. 40 failing trains

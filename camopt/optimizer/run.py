@@ -247,8 +247,7 @@ class _OpenRun:
 
     def state_yield(self, folder: Path, lift: Lift, verdict: Verdict, shown: Progress) -> "YieldStatement | None":
         """What fresh trains say of the cam, written into verification.json; None where nothing scatters."""
-        from camopt.optimizer.as_built.ideal import beside
-        from camopt.optimizer.as_built.statement import statement_of_run
+        from camopt.optimizer.as_built.statement import beside, statement_of_run
         from camopt.optimizer.baselines.comparison import NO_JERK, plain_baselines
 
         def baselines() -> dict[str, Lift | str]:

@@ -32,8 +32,6 @@ CHORDS = 8
 of race-nested uses of its limits by half a percent at most. The statement takes as many as elsewhere."""
 UNJUDGED = 0.99
 """Part of a limit that a train counts as using before it is judged, so that it is."""
-FIRST_JUDGED = 200
-"""Trains that are judged at all speeds with the first cam, and say at which speeds the rest of them may fail."""
 WATCHED = 0.6
 """A train is judged with every cam at the speeds where it last used more of a limit than this."""
 
@@ -101,16 +99,6 @@ class TrainEnsemble:
         matters[-1] = True
         return matters
 
-    def enlarge(self, lift: Lift, count: int, part: float) -> None:
-        """Draws trains until there are so many, which begin where the train as designed settles with a cam; the first
-        of all say by their motions with it at which speeds the others may fail, those that matter to this `part`."""
-        self.settle(lift)
-        if not self.trains:
-            self.draw(min(FIRST_JUDGED, count))
-            self.judge(lift, self.all)
-        if count > len(self.trains):
-            self.draw(count, self.matters(part))
-
     def settle(self, lift: Lift) -> None:
         """Lets trains drawn from now on begin where the one as designed settles with a cam, if it holds its limits."""
         train = build_train(self.scene)
@@ -128,6 +116,11 @@ class TrainEnsemble:
         self.states = np.concatenate([self.states, self._nominal[new % STAGGER]])
         self.used = np.concatenate([self.used, np.zeros((len(new), len(self.limits), SPEEDS))])
         self.used[first:, :, slice(None) if unsure is None else unsure] = UNJUDGED
+
+    def doubt(self, unsure: np.ndarray) -> None:
+        """Lets all trains count as near their limits at the speeds that are `unsure` (s: bool), until they are judged
+        there with another cam."""
+        self.used[:, :, unsure] = UNJUDGED
 
     def judge(self, lift: Lift, wanted: np.ndarray) -> None:
         """Judges a cam with the trains at the speeds that are `wanted` (t, s: bool)."""

@@ -15,9 +15,10 @@ from threadpoolctl import threadpool_limits
 
 from camopt.measure.as_built import trains_as_built
 from camopt.optimizer.as_built.checks import check_scatter
-from camopt.optimizer.as_built.levels import FIRST_LEVEL
+from camopt.optimizer.as_built.exact_forces import ExactForces
 from camopt.optimizer.as_built.openings_program import OpeningsProgram
-from camopt.optimizer.as_built.search import DRAWS_SEED, ExactForces, band_speeds, free_program, opening_limits
+from camopt.optimizer.as_built.search import DRAWS_SEED, band_speeds, free_program, opening_limits
+from camopt.optimizer.as_built.steps import FIRST_LEVEL
 from camopt.scene.as_built import moved_together, scatter_labels, with_scatter
 from camopt.scene.errors import InputError
 from camopt.scene.parameters import with_numbers

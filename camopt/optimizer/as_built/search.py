@@ -1,102 +1,38 @@
-"""The search for yield of a scene, without a run folder around it."""
+"""The search for the cam of largest area that a wanted share of drawn trains holds, without a run folder around it.
+
+Openings that are foretold from tied forces of some trains lead to the neighbourhood of the cam (`openings_program`).
+From there slopes of the real motions of more trains lead on (`slopes_program`), at a price of what they use of their
+limits. As many of these trains as may fail say what the price is to begin with, and then other trains, which shape no
+cam: the cam that they judge is the mean of the last ones of the program, each of which suits the trains of its own
+rows. The final statement asks still others. The draws are the same for every cam (common random numbers).
+"""
 
 from collections.abc import Callable, Sequence
-from typing import Protocol
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from camopt.cam.families.free import FreeCam
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.optimizer.accuracy import Accuracy
 from camopt.optimizer.as_built.drawn import FOLDER, TrainEnsemble
-from camopt.optimizer.as_built.levels import FIRST_LEVEL, LATER_FACTOR, LEVEL_FACTOR, YieldSearch
-from camopt.optimizer.as_built.openings_program import STEP, OpeningsProgram
+from camopt.optimizer.as_built.exact_forces import ExactForces, ForceSource
+from camopt.optimizer.as_built.openings_program import OpeningsProgram
 from camopt.optimizer.as_built.slopes_program import SHAPING, SlopesProgram
-from camopt.optimizer.program.force_rows import Box, Window
+from camopt.optimizer.as_built.steps import FIRST_LEVEL, YieldSearch, first_level, smaller_cams
+from camopt.optimizer.program.force_rows import Box
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
-from camopt.optimizer.program.periodic import LIFT_DERIVATIVES, CamSamples, periodic_response, sample_cam
-from camopt.optimizer.program.phases import static_angles
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import converge_tangents
 from camopt.optimizer.search.region import first_region
-from camopt.scene.errors import NoCamFound
 from camopt.scene.rest import is_linear
 from camopt.scene.schema import Scene
-from camopt.scene.train import Train, build_train
+from camopt.scene.train import build_train
 from camopt.scene.units import MM
 from camopt.storage.journal import StepFiles
 
-
-class ForceSource(Protocol):
-    """Where the forces of drawn trains come from."""
-
-    theta: np.ndarray  # (k) rad, the angles at which they are read
-    for_every_cam: bool
-
-    def about(self, z: np.ndarray) -> np.ndarray:
-        """Forces (t, s, c, k, 1 + m) [N] in single precision, affine in z (m): right for the cam of z."""
-        ...
-
-
-class ExactForces:
-    """The forces of trains (t), train t at the cam speeds `cam_speeds[t % classes]` (classes, s) [rad/s]."""
-
-    for_every_cam = True
-
-    def __init__(self, trains: Sequence[TrainAsBuilt], nominal: Train, cam: FreeCam, cam_speeds: np.ndarray):
-        window, top = Window(), float(cam.breaks[0])
-        self._usual = static_angles(nominal, cam)
-        last = self._usual.seat_closes - window.before_seat - top
-        self.theta = top + STEP * np.arange(np.ceil(window.after_top / STEP - 1e-9), np.floor(last / STEP) + 1)
-        shape = len(trains), cam_speeds.shape[1], len(nominal.cam_side), len(self.theta), 1 + cam.Z.shape[1]
-        self._forces = np.empty(shape, dtype=np.float32)
-        for t, one in enumerate(trains):
-            self._put(self._forces[t], one, cam, cam_speeds[t % len(cam_speeds)])
-
-    def about(self, z: np.ndarray) -> np.ndarray:
-        """The forces (t, s, c, k, 1 + m) [N] in single precision, at z = 0 and by each of z (m): those of every cam."""
-        return self._forces
-
-    def _put(self, found: np.ndarray, one: TrainAsBuilt, cam: FreeCam, cam_speeds: np.ndarray) -> None:
-        """Puts those of one train in their place (s, c, k, 1 + m)."""
-        try:
-            angles = static_angles(one.train, cam)
-        except NoCamFound:  # its lash is larger than the ramp is high: it hits, and event-exact judges how hard
-            angles = self._usual
-        samples = sample_cam(cam, angles, STEP)
-        error = _error_samples(one, cam, samples)
-        at = np.searchsorted(samples.edges, self.theta - 1e-9)
-        for s, cam_speed in enumerate(cam_speeds):
-            plain = periodic_response(one.train, samples, cam_speed, angles)
-            ground = plain.to_error(error) if error else None
-            for c, element in enumerate(one.train.cam_side):
-                force = plain.force(element, at)
-                if ground:
-                    force[:, 0] += ground.force(element, at)[:, 0]
-                found[s, c] = force
-
-
-def _error_samples(one: TrainAsBuilt, cam: FreeCam, samples: CamSamples) -> CamSamples | None:
-    """The error of a ground cam between the same edges, every step of the lobe with its Taylor polynomial; None where
-    it has none. The error's own knots lie within the steps, which its fifth derivative alone sees.
-    """
-    plain = cam.lift(np.zeros(cam.Z.shape[1]))
-    ground = one.cam(plain)
-    if ground is plain:
-        return None
-    edges = samples.edges
-    lobe = np.flatnonzero((edges[:-1] >= ground.borders[1] - STEP) & (edges[:-1] <= ground.borders[-2]))
-    first = np.union1d(samples.first, lobe)
-    begin = np.zeros((len(first), LIFT_DERIVATIVES + 1, 1))
-    for order in range(LIFT_DERIVATIVES - 1):
-        begin[:, order, 0] = ground(edges[first] + 1e-12, order) - plain(edges[first] + 1e-12, order)
-    return CamSamples(edges, first, begin)
-
-
-KNOT_DEG = 3.0
-"""Knot interval of the free cam. Finer ones let the program answer single trains with ripples of their own frequency,
-which no other train shares, and coarser ones lack what a closing flank needs."""
+KNOT_DEG = 2.5
+"""Knot interval of the free cam. With 3 degrees the openings program of `kodama` ends in the neighbourhood of another
+cam, whose area ratio is smaller by 0.003 at the same yield."""
 LOW_SPEEDS, HIGH_SPEEDS, NEAR_TOP, CLASSES = 2, 4, 0.93, 4
 """Each train has so many speeds of the band below and above this share of its top, at which most of the trains fail: a
 spring's surge meets a harmonic of the cam within a hundredth of a speed. After so many trains the same speeds come
@@ -110,9 +46,9 @@ USUAL_JUMP = 0.05 * MM
 ROUNDS = 3
 """Programs about one cam after the other where the forces are not the same for all cams."""
 FILLING_TRAINS, FILLING_ROUNDS, KEPT_N = 120, 5, 20.0
-"""Of trains with an adjuster: how many shape the cam, how many programs lead from the calmest cam to that about which
-the forces are, and the force [N] that it keeps on their contacts, so that no adjuster fills: the forces of one that has
-filled foretell nothing."""
+"""Of trains with an adjuster: for how many openings are foretold, how many programs lead from the calmest cam to that
+about which the forces are, and the force [N] that it keeps on their contacts, so that no adjuster fills: the forces of
+one that has filled foretell nothing."""
 FIRST_MARGIN_N = 40.0
 """Margin of the cam of the train as designed from which the search begins."""
 DRAWS_SEED, UNSEEN_SEED = 1_000_003, 2_000_003
@@ -133,29 +69,30 @@ def yield_search(
 ) -> YieldSearch:
     """The search for the cam of largest area that `wanted` of the trains as built hold over the scene's band.
 
-    `held` of the answer has the cams, each larger than the one before; `seed` draws the trains. Their forces are those
-    of the closed periodic response or, where laws are curved or `gradient` is "smooth", of the smoothed motion by JAX.
-    Where the accuracy names trains for it, the search then goes on along slopes of real motions. Raises NoCamFound
-    where no cam holds.
+    `held` of the answer has the cams, each larger than the one before; `seed` draws the trains. Foretold openings are
+    those of the closed periodic response or, where laws are curved or `gradient` is "smooth", of the smoothed motion by
+    JAX. Raises NoCamFound where no cam holds.
     """
     plain, z = free_program(scene)
-    shaping = min(effort.shaping_trains, FILLING_TRAINS) if plain.train.memory else effort.shaping_trains
-    cam_speeds, trains = band_speeds(scene), trains_as_built(scene, shaping, seed=seed + DRAWS_SEED)
+    foretold = min(effort.foretold_trains, FILLING_TRAINS) if plain.train.memory else effort.foretold_trains
+    cam_speeds, trains = band_speeds(scene), trains_as_built(scene, foretold, seed=seed + DRAWS_SEED)
     source = _source(gradient, trains, plain, cam_speeds)
     program = OpeningsProgram(plain, source.theta, cam_speeds, source.about(z))
-    unseen = TrainEnsemble(scene, seed + UNSEEN_SEED)
-    search = YieldSearch(unseen, program, wanted, journal or StepFiles(None, FOLDER), show)
-    limits, lost = opening_limits(scene, cam_speeds), int((1.0 - wanted) * shaping + 1e-9)
-    first, box = _about_its_own_cam(program, source, z, FIRST_LEVEL * limits, lost)
-    level, cam, factor = FIRST_LEVEL, first, LEVEL_FACTOR
-    for count in search.counts(effort.unseen_trains):
-        search.ask(cam.lift, count)
-        level = search.by_level(cam.z, limits, lost, level, box, factor)
-        cam, factor = search.held[-1], LATER_FACTOR
-    if effort.sloped_trains:
-        slopes = SlopesProgram(plain, TrainEnsemble(scene, seed + DRAWS_SEED), search.journal.beside(SHAPING))
-        slopes.begin(cam, effort.sloped_trains, wanted)
-        search.along_slopes(slopes)
+    limits, lost = opening_limits(scene, cam_speeds), int((1.0 - wanted) * foretold + 1e-9)
+    z, box = _about_its_own_cam(program, source, z, FIRST_LEVEL * limits, lost)
+    journal = journal or StepFiles(None, FOLDER)
+    shaping, unseen = (TrainEnsemble(scene, seed + of) for of in (DRAWS_SEED, UNSEEN_SEED))
+    slopes = SlopesProgram(plain, shaping, effort.shaping_trains, journal.beside(SHAPING))
+    search = YieldSearch(wanted, slopes, unseen, effort.unseen_trains, journal, show)
+
+    def largest(level: float, z: np.ndarray) -> NoJumpOptimum:
+        return program.largest(z, level * limits, lost, box)
+
+    level = first_level(search, largest, z)
+    slopes.begin(1.0 - wanted)
+    search.along()
+    if not search.held:
+        smaller_cams(search, largest, level, z)
     return search
 
 
@@ -199,15 +136,15 @@ def _source(gradient: str, trains: Sequence[TrainAsBuilt], plain: NoJumpProgram,
 
 def _about_its_own_cam(
     program: OpeningsProgram, source: ForceSource, z: np.ndarray, limits: np.ndarray, lost: int
-) -> tuple[NoJumpOptimum, Box | None]:
-    """The program's cam under limits (classes, s) [m], about which its forces are, and the box in which they are
-    believed, if they are not right for every cam.
+) -> tuple[np.ndarray, Box | None]:
+    """The coefficients (m) of the program's cam under limits (classes, s) [m], about which its forces are, and the box
+    in which they are believed; z itself and no box where they are right for every cam.
 
     Where an adjuster may fill, the cam is one on which contacts keep a force, and the forces are believed everywhere:
     larger cams, some of whose trains fill, are too far from it for a box.
     """
     if source.for_every_cam:
-        return program.largest(z, limits, lost), None
+        return z, None
     region, fills = first_region(program.plain.design), bool(program.plain.train.memory)
     program.keep(KEPT_N if fills else 0.0)
     for _ in range(FILLING_ROUNDS if fills else ROUNDS):
@@ -217,4 +154,5 @@ def _about_its_own_cam(
         missed, moved = (np.abs(program.tied(found.z) - one).max(axis=(2, 3)) for one in (foretold, before))
         region.follow(float(np.median(missed / np.maximum(moved, 1.0))))
         z = found.z
-    return found, None if fills else Box(z, region.width)
+    program.keep(0.0)
+    return z, None if fills else Box(z, region.width)

@@ -46,9 +46,12 @@ REVOLUTIONS = 2
 """Revolutions that a train goes on with each cam: its motion settles while the cam does."""
 FIRST_WIDTH, NARROWER = 0.1, 0.93
 """First width of the box about a cam, as a part of that of the forces' program, and its factor from one to the next."""
-CAMS = 2
+FIRST = 200
+"""Trains that are followed at all speeds with the first cams, and say at which the others may fail."""
+CAMS, MEAN = 2, 4
 """Rows about so many cams are in the program: a train's largest opening changes its place from one to the next, and
-contacts that stay closed with a cam have no slopes, until they open with the next."""
+contacts that stay closed with a cam have no slopes, until they open with the next. The mean of so many cams suits more
+trains than each of them, which suits those of its own rows."""
 SHAPING, TRACED = "shaping", (*MET, "train", "offset", "slope", "target")
 """Where a search keeps what the trains met with each cam, and the names of the arrays."""
 
@@ -72,11 +75,12 @@ class UseRows(NamedTuple):
 
 @dataclass
 class SlopesProgram:
-    """The program about one cam after the other, on trains `drawn` for it; `plain` has the limits on the shape. What
-    the trains met with a cam is kept in `journal`."""
+    """The program about one cam after the other, on `count` trains `drawn` for it; `plain` has the limits on the shape.
+    What the trains met with a cam is kept in `journal`."""
 
     plain: NoJumpProgram
     drawn: TrainEnsemble
+    count: int
     journal: StepFiles
     targets: np.ndarray = field(init=False)  # (l) by limit
     cam: CamOfSlopes = field(init=False)  # about which the program is
@@ -84,27 +88,52 @@ class SlopesProgram:
     def __post_init__(self) -> None:
         self._width = FIRST_WIDTH * first_region(self.plain.design).width
         self._area, self._area_at_zero = area_ratio_row(self.plain.design, self.plain.cam)
-        self._turn, self._rows = 0, deque[UseRows](maxlen=CAMS)
-
-    def begin(self, cam: CamOfSlopes | NoJumpOptimum, count: int, wanted: float) -> None:
-        """Draws so many trains about a cam that `wanted` of others hold; what they use with it says what the targets
-        are."""
-        self.cam = CamOfSlopes(cam.z, cam.area_ratio, cam.lift)
+        self._turn, self._rows, self._last = 0, deque[UseRows](maxlen=CAMS), deque[np.ndarray](maxlen=MEAN)
         self.targets = np.full(len(self.drawn.limits), TARGETS[1])
-        self.drawn.enlarge(cam.lift, count, 1.0 - wanted)
+
+    @property
+    def mean(self) -> CamOfSlopes:
+        """The mean of the program's last cams."""
+        return self._cam(np.mean(self._last, axis=0))
+
+    def about(self, cam: NoJumpOptimum, lost: float) -> float:
+        """Goes on from another cam, and returns the part of the first trains that fail with it; they are followed anew
+        at the speeds that matter to a part `lost`."""
+        drawn = self.drawn
+        if not drawn.trains:
+            drawn.settle(cam.lift)
+            drawn.draw(min(FIRST, self.count))
+        else:
+            drawn.doubt(drawn.matters(lost))
+        self.cam = self._cam(cam.z)
+        self._trace(self.cam)
+        return drawn.failing / len(drawn.trains)
+
+    def begin(self, lost: float) -> None:
+        """Draws all trains, a part of which may be `lost`; what they use with the cam from which it goes on says what
+        the targets are. They are followed twice, since at first each moves as the train as designed does."""
+        if self.count > len(self.drawn.trains):
+            self.drawn.draw(self.count, self.drawn.matters(lost))
         self._trace(self.cam)
         worst = np.sort(np.minimum(self.drawn.used.max(axis=2), FARTHEST), axis=0)  # (t, l)
-        last = (np.array([TAIL, 1]) * (1.0 - wanted) * len(worst)).astype(int)
+        last = (np.array([TAIL, 1]) * lost * len(worst)).astype(int)
         tail, most = worst[-1 - np.clip(last, 0, len(worst) - 1)]
         apart = np.maximum(1.0 - SPREADS * (most - tail), np.median(worst, axis=0))
         self.targets = np.clip(apart, *TARGETS)
         self._rows.append(self._trace(self.cam))
+        angles = np.linspace(-4, 4, 401) * PEAK_STEP
+        self._top = float(angles[np.argmax(self.cam.lift(angles))])
 
     def step(self, price: float) -> None:
         """Goes on to the program's cam at a `price`, about which the next program is."""
-        self.cam = self._optimum(price)
+        self.cam = self._cam(self._optimum(price))
+        self._last.append(self.cam.z)
         self._width *= NARROWER
         self._rows.append(self._trace(self.cam))
+
+    def _cam(self, z: np.ndarray) -> CamOfSlopes:
+        """The cam of free coefficients z (m)."""
+        return CamOfSlopes(z, float(self._area @ z + self._area_at_zero), self.plain.cam.lift(z))
 
     def _trace(self, cam: CamOfSlopes) -> UseRows:
         """The rows about a cam, by the trains that are or may soon be near a target, and those whose turn it is."""
@@ -164,14 +193,14 @@ class SlopesProgram:
         """The coefficients of the cam's pieces by its free ones (p, q, m)."""
         return self.plain.cam.piece_basis()[0]
 
-    def _optimum(self, price: float) -> CamOfSlopes:
-        """The program's cam: columns are the free coefficients and, by train with rows, how far it is beyond."""
+    def _optimum(self, price: float) -> np.ndarray:
+        """The coefficients (m) of the program's cam: its columns are they and, by train with rows, how far it is
+        beyond."""
         z, parts = self.cam.z, zip(*self._rows, strict=True)
         train, offset, slope, target = (np.concatenate(part) for part in parts)
         tail, column = np.unique(train, return_inverse=True)
-        plain, angles = self.plain, np.linspace(-4, 4, 401) * PEAK_STEP
-        top = float(angles[np.argmax(self.cam.lift(angles))])
-        matrix, bound = with_lift_reached(plain.cam, plain.design, plain.limits.matrix, plain.limits.bound, top)
+        plain = self.plain
+        matrix, bound = with_lift_reached(plain.cam, plain.design, plain.limits.matrix, plain.limits.bound, self._top)
         shape = spline_rows(matrix)
         size, count = shape.column, len(tail)
         beyond = csr_array((np.ones(len(train)), (np.arange(len(train)), column)), shape=(len(train), count))
@@ -185,8 +214,7 @@ class SlopesProgram:
         cost = np.concatenate([-self._area * size, np.full(count, price / len(self.drawn.trains))])
         box = np.column_stack([z - self._width, z + self._width]) / size[:, None]
         bounds = np.vstack([box, np.tile([0.0, np.inf], (count, 1))])
-        found = minimise(cost, rows, -np.inf, high, bounds).x[: len(z)] * size
-        return CamOfSlopes(found, float(self._area @ found + self._area_at_zero), plain.cam.lift(found))
+        return minimise(cost, rows, -np.inf, high, bounds).x[: len(z)] * size
 
 
 def _by_pieces(by_ground: np.ndarray, borders: np.ndarray, plain: np.ndarray) -> np.ndarray:

@@ -1,4 +1,7 @@
-"""What a run says of a cam's yield: by draws that the search never saw, a sample of them judged independently."""
+"""What a run says of a cam's yield: by draws that the search never saw, a sample of them judged independently.
+
+Beside it stands the largest cam for the train as designed, or an estimate of one for trains as built.
+"""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -8,15 +11,22 @@ from typing import Any
 
 import numpy as np
 
+from camopt.cam.design_file import as_written, write_design
 from camopt.cam.lift import Lift
+from camopt.cam.tables.lift_table import write_lift_table
 from camopt.measure.as_built import TrainAsBuilt, draws_of_trains, trains_as_built
 from camopt.measure.yield_words import ADVISED, asked_sentence, share_sentence, spoiling_sentences
 from camopt.measure.yields import Looks, Share, UsedLimits, rank_correlation_shares, share_of, yield_record
 from camopt.optimizer.accuracy import Accuracy, accuracy_named
 from camopt.optimizer.as_built.checks import has_a_yield
 from camopt.optimizer.as_built.measured import Track, measure_trains, track, trains_journal
+from camopt.optimizer.as_built.prices import estimated_area_ratio
+from camopt.optimizer.baselines.figures import IDEAL
+from camopt.optimizer.search.search import find_cam
+from camopt.scene.errors import NoCamFound
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
+from camopt.scene.units import MM
 from camopt.storage.journal import Records
 from camopt.verifier.verdict import verdict_on
 
@@ -220,3 +230,51 @@ def by_independent_methods(one: TrainAsBuilt, lift: Lift, used: UsedLimits, t: i
     near = abs(worst - 1.0) < 0.05 or said in ("sensitive", "not converged")
     agrees = bool(near or (said == "confirmed") == (worst <= 1.0))
     return {"train": t, "speed_rpm": speed, "used": worst, "verdict": said, "agrees": agrees}
+
+
+IDEAL_TRAINS, IDEAL_SPEEDS = 200, 11
+"""Fresh trains that say in what share of them the largest cam for the train as designed holds, and their speeds."""
+
+
+def beside(
+    scene: Scene,
+    lift: Lift,
+    settings: Mapping[str, Any],
+    stated: YieldStatement | None,
+    folder: Path,
+    start: Lift | None = None,
+) -> dict[str, Any]:
+    """Entries of verification.json's "yield" by the `settings` of a run: for a yield that was asked for the cam for the
+    train as designed, which is written into the folder; else, where fewer trains hold than are advised, an estimate of
+    the cam for so many, which is no larger than the run's. A search begins from the cam `start`, as the run's does."""
+    if "yield" in settings:
+        return {"ideal": write_ideal(scene, settings, folder, start)}
+    if stated is None or stated.share.low >= ADVISED or settings["speeds"] != "band":
+        return {}
+    try:
+        area_ratio = estimated_area_ratio(scene, ADVISED, settings["seed"])
+    except NoCamFound:
+        return {}
+    if area_ratio is None or scene.design is None:
+        return {}
+    return {"advised": {"share": ADVISED, "area_ratio": min(area_ratio, lift.area_ratio_in(scene.design))}}
+
+
+def write_ideal(scene: Scene, settings: Mapping[str, Any], folder: Path, start: Lift | None = None) -> dict | None:
+    """Writes `ideal/design.json` and `ideal/lift.csv` and says what they are: area ratio and share of trains with its
+    interval. The search's own judge holds the cam, no verdict is asked. None where no cam holds.
+    """
+    effort = accuracy_named(settings["accuracy"])
+    try:
+        search = find_cam(scene, settings["speeds"], effort, settings["gradient"], start=start, seed=settings["seed"])
+    except NoCamFound:
+        return None
+    cam = search.confirmed[-1]
+    lift, place = as_written(cam.lift), folder / IDEAL
+    place.mkdir(exist_ok=True)
+    write_design(place / "design.json", cam.lift, scene.required_design.max_lift_mm * MM)
+    write_lift_table(place / "lift.csv", lift)
+    stated = yield_statement(
+        scene, lift, None, trains=IDEAL_TRAINS, speeds=IDEAL_SPEEDS, seed=settings["seed"], sample=0
+    )
+    return {"area_ratio": cam.area_ratio, **vars(stated.share)}

@@ -7,8 +7,9 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from camopt.measure.as_built import trains_as_built
+from camopt.optimizer.as_built.exact_forces import EDGES, ExactForces
 from camopt.optimizer.as_built.openings_program import BROKEN, LONG, STEP, OpeningsProgram, opening_rows
-from camopt.optimizer.as_built.search import ExactForces, band_speeds, free_program
+from camopt.optimizer.as_built.search import band_speeds, free_program
 from camopt.optimizer.as_built.smooth_forces import SmoothForces
 from camopt.optimizer.program.periodic import periodic_response, sample_cam
 from camopt.optimizer.program.phases import LIFTED, phase_contacts, static_angles
@@ -60,7 +61,7 @@ def test_forces_have_the_errors_of_the_ground_cam(kodama):
     one, cam = trains[1], plain.cam
     found = source.about(z)[1] @ np.append(1.0, z)
     angles = static_angles(one.train, cam)
-    samples = sample_cam(cam, angles, STEP / 2, one.cam(cam.lift(z)))
+    samples = sample_cam(cam, angles, EDGES, one.cam(cam.lift(z)))
     smooth = source.about(z)[1, ..., 1:] @ z
     for s, speed in enumerate(speeds[1]):
         response = periodic_response(one.train, samples, speed, angles)

@@ -1,8 +1,5 @@
 """The program along slopes of real motions: its slopes, what its steps are worth, and its resumption."""
 
-from dataclasses import replace
-from types import SimpleNamespace
-
 import numpy as np
 import pytest
 
@@ -10,39 +7,41 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.cam.polynomials import recentred
 from camopt.exact.settled import settled_metrics
-from camopt.highs import Infeasible
-from camopt.optimizer.accuracy import ACCURACIES
-from camopt.optimizer.as_built import levels, slopes_program
-from camopt.optimizer.as_built.drawn import FOLDER, TrainEnsemble
+from camopt.optimizer.as_built import slopes_program
+from camopt.optimizer.as_built.drawn import TrainEnsemble
 from camopt.optimizer.as_built.measured import used_limits
-from camopt.optimizer.as_built.search import free_program, yield_search
-from camopt.optimizer.as_built.slopes_program import SHAPING, CamOfSlopes, SlopesProgram, _by_pieces
-from camopt.optimizer.program.kinematic import area_ratio_row, lift_to_reach
+from camopt.optimizer.as_built.search import free_program
+from camopt.optimizer.as_built.slopes_program import SHAPING, SlopesProgram, _by_pieces
+from camopt.optimizer.program.kinematic import lift_to_reach
 from camopt.scene import parse_scene
 from camopt.storage.journal import StepFiles
 from tests.optimizer.as_built.test_yield_search import SCATTER
 from tests.scene.test_load import EXAMPLE
 
 SCENE = parse_scene(EXAMPLE + SCATTER, "mine.toml")
-EFFORT = replace(ACCURACIES["draft"], shaping_trains=20, unseen_trains=30, sloped_trains=24)
-WANTED, PRICE, PULLING_N = 0.9, 0.5, -10.0
+WANTED, PRICE, KEPT_N = 0.9, 0.5, 10.0
+
+
+def settled(program: SlopesProgram) -> SlopesProgram:
+    """With the motions of all trains settled with its cam."""
+    program.drawn.judge(program.cam.lift, program.drawn.all)
+    return program
 
 
 def begun() -> SlopesProgram:
-    """The program about a cam whose contacts pull in the train as designed, which is too large for many drawn ones."""
+    """The program about a cam whose contacts keep a force in the train as designed, and which some drawn ones break."""
     plain, _ = free_program(SCENE)
-    z = plain.solve_below(np.full((3, len(plain.blocks)), PULLING_N)).z
-    row, constant = area_ratio_row(plain.design, plain.cam)
-    program = SlopesProgram(plain, TrainEnsemble(SCENE, 5), StepFiles(None, SHAPING))
-    program.begin(CamOfSlopes(z, float(row @ z + constant), plain.cam.lift(z)), 24, WANTED)
+    cam = plain.solve_below(np.full((3, len(plain.blocks)), KEPT_N))
+    program = SlopesProgram(plain, TrainEnsemble(SCENE, 5), 24, StepFiles(None, SHAPING))
+    assert program.about(cam, 1.0 - WANTED) > 2 * (1.0 - WANTED)
+    program.begin(1.0 - WANTED)
     return program
 
 
 def test_the_slopes_are_those_of_settled_motions():
     """Where a motion repeats itself, its use of a limit with a neighbouring cam is foretold."""
-    program, step, errors = begun(), 2e-5, []
-    direction = np.cos(np.arange(len(program.cam.z)))
-    rows, drawn = program._rows[-1], program.drawn
+    program, step, errors = settled(begun()), 2e-5, []
+    direction, drawn, rows = np.cos(np.arange(len(program.cam.z))), program.drawn, program._trace(program.cam)
     for r in range(len(rows.train)):
         t = int(rows.train[r])
         one, use = drawn.trains[t], rows.offset[r] + rows.slope[r] @ program.cam.z
@@ -75,8 +74,7 @@ def test_steps_are_worth_more_and_keep_the_limits_on_the_shape():
     program = begun()
 
     def worth() -> float:
-        program.drawn.judge(program.cam.lift, program.drawn.all)
-        beyond = np.maximum(program.drawn.used - program.targets[:, None], 0.0).max(axis=(1, 2))
+        beyond = np.maximum(settled(program).drawn.used - program.targets[:, None], 0.0).max(axis=(1, 2))
         return program.cam.area_ratio - PRICE * float(np.minimum(beyond, slopes_program.FARTHEST).mean())
 
     first, limits = worth(), program.plain.limits
@@ -84,6 +82,26 @@ def test_steps_are_worth_more_and_keep_the_limits_on_the_shape():
         program.step(PRICE)
         assert np.all(limits.matrix @ program.cam.z <= limits.bound + 1e-9 * np.abs(limits.matrix).max(axis=1))
     assert worth() > first + 1e-3
+
+
+def test_the_mean_is_that_of_the_last_cams_and_within_the_limits():
+    program, areas = begun(), []
+    for _ in range(slopes_program.MEAN + 1):
+        program.step(PRICE)
+        areas.append(program.cam.area_ratio)
+    limits, mean = program.plain.limits, program.mean
+    assert mean.area_ratio == pytest.approx(np.mean(areas[1:]), rel=1e-12) and min(areas) < mean.area_ratio < max(areas)
+    assert mean.lift.area_ratio_in(program.plain.design) == pytest.approx(mean.area_ratio, rel=1e-9)
+    assert np.all(limits.matrix @ mean.z <= limits.bound + 1e-9 * np.abs(limits.matrix).max(axis=1))
+
+
+def test_another_cam_is_followed_anew():
+    """What the first trains used with a cam that is far too large says nothing of a smaller one."""
+    plain, _ = free_program(SCENE)
+    large, small = (plain.solve_below(np.full((3, len(plain.blocks)), force)) for force in (-60.0, 30.0))
+    program = SlopesProgram(plain, TrainEnsemble(SCENE, 5), 24, StepFiles(None, SHAPING))
+    shares = [program.about(cam, 1.0 - WANTED) for cam in (large, small, large)]
+    assert shares[0] > 0.5 and shares[1] < 0.1 and shares[2] > 0.5
 
 
 def test_a_higher_price_leads_to_a_smaller_cam():
@@ -94,26 +112,6 @@ def test_a_higher_price_leads_to_a_smaller_cam():
             program.step(price)
         areas.append(program.cam.area_ratio)
     assert areas[0] > areas[1] + 1e-3
-
-
-def test_the_search_goes_on_along_slopes_and_resumes(tmp_path, monkeypatch):
-    """Its cams hold as those of the levels do, and what was traced is not traced again."""
-    monkeypatch.setattr(levels, "STEPS", 3)
-    monkeypatch.setattr(levels, "PRICES", 2)
-    found = yield_search(SCENE, WANTED, EFFORT, journal=StepFiles(tmp_path, FOLDER))
-    plain = yield_search(SCENE, WANTED, replace(EFFORT, sloped_trains=0))
-    assert found.trains_drawn == 24 + 30 and plain.trains_drawn == 20 + 30
-    assert found.steps == plain.steps + 5 and found.best.area_ratio >= plain.best.area_ratio
-    lines = (tmp_path / "history.jsonl").read_text().splitlines()
-    assert sum(levels.SLOPES in line for line in lines) == 5
-
-    def traced(*_):
-        raise AssertionError("a motion is traced again")
-
-    monkeypatch.setattr(slopes_program, "TracedMotion", traced)
-    again = yield_search(SCENE, WANTED, EFFORT, journal=StepFiles(tmp_path, FOLDER))
-    assert np.array_equal(again.best.z, found.best.z)
-    assert (tmp_path / "history.jsonl").read_text().splitlines() == lines
 
 
 def test_the_maximum_lift_is_reached_where_the_design_asks_for_it(monkeypatch):
@@ -127,12 +125,3 @@ def test_the_maximum_lift_is_reached_where_the_design_asks_for_it(monkeypatch):
             program.step(50.0)
         highest.append(program.cam.lift.max_lift)
     assert lift_to_reach(design) - 1e-12 <= highest[1] <= 6e-3 + 1e-12 and highest[0] < 5.5e-3
-
-
-def test_a_program_that_is_not_solved_leaves_the_cams_that_hold():
-    search, held = levels.YieldSearch(TrainEnsemble(SCENE, 0), None, WANTED), ["a cam"]
-    search.held = held
-    for error in (Infeasible, ArithmeticError):
-        slopes = SimpleNamespace(drawn=SimpleNamespace(trains=[None]), step=lambda _, e=error: (_ for _ in ()).throw(e))
-        search.along_slopes(slopes)
-    assert search.held == ["a cam"] and search.steps == 0

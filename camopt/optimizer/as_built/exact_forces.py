@@ -1,0 +1,96 @@
+"""Forces of the tied contacts of trains as built whose laws are straight, from the closed periodic response."""
+
+from collections.abc import Sequence
+from typing import Protocol
+
+import numpy as np
+
+from camopt.cam.families.free import FreeCam
+from camopt.measure.as_built import TrainAsBuilt
+from camopt.optimizer.as_built.openings_program import STEP
+from camopt.optimizer.program.force_rows import Window
+from camopt.optimizer.program.periodic import (
+    LIFT_DERIVATIVES,
+    CamSamples,
+    PeriodicResponse,
+    periodic_response,
+    sample_cam,
+)
+from camopt.optimizer.program.phases import static_angles
+from camopt.scene.errors import NoCamFound
+from camopt.scene.train import Train
+
+EDGES = STEP / 2
+"""Longest step of the response, whose edges include the cam's knots: between them forces are read along a line."""
+
+
+class ForceSource(Protocol):
+    """Where the forces of drawn trains come from."""
+
+    theta: np.ndarray  # (k) rad, the angles at which they are read
+    for_every_cam: bool
+
+    def about(self, z: np.ndarray) -> np.ndarray:
+        """Forces (t, s, c, k, 1 + m) [N] in single precision, affine in z (m): right for the cam of z."""
+        ...
+
+
+class ExactForces:
+    """The forces of trains (t), train t at the cam speeds `cam_speeds[t % classes]` (classes, s) [rad/s]."""
+
+    for_every_cam = True
+
+    def __init__(self, trains: Sequence[TrainAsBuilt], nominal: Train, cam: FreeCam, cam_speeds: np.ndarray):
+        window, top = Window(), float(cam.breaks[0])
+        self._usual = static_angles(nominal, cam)
+        last = self._usual.seat_closes - window.before_seat - top
+        self.theta = top + STEP * np.arange(np.ceil(window.after_top / STEP - 1e-9), np.floor(last / STEP) + 1)
+        shape = len(trains), cam_speeds.shape[1], len(nominal.cam_side), len(self.theta), 1 + cam.Z.shape[1]
+        self._forces = np.empty(shape, dtype=np.float32)
+        for t, one in enumerate(trains):
+            self._put(self._forces[t], one, cam, cam_speeds[t % len(cam_speeds)])
+
+    def about(self, z: np.ndarray) -> np.ndarray:
+        """The forces (t, s, c, k, 1 + m) [N] in single precision, at z = 0 and by each of z (m): those of every cam."""
+        return self._forces
+
+    def _put(self, found: np.ndarray, one: TrainAsBuilt, cam: FreeCam, cam_speeds: np.ndarray) -> None:
+        """Puts those of one train in their place (s, c, k, 1 + m)."""
+        try:
+            angles = static_angles(one.train, cam)
+        except NoCamFound:  # its lash is larger than the ramp is high: it hits, and event-exact judges how hard
+            angles = self._usual
+        samples = sample_cam(cam, angles, EDGES)
+        error = _error_samples(one, cam, samples)
+        at = np.searchsorted(samples.edges, self.theta)
+        before = (samples.edges[at] - self.theta) / (samples.edges[at] - samples.edges[at - 1])
+
+        def read(response: PeriodicResponse, element: int) -> np.ndarray:
+            low, high = response.force(element, at - 1), response.force(element, at)
+            return high + before[:, None] * (low - high)
+
+        for s, cam_speed in enumerate(cam_speeds):
+            plain = periodic_response(one.train, samples, cam_speed, angles)
+            ground = plain.to_error(error) if error else None
+            for c, element in enumerate(one.train.cam_side):
+                force = read(plain, element)
+                if ground:
+                    force[:, 0] += read(ground, element)[:, 0]
+                found[s, c] = force
+
+
+def _error_samples(one: TrainAsBuilt, cam: FreeCam, samples: CamSamples) -> CamSamples | None:
+    """The error of a ground cam between the same edges, every step of the lobe with its Taylor polynomial; None where
+    it has none. The error's own knots lie within the steps, which its fifth derivative alone sees.
+    """
+    plain = cam.lift(np.zeros(cam.Z.shape[1]))
+    ground = one.cam(plain)
+    if ground is plain:
+        return None
+    edges = samples.edges
+    lobe = np.flatnonzero((edges[:-1] >= ground.borders[1] - EDGES) & (edges[:-1] <= ground.borders[-2]))
+    first = np.union1d(samples.first, lobe)
+    begin = np.zeros((len(first), LIFT_DERIVATIVES + 1, 1))
+    for order in range(LIFT_DERIVATIVES - 1):
+        begin[:, order, 0] = ground(edges[first] + 1e-12, order) - plain(edges[first] + 1e-12, order)
+    return CamSamples(edges, first, begin)

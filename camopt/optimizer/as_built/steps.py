@@ -1,0 +1,213 @@
+"""The steps of the search for a yield: from foretold openings along slopes of motions to the largest cam that holds.
+
+How large a cam may be that trains have shaped is said by other trains, whose motions are judged by event-exact. They
+move the price of what trains use of their limits (`slopes_program`): as many may fail as leaves it unlikely that fewer
+than wanted hold. The draws are the same for every cam (common random numbers).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+from scipy.special import bdtr
+
+from camopt.cam.lift import Lift
+from camopt.highs import Infeasible
+from camopt.optimizer.as_built.drawn import FOLDER, MET, TrainEnsemble
+from camopt.optimizer.as_built.slopes_program import CamOfSlopes, SlopesProgram
+from camopt.optimizer.program.no_jump import NoJumpOptimum
+from camopt.scene.errors import NoCamFound
+from camopt.scene.units import DEG, MM
+from camopt.storage.journal import StepFiles
+
+FIRST_LEVEL, LEVEL_FACTOR, LEAST_LEVEL = 0.4, 2.0, 0.02
+"""The first limit on foretold openings, as a part of that on the jump, the factor from one to the next, and the least.
+Real openings are a half larger at the median where several masses give way, and many times as large where one mass
+does."""
+FEWEST_FAILING, MOST_FAILING = 0.5, 3.0
+"""With the cam from which the slopes lead on, so many times as many trains fail as may. Motions of cams that are far
+too large have slopes that lead nowhere."""
+FORETOLD, SLOPES = "foretold openings", "slopes of motions"
+"""What the history calls the steps."""
+STEPS, JUDGED = 8, 8
+"""Steps along slopes whose price the trains that shape the cam decide, and at most so many that unseen ones judge."""
+FIRST_PRICE, BY_FAILING, MOST_AT_ONCE = 0.012, 0.5, 2.0
+"""The first price times the share of trains that may fail, the power of the number of failing trains by which it
+changes from one step to the next, and the most by which it does."""
+SHAPED = 0.7
+"""Of trains that shape a cam so many times as many fail as of others."""
+NEAR_ENOUGH = 1e-3
+"""Difference of area ratio between a cam that holds and one that does not which ends the search."""
+NEAR = 0.8
+"""Part of a limit from which on a scout calls everyone."""
+SCOUTS, FAR_SCOUTS, MATTERING = 12, 48, 0.25
+"""Of the other trains one in so many is judged with every cam, and with the next cam the next ones, at the speeds that
+matter: the top of the band, and where more than a quarter as many trains are watched as may fail. At the remaining
+speeds it is one in the second number. A train that uses little of a limit with one cam may break it with the next."""
+CHANCE = 0.13
+"""With this chance, at most, as few trains fail as a cam may spend of those that say how large it may be, where it
+holds in no more than the wanted share of all. The rest of the wanted loss is for what a count leaves open, and for the
+choice of the largest cam, which favours those that are lucky with these trains: of a thousand, 6 in place of 10 may
+fail at 0.99, and 88 in place of 100 at 0.9."""
+RESOLUTION = 2e-4
+"""Area ratio by which a cam must exceed the best one to take its place."""
+
+LargestCam = Callable[[float, np.ndarray], NoJumpOptimum]
+"""The program's cam by the level of the limits on foretold openings, and by the cam before, of coefficients z (m)."""
+
+
+@dataclass
+class YieldSearch:
+    """The state of a search: the trains that say how large a cam may be, and the largest one that enough of them
+    hold."""
+
+    wanted: float
+    slopes: SlopesProgram
+    drawn: TrainEnsemble
+    unseen: int  # trains that are drawn for the first cam to be judged
+    journal: StepFiles = field(default_factory=lambda: StepFiles(None, FOLDER))
+    show: Callable[[dict], None] = lambda line: None
+    held: list[CamOfSlopes | NoJumpOptimum] = field(default_factory=list)  # each larger than the one before
+    smallest_refused: float = np.inf  # area ratio
+    steps: int = 0
+
+    @property
+    def best(self) -> CamOfSlopes | NoJumpOptimum | None:
+        """The largest cam that holds."""
+        return self.held[-1] if self.held else None
+
+    def allowed(self, count: int) -> int:
+        """Of so many trains those that may fail with a cam."""
+        return max(int(np.sum(bdtr(np.arange(count), count, 1.0 - self.wanted) <= CHANCE)) - 1, 0)
+
+    @property
+    def trains_drawn(self) -> int:
+        """Trains that were drawn so far, those that shaped the cam and the others."""
+        return len(self.slopes.drawn.trains) + len(self.drawn.trains)
+
+    def along(self) -> None:
+        """Goes on along slopes and moves their price by how many trains fail, of those that shape the cam and then of
+        unseen ones with the mean of the last cams, until a cam that holds is next to one that does not.
+
+        Where a program is not solved, the cams that hold so far stand.
+        """
+        price, slopes = FIRST_PRICE / (1.0 - self.wanted), self.slopes
+        for step in range(STEPS + JUDGED):
+            try:
+                slopes.step(price)
+            except (Infeasible, ArithmeticError):
+                return
+            if step < STEPS:
+                drawn, fewer = slopes.drawn, SHAPED
+                self.report(slopes.cam, SLOPES, drawn)
+            else:
+                drawn, fewer = self.drawn, 1.0
+                self.evaluate(slopes.mean, SLOPES)
+                if self.best and self.smallest_refused < self.best.area_ratio + NEAR_ENOUGH:
+                    return
+            change = ((drawn.failing + 1) / (fewer * self.allowed(len(drawn.trains)) + 1)) ** BY_FAILING
+            price *= float(np.clip(change, 1 / MOST_AT_ONCE, MOST_AT_ONCE))
+
+    def evaluate(self, cam: CamOfSlopes | NoJumpOptimum, stage: str) -> None:
+        """Judges a cam, keeps it if it is the largest that enough trains hold, and reports the step."""
+        drawn, step = self.drawn, self.steps + 1
+        if not drawn.trains:
+            drawn.settle(cam.lift)
+            drawn.draw(self.unseen, self.slopes.drawn.matters(1.0 - self.wanted))
+        stored = self.journal.stored(step, cam.z, MET)
+        if stored is not None:
+            drawn.take(stored)
+        else:
+            judged = self._judge(cam.lift)
+            if self.journal.kept:  # the states of thousands of trains are not copied for nothing
+                self.journal.store(step, cam.z, drawn.met(judged))
+        if drawn.failing > self.allowed(len(drawn.trains)):
+            self.smallest_refused = min(cam.area_ratio, self.smallest_refused)
+        elif self.best is None or cam.area_ratio > self.best.area_ratio + RESOLUTION:
+            self.held.append(cam)
+        self.report(cam, stage, drawn)
+
+    def report(self, cam: CamOfSlopes | NoJumpOptimum, stage: str, drawn: TrainEnsemble) -> None:
+        """Reports a step: its cam, and how many of the trains that were drawn for it fail."""
+        self.steps += 1
+        line = {
+            "iteration": self.steps,
+            "stage": stage,
+            "area_ratio": cam.area_ratio,
+            "area_mm_deg": cam.lift.area / MM / DEG,
+            "trains": len(drawn.trains),
+            "failing": drawn.failing,
+            "confirmed": self.best is cam,
+            "best_area_ratio": self.best.area_ratio if self.best else None,
+        }
+        self.journal.note(line)
+        self.show(line)
+
+    def _judge(self, lift: Lift) -> np.ndarray:
+        """Judges a cam with the trains that are watched and with scouts, and where a scout falls short with everyone.
+
+        It begins at the top of the band, and ends as soon as too many trains fail. Returns which trains were judged at
+        which speeds (t, s: bool).
+        """
+        drawn, watched, matters = self.drawn, self.drawn.watched, self.drawn.matters(MATTERING * (1.0 - self.wanted))
+        turn = (np.arange(len(drawn.trains)) + self.steps)[:, None]
+        scouts = ~watched & (turn % np.where(matters, SCOUTS, FAR_SCOUTS) == 0)
+        judged = np.zeros_like(watched)
+        for begin in (watched.shape[1] - 1, 0):
+            asked = (watched | scouts) & ~judged
+            asked[:, :begin] = False
+            drawn.judge(lift, asked)
+            judged |= asked
+            if self._too_many_fail(begin):
+                break
+            short = (scouts & asked & (drawn.used.max(axis=1) > NEAR)).any(axis=0)
+            others = short & ~(watched | scouts)
+            drawn.judge(lift, others)
+            judged |= others
+            if self._too_many_fail(begin):
+                break
+        return judged
+
+    def _too_many_fail(self, begin: int) -> bool:
+        """Whether more trains break a limit from the speed of a number on than may fail."""
+        failing = self.drawn.used[:, :, begin:].max(axis=(1, 2)) > 1.0
+        return int(np.sum(failing)) > self.allowed(len(failing))
+
+    def none_holds(self) -> NoCamFound:
+        """The error where not even the smallest cam holds."""
+        drawn = self.drawn
+        return NoCamFound(
+            f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: of {len(drawn.trains)} trains "
+            f"{drawn.failing} fail with the smallest one. Ask for a smaller yield, relax the limits on the motion or "
+            f"make the tolerances narrower; `camopt yield` says which is to blame"
+        )
+
+
+def first_level(search: YieldSearch, largest: LargestCam, z: np.ndarray) -> float:
+    """The level of foretold openings with whose cam some more trains fail than may; the slopes are about that cam."""
+    level, calm, wild, lost, slopes = FIRST_LEVEL, None, False, 1.0 - search.wanted, search.slopes
+    while True:
+        found = largest(level, z)
+        z, failing = found.z, slopes.about(found, lost)
+        search.report(slopes.cam, FORETOLD, slopes.drawn)
+        if failing > MOST_FAILING * lost and level > LEAST_LEVEL:
+            if calm is not None:
+                slopes.about(calm, lost)
+                return level / LEVEL_FACTOR
+            level, wild = level / LEVEL_FACTOR, True
+        elif wild or failing >= FEWEST_FAILING * lost or (calm and found.area_ratio < calm.area_ratio + RESOLUTION):
+            return level
+        else:
+            level, calm = level * LEVEL_FACTOR, found
+
+
+def smaller_cams(search: YieldSearch, largest: LargestCam, level: float, z: np.ndarray) -> None:
+    """Judges cams whose foretold openings are ever smaller, until one holds, where slopes lead to none: motions of few
+    trains may have none that leads back. Raises NoCamFound where not even the one without openings holds."""
+    while not search.held:
+        if level == 0.0:
+            raise search.none_holds()
+        level = level / LEVEL_FACTOR if level > LEAST_LEVEL else 0.0
+        found = largest(level, z)
+        z = found.z
+        search.evaluate(found, FORETOLD)

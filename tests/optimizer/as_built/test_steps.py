@@ -1,0 +1,101 @@
+"""The steps of the search for a yield, with programs and trains of which it is told what they do."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from camopt.cam.families.polydyne import polydyne
+from camopt.highs import Infeasible
+from camopt.optimizer.as_built import steps
+from camopt.optimizer.as_built.steps import YieldSearch, first_level, smaller_cams
+from camopt.scene import parse_scene
+from camopt.scene.errors import NoCamFound
+from tests.scene.test_load import EXAMPLE
+
+SCENE = parse_scene(EXAMPLE, "mine.toml")
+
+
+class Priced:
+    """A program whose cams are the larger the lower the price, and of whose trains the more fail the larger the cam."""
+
+    def __init__(self, trains: int, error: Exception | None = None):
+        self.drawn, self.prices, self._error = Failing(trains), [], error
+
+    def step(self, price):
+        if self._error:
+            raise self._error
+        self.prices.append(price)
+        self.cam = self.mean = SimpleNamespace(area_ratio=0.5 - 0.05 * np.log10(price), z=ONE, lift=polydyne(SCENE))
+        self.drawn.judge_area(self.cam.area_ratio)
+
+
+class Failing:
+    """Trains of which a tenth fail with an area ratio of 0.52, and a tenth more with every hundredth."""
+
+    def __init__(self, trains: int):
+        self.trains, self.failing = [None] * trains, 0
+
+    def judge_area(self, area_ratio):
+        self.failing = int(np.clip(10.0 * (area_ratio - 0.51), 0.0, 1.0) * len(self.trains))
+
+
+ONE = np.ones((1, 1))
+
+
+def priced(monkeypatch, slopes: Priced) -> YieldSearch:
+    search = YieldSearch(0.9, slopes, Failing(100), 100)
+    monkeypatch.setattr(search, "_judge", lambda lift: search.drawn.judge_area(slopes.cam.area_ratio))
+    return search
+
+
+def test_the_price_leads_to_the_largest_cam_that_holds(monkeypatch):
+    slopes = Priced(100)
+    search = priced(monkeypatch, slopes)
+    search.along()
+    largest = 0.51 + (search.allowed(100) + 1) / 100 / 10.0
+    assert largest - 1.5 * steps.NEAR_ENOUGH < search.best.area_ratio < largest  # the refused cam is beyond it
+    assert steps.STEPS < len(slopes.prices) <= steps.STEPS + steps.JUDGED
+    ratios = np.array(slopes.prices[1:]) / slopes.prices[:-1]
+    assert np.all((ratios >= 1 / steps.MOST_AT_ONCE - 1e-12) & (ratios <= steps.MOST_AT_ONCE + 1e-12))
+
+
+def test_where_slopes_lead_to_no_cam_smaller_openings_do(monkeypatch):
+    def judged(most: float) -> list[float]:
+        search, areas = YieldSearch(0.9, None, Failing(100), 100), []
+
+        def evaluate(cam, stage):
+            areas.append(cam.area_ratio)
+            search.held += [cam] if cam.area_ratio <= most else []
+
+        monkeypatch.setattr(search, "evaluate", evaluate)
+        smaller_cams(search, lambda level, z: SimpleNamespace(area_ratio=level, z=z), 0.4, None)
+        return areas
+
+    assert judged(0.1) == [0.2, 0.1] and judged(0.0) == [*(0.4 / 2.0**k for k in range(1, 6)), 0.0]
+    with pytest.raises(NoCamFound, match="90 % of the drawn trains hold no cam that was tried"):
+        judged(-1.0)
+
+
+@pytest.mark.parametrize("error", [Infeasible(""), ArithmeticError()])
+def test_a_program_that_is_not_solved_leaves_the_cams_that_hold(monkeypatch, error):
+    slopes = Priced(100, error)
+    search = priced(monkeypatch, slopes)
+    search.held = known = [SimpleNamespace(area_ratio=0.5)]
+    search.along()
+    assert search.held is known and search.steps == 0
+
+
+@pytest.mark.parametrize(
+    "fails, levels, ends",
+    [({0.4: 0.2}, [0.4], 0.4), ({0.4: 0.9, 0.2: 0.4, 0.1: 0.0}, [0.4, 0.2, 0.1], 0.1),
+     ({0.4: 0.0, 0.8: 0.04, 1.6: 0.9}, [0.4, 0.8, 1.6, 0.8], 0.8), ({0.4: 0.0, 0.8: 0.06}, [0.4, 0.8], 0.8),
+     (dict.fromkeys([0.4, 0.8, 1.6, 3.2], 0.0), [0.4, 0.8, 1.6, 3.2], 3.2)],
+)  # fmt: skip
+def test_slopes_begin_where_some_more_trains_fail_than_may(fails, levels, ends):
+    """From a level of 1.6 on the limits bind no more."""
+    tried, slopes = [], SimpleNamespace(cam=None, drawn=None)
+    slopes.about = lambda cam, lost: tried.append(cam.z) or fails[cam.z]
+    search = SimpleNamespace(wanted=0.9, slopes=slopes, report=lambda *_: None)
+    level = first_level(search, lambda level, z: SimpleNamespace(area_ratio=min(level, 1.6), z=level), None)
+    assert tried == levels and tried[-1] == level == ends
