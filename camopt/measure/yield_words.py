@@ -13,6 +13,8 @@ CONFIDENCE = 0.95
 """How often the interval of a share holds the true one."""
 ADVISED = 0.95
 """The share of trains that is advised where none was asked for."""
+IDEAL = "ideal"
+"""The folder inside a run's of the largest cam for the train as designed."""
 HELD, MISSED, ENOUGH, NOT_ASKED = "held", "missed", "enough", "not asked"
 """How the share stands to what was asked: where nothing was, whether the advised share is held in any case."""
 LEAST_BLAME = 0.005

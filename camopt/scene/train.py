@@ -13,8 +13,8 @@ from camopt.scene.schema import Scene
 from camopt.scene.units import DEG
 
 GROUND = -1
-KEPT_TRAINS = 2048
-"""Trains of which what is computed once is kept: a search for a yield comes back to 1500 drawn ones with every cam."""
+KEPT_TRAINS = 4096
+"""Trains of which what is computed once is kept: a search for a yield comes back to 3000 drawn ones with every cam."""
 TRAIN_PARAMETERS = ("mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap")
 """Fields of `Train` whose numbers a user may vary, and by which metrics have derivatives."""
 LAW_PARAMETERS = ("dissipation", "table", "leak", "travel", "slip")

@@ -84,11 +84,6 @@ class TrainEnsemble:
         return int(np.sum(self.worst > 1.0))
 
     @property
-    def all(self) -> np.ndarray:
-        """Every train at every speed (t, s: bool)."""
-        return np.ones((len(self.trains), SPEEDS), dtype=bool)
-
-    @property
     def watched(self) -> np.ndarray:
         """Which trains are watched at which speeds (t, s: bool)."""
         return self.used.max(axis=1) > WATCHED
@@ -121,6 +116,11 @@ class TrainEnsemble:
         """Lets all trains count as near their limits at the speeds that are `unsure` (s: bool), until they are judged
         there with another cam."""
         self.used[:, :, unsure] = UNJUDGED
+
+    def begin_anew(self, train: int, speed: int) -> None:
+        """Lets a train begin at one of its speeds where the train as designed has settled: no motion leads back from an
+        adjuster that has pumped up, nor from where a motion was refused."""
+        self.states[train, speed] = self._nominal[train % STAGGER, speed]
 
     def judge(self, lift: Lift, wanted: np.ndarray) -> None:
         """Judges a cam with the trains at the speeds that are `wanted` (t, s: bool)."""

@@ -21,7 +21,8 @@ from camopt.scene.errors import NoCamFound
 from camopt.scene.train import Train
 
 EDGES = STEP / 2
-"""Longest step of the response, whose edges include the cam's knots: between them forces are read along a line."""
+"""Longest step of the response. Its edges include the cam's knots, and between two edges forces are read along a
+line."""
 
 
 class ForceSource(Protocol):

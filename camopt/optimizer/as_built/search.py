@@ -2,9 +2,9 @@
 
 Openings that are foretold from tied forces of some trains lead to the neighbourhood of the cam (`openings_program`).
 From there slopes of the real motions of more trains lead on (`slopes_program`), at a price of what they use of their
-limits. As many of these trains as may fail say what the price is to begin with, and then other trains, which shape no
-cam: the cam that they judge is the mean of the last ones of the program, each of which suits the trains of its own
-rows. The final statement asks still others. The draws are the same for every cam (common random numbers).
+limits. The price follows how many trains fail, at first of these and then of other trains, which shape no cam. The cam
+that the latter judge is the mean of the program's last ones, each of which suits the trains of its own rows. The trains
+of the final statement are others again. The draws are the same for every cam (common random numbers).
 """
 
 from collections.abc import Callable, Sequence
@@ -18,7 +18,7 @@ from camopt.optimizer.as_built.drawn import FOLDER, TrainEnsemble
 from camopt.optimizer.as_built.exact_forces import ExactForces, ForceSource
 from camopt.optimizer.as_built.openings_program import OpeningsProgram
 from camopt.optimizer.as_built.slopes_program import SHAPING, SlopesProgram
-from camopt.optimizer.as_built.steps import FIRST_LEVEL, YieldSearch, first_level, smaller_cams
+from camopt.optimizer.as_built.steps import FIRST_LEVEL, NEWTONS, YieldSearch, first_level, smaller_cams
 from camopt.optimizer.program.force_rows import Box
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
@@ -86,7 +86,8 @@ def yield_search(
     search = YieldSearch(wanted, slopes, unseen, effort.unseen_trains, journal, show)
 
     def largest(level: float, z: np.ndarray) -> NoJumpOptimum:
-        return program.largest(z, level * limits, lost, box)
+        program.keep(max(-level, 0.0) * NEWTONS)
+        return program.largest(z, max(level, 0.0) * limits, lost, box)
 
     level = first_level(search, largest, z)
     slopes.begin(1.0 - wanted)
@@ -154,5 +155,4 @@ def _about_its_own_cam(
         missed, moved = (np.abs(program.tied(found.z) - one).max(axis=(2, 3)) for one in (foretold, before))
         region.follow(float(np.median(missed / np.maximum(moved, 1.0))))
         z = found.z
-    program.keep(0.0)
     return z, None if fills else Box(z, region.width)

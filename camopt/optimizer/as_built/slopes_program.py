@@ -30,10 +30,10 @@ from camopt.scene.errors import MotionRefused
 from camopt.storage.journal import StepFiles
 
 TAIL, SPREADS, TARGETS = 10, 2.0, (0.25, 0.9)
-"""The target of a limit lies SPREADS times as far below it as the train that just may fail uses more of it than the one
-beyond which there are TAIL times as many: far below a limit on the jump, of which some trains use many times as much as
-others, and near to one on seating velocities, which are much alike. It lies within TARGETS, and not below what half of
-the trains use."""
+"""The target of a limit lies SPREADS times as far below it as the first train that may not fail uses more of it than
+the one beyond which there are TAIL times as many, or than the one that uses least where there are not: far below a
+limit on the jump, of which some trains use many times as much as others, and near to one on seating velocities, which
+are much alike. It lies not below what half of the trains use, and in any case within TARGETS."""
 NEAR, SOON = 0.06, 0.06
 """A train has rows from so far below the target on, and is judged from SOON below that with every cam."""
 TOP_SCOUTS, OTHER_SCOUTS = 10, 100
@@ -47,13 +47,15 @@ REVOLUTIONS = 2
 FIRST_WIDTH, NARROWER = 0.1, 0.93
 """First width of the box about a cam, as a part of that of the forces' program, and its factor from one to the next."""
 FIRST = 200
-"""Trains that are followed at all speeds with the first cams, and say at which the others may fail."""
+"""Trains that are followed at all speeds with the first cam. The others are followed at the speeds at which these come
+near to their limits."""
 CAMS, MEAN = 2, 4
 """Rows about so many cams are in the program: a train's largest opening changes its place from one to the next, and
 contacts that stay closed with a cam have no slopes, until they open with the next. The mean of so many cams suits more
 trains than each of them, which suits those of its own rows."""
 SHAPING, TRACED = "shaping", (*MET, "train", "offset", "slope", "target")
-"""Where a search keeps what the trains met with each cam, and the names of the arrays."""
+"""The folder of a run in which what the trains met with each cam is kept, and the names of the arrays: what the trains
+used, and the rows of the program."""
 
 
 class CamOfSlopes(NamedTuple):
@@ -97,8 +99,8 @@ class SlopesProgram:
         return self._cam(np.mean(self._last, axis=0))
 
     def about(self, cam: NoJumpOptimum, lost: float) -> float:
-        """Goes on from another cam, and returns the part of the first trains that fail with it; they are followed anew
-        at the speeds that matter to a part `lost`."""
+        """Goes on from another cam, and returns how many times as many of the first trains fail with it as may of which
+        a part may be `lost`. They are followed at all speeds with the first cam, and then at those that matter."""
         drawn = self.drawn
         if not drawn.trains:
             drawn.settle(cam.lift)
@@ -107,7 +109,7 @@ class SlopesProgram:
             drawn.doubt(drawn.matters(lost))
         self.cam = self._cam(cam.z)
         self._trace(self.cam)
-        return drawn.failing / len(drawn.trains)
+        return drawn.failing / max(lost * len(drawn.trains), 1.0)
 
     def begin(self, lost: float) -> None:
         """Draws all trains, a part of which may be `lost`; what they use with the cam from which it goes on says what
@@ -116,7 +118,7 @@ class SlopesProgram:
             self.drawn.draw(self.count, self.drawn.matters(lost))
         self._trace(self.cam)
         worst = np.sort(np.minimum(self.drawn.used.max(axis=2), FARTHEST), axis=0)  # (t, l)
-        last = (np.array([TAIL, 1]) * lost * len(worst)).astype(int)
+        last = (np.array([TAIL, 1]) * lost * len(worst) + 1e-9).astype(int)
         tail, most = worst[-1 - np.clip(last, 0, len(worst) - 1)]
         apart = np.maximum(1.0 - SPREADS * (most - tail), np.median(worst, axis=0))
         self.targets = np.clip(apart, *TARGETS)
@@ -169,13 +171,16 @@ class SlopesProgram:
             motion = TracedMotion(one.train, cam, self.drawn.speeds(t)[s], self.drawn.states[t, s], REVOLUTIONS)
         except MotionRefused:
             self.drawn.used[t, :, s] = np.inf
+            self.drawn.begin_anew(t, s)
             return []
         values = motion.values([limit.metric for limit in limits], REVOLUTIONS - 2)
         use = np.array([float(limit.share(value)) for limit, value in zip(limits, values, strict=True)])
         self.drawn.used[t, :, s] = use
+        self.drawn.states[t, s] = motion.end
+        if use.max() >= (1.0 if one.train.memory else FARTHEST):
+            self.drawn.begin_anew(t, s)
         if use.max() >= FARTHEST:
             return []
-        self.drawn.states[t, s] = motion.end
         near = np.flatnonzero(use > self.targets - NEAR).tolist()
         if not near:
             return []

@@ -15,13 +15,12 @@ from camopt.cam.design_file import as_written, write_design
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.measure.as_built import TrainAsBuilt, draws_of_trains, trains_as_built
-from camopt.measure.yield_words import ADVISED, asked_sentence, share_sentence, spoiling_sentences
+from camopt.measure.yield_words import ADVISED, IDEAL, asked_sentence, share_sentence, spoiling_sentences
 from camopt.measure.yields import Looks, Share, UsedLimits, rank_correlation_shares, share_of, yield_record
 from camopt.optimizer.accuracy import Accuracy, accuracy_named
 from camopt.optimizer.as_built.checks import has_a_yield
 from camopt.optimizer.as_built.measured import Track, measure_trains, track, trains_journal
 from camopt.optimizer.as_built.prices import estimated_area_ratio
-from camopt.optimizer.baselines.figures import IDEAL
 from camopt.optimizer.search.search import find_cam
 from camopt.scene.errors import NoCamFound
 from camopt.scene.schema import Scene
@@ -36,6 +35,8 @@ SAMPLE = 3
 """Trains that the independent methods judge: those that come nearest to their limits on either side, and the first."""
 BASELINE_TRAINS = 60
 """Trains with which each baseline is measured: most of them hold in none."""
+IDEAL_TRAINS, IDEAL_SPEEDS = 200, 11
+"""Fresh trains by which the largest cam for the train as designed is measured, and their speeds over the band."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -230,10 +231,6 @@ def by_independent_methods(one: TrainAsBuilt, lift: Lift, used: UsedLimits, t: i
     near = abs(worst - 1.0) < 0.05 or said in ("sensitive", "not converged")
     agrees = bool(near or (said == "confirmed") == (worst <= 1.0))
     return {"train": t, "speed_rpm": speed, "used": worst, "verdict": said, "agrees": agrees}
-
-
-IDEAL_TRAINS, IDEAL_SPEEDS = 200, 11
-"""Fresh trains that say in what share of them the largest cam for the train as designed holds, and their speeds."""
 
 
 def beside(

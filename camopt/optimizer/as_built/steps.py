@@ -1,8 +1,8 @@
 """The steps of the search for a yield: from foretold openings along slopes of motions to the largest cam that holds.
 
-How large a cam may be that trains have shaped is said by other trains, whose motions are judged by event-exact. They
-move the price of what trains use of their limits (`slopes_program`): as many may fail as leaves it unlikely that fewer
-than wanted hold. The draws are the same for every cam (common random numbers).
+The price of what trains use of their limits (`slopes_program`) follows how many trains fail. At the end these are
+trains that have not shaped the cam, whose motions event-exact judges until they have settled: as many may fail as
+leaves it unlikely that fewer than wanted hold. The draws are the same for every cam (common random numbers).
 """
 
 from collections.abc import Callable
@@ -21,12 +21,15 @@ from camopt.scene.units import DEG, MM
 from camopt.storage.journal import StepFiles
 
 FIRST_LEVEL, LEVEL_FACTOR, LEAST_LEVEL = 0.4, 2.0, 0.02
-"""The first limit on foretold openings, as a part of that on the jump, the factor from one to the next, and the least.
-Real openings are a half larger at the median where several masses give way, and many times as large where one mass
-does."""
+"""The first limit on foretold openings, as a part of that on the jump, the factor from one to the next, and the one at
+which it is halved no more. Real openings are a half larger at the median where several masses give way, and many times
+as large where one mass does."""
+NEGATIVE_LEVEL, LOWEST_LEVEL, NEWTONS = -0.1, -0.8, 100.0
+"""Levels below zero stand for the force that contacts are to keep [N], as parts of the last number: the first and the
+last of them."""
 FEWEST_FAILING, MOST_FAILING = 0.5, 3.0
-"""With the cam from which the slopes lead on, so many times as many trains fail as may. Motions of cams that are far
-too large have slopes that lead nowhere."""
+"""With the cam from which the slopes lead on between these numbers times as many trains fail as may. Motions of cams
+that are far too large have slopes that lead nowhere."""
 FORETOLD, SLOPES = "foretold openings", "slopes of motions"
 """What the history calls the steps."""
 STEPS, JUDGED = 8, 8
@@ -35,11 +38,11 @@ FIRST_PRICE, BY_FAILING, MOST_AT_ONCE = 0.012, 0.5, 2.0
 """The first price times the share of trains that may fail, the power of the number of failing trains by which it
 changes from one step to the next, and the most by which it does."""
 SHAPED = 0.7
-"""Of trains that shape a cam so many times as many fail as of others."""
+"""How many times as many of the trains that shape a cam may fail as of others: the cam suits them better."""
 NEAR_ENOUGH = 1e-3
 """Difference of area ratio between a cam that holds and one that does not which ends the search."""
 NEAR = 0.8
-"""Part of a limit from which on a scout calls everyone."""
+"""Part of a limit from which on everyone is judged at a speed where a scout uses it."""
 SCOUTS, FAR_SCOUTS, MATTERING = 12, 48, 0.25
 """Of the other trains one in so many is judged with every cam, and with the next cam the next ones, at the speeds that
 matter: the top of the band, and where more than a quarter as many trains are watched as may fail. At the remaining
@@ -48,7 +51,8 @@ CHANCE = 0.13
 """With this chance, at most, as few trains fail as a cam may spend of those that say how large it may be, where it
 holds in no more than the wanted share of all. The rest of the wanted loss is for what a count leaves open, and for the
 choice of the largest cam, which favours those that are lucky with these trains: of a thousand, 6 in place of 10 may
-fail at 0.99, and 88 in place of 100 at 0.9."""
+fail at 0.99, and 88 in place of 100 at 0.9. Where so many trains are too few for it none may fail, and the chance is
+larger: of 1500 at 0.999 it is 0.22."""
 RESOLUTION = 2e-4
 """Area ratio by which a cam must exceed the best one to take its place."""
 
@@ -98,18 +102,18 @@ class YieldSearch:
             except (Infeasible, ArithmeticError):
                 return
             if step < STEPS:
-                drawn, fewer = slopes.drawn, SHAPED
-                self.report(slopes.cam, SLOPES, drawn)
+                drawn, fewer, failing = slopes.drawn, SHAPED, slopes.drawn.failing
+                self.report(slopes.cam, SLOPES, drawn, failing)
             else:
-                drawn, fewer = self.drawn, 1.0
-                self.evaluate(slopes.mean, SLOPES)
+                drawn, fewer, failing = self.drawn, 1.0, self.evaluate(slopes.mean, SLOPES)
                 if self.best and self.smallest_refused < self.best.area_ratio + NEAR_ENOUGH:
                     return
-            change = ((drawn.failing + 1) / (fewer * self.allowed(len(drawn.trains)) + 1)) ** BY_FAILING
+            change = ((failing + 1) / (fewer * self.allowed(len(drawn.trains)) + 1)) ** BY_FAILING
             price *= float(np.clip(change, 1 / MOST_AT_ONCE, MOST_AT_ONCE))
 
-    def evaluate(self, cam: CamOfSlopes | NoJumpOptimum, stage: str) -> None:
-        """Judges a cam, keeps it if it is the largest that enough trains hold, and reports the step."""
+    def evaluate(self, cam: CamOfSlopes | NoJumpOptimum, stage: str) -> int:
+        """Judges a cam, keeps it if it is the largest that enough trains hold, reports the step, and returns how many
+        trains fail, at the top of the band alone where too many do there."""
         drawn, step = self.drawn, self.steps + 1
         if not drawn.trains:
             drawn.settle(cam.lift)
@@ -117,17 +121,23 @@ class YieldSearch:
         stored = self.journal.stored(step, cam.z, MET)
         if stored is not None:
             drawn.take(stored)
+            speeds = stored["at"][1]
         else:
             judged = self._judge(cam.lift)
+            speeds = np.nonzero(judged)[1]
             if self.journal.kept:  # the states of thousands of trains are not copied for nothing
                 self.journal.store(step, cam.z, drawn.met(judged))
-        if drawn.failing > self.allowed(len(drawn.trains)):
+        failing = self._failing(int(speeds.min(initial=drawn.used.shape[2] - 1)))
+        if failing > self.allowed(len(drawn.trains)):
             self.smallest_refused = min(cam.area_ratio, self.smallest_refused)
         elif self.best is None or cam.area_ratio > self.best.area_ratio + RESOLUTION:
             self.held.append(cam)
-        self.report(cam, stage, drawn)
+            if self.smallest_refused <= cam.area_ratio:  # a smaller one was worse, and says nothing of larger ones
+                self.smallest_refused = np.inf
+        self.report(cam, stage, drawn, failing)
+        return failing
 
-    def report(self, cam: CamOfSlopes | NoJumpOptimum, stage: str, drawn: TrainEnsemble) -> None:
+    def report(self, cam: CamOfSlopes | NoJumpOptimum, stage: str, drawn: TrainEnsemble, failing: int) -> None:
         """Reports a step: its cam, and how many of the trains that were drawn for it fail."""
         self.steps += 1
         line = {
@@ -136,7 +146,7 @@ class YieldSearch:
             "area_ratio": cam.area_ratio,
             "area_mm_deg": cam.lift.area / MM / DEG,
             "trains": len(drawn.trains),
-            "failing": drawn.failing,
+            "failing": failing,
             "confirmed": self.best is cam,
             "best_area_ratio": self.best.area_ratio if self.best else None,
         }
@@ -152,26 +162,25 @@ class YieldSearch:
         drawn, watched, matters = self.drawn, self.drawn.watched, self.drawn.matters(MATTERING * (1.0 - self.wanted))
         turn = (np.arange(len(drawn.trains)) + self.steps)[:, None]
         scouts = ~watched & (turn % np.where(matters, SCOUTS, FAR_SCOUTS) == 0)
-        judged = np.zeros_like(watched)
+        judged, may_fail = np.zeros_like(watched), self.allowed(len(watched))
         for begin in (watched.shape[1] - 1, 0):
             asked = (watched | scouts) & ~judged
             asked[:, :begin] = False
             drawn.judge(lift, asked)
             judged |= asked
-            if self._too_many_fail(begin):
+            if self._failing(begin) > may_fail:
                 break
             short = (scouts & asked & (drawn.used.max(axis=1) > NEAR)).any(axis=0)
             others = short & ~(watched | scouts)
             drawn.judge(lift, others)
             judged |= others
-            if self._too_many_fail(begin):
+            if self._failing(begin) > may_fail:
                 break
         return judged
 
-    def _too_many_fail(self, begin: int) -> bool:
-        """Whether more trains break a limit from the speed of a number on than may fail."""
-        failing = self.drawn.used[:, :, begin:].max(axis=(1, 2)) > 1.0
-        return int(np.sum(failing)) > self.allowed(len(failing))
+    def _failing(self, begin: int) -> int:
+        """How many trains break a limit from the speed of a number on."""
+        return int(np.sum(self.drawn.used[:, :, begin:].max(axis=(1, 2)) > 1.0))
 
     def none_holds(self) -> NoCamFound:
         """The error where not even the smallest cam holds."""
@@ -184,30 +193,36 @@ class YieldSearch:
 
 
 def first_level(search: YieldSearch, largest: LargestCam, z: np.ndarray) -> float:
-    """The level of foretold openings with whose cam some more trains fail than may; the slopes are about that cam."""
-    level, calm, wild, lost, slopes = FIRST_LEVEL, None, False, 1.0 - search.wanted, search.slopes
+    """The level of foretold openings with whose cam, about which the slopes then are, half as many to three times as
+    many of the first trains fail as may; fewer where it was lowered, and where the limits bind no more."""
+    level, calm, lowered, lost, slopes = FIRST_LEVEL, None, False, 1.0 - search.wanted, search.slopes
     while True:
         found = largest(level, z)
-        z, failing = found.z, slopes.about(found, lost)
-        search.report(slopes.cam, FORETOLD, slopes.drawn)
-        if failing > MOST_FAILING * lost and level > LEAST_LEVEL:
+        z, times = found.z, slopes.about(found, lost)
+        search.report(slopes.cam, FORETOLD, slopes.drawn, slopes.drawn.failing)
+        if times > MOST_FAILING and level > LEAST_LEVEL:
             if calm is not None:
                 slopes.about(calm, lost)
                 return level / LEVEL_FACTOR
-            level, wild = level / LEVEL_FACTOR, True
-        elif wild or failing >= FEWEST_FAILING * lost or (calm and found.area_ratio < calm.area_ratio + RESOLUTION):
+            level, lowered = level / LEVEL_FACTOR, True
+        elif lowered or times >= FEWEST_FAILING or (calm and found.area_ratio < calm.area_ratio + RESOLUTION):
             return level
         else:
             level, calm = level * LEVEL_FACTOR, found
 
 
 def smaller_cams(search: YieldSearch, largest: LargestCam, level: float, z: np.ndarray) -> None:
-    """Judges cams whose foretold openings are ever smaller, until one holds, where slopes lead to none: motions of few
-    trains may have none that leads back. Raises NoCamFound where not even the one without openings holds."""
-    while not search.held:
-        if level == 0.0:
-            raise search.none_holds()
-        level = level / LEVEL_FACTOR if level > LEAST_LEVEL else 0.0
+    """Judges the cam of a level of foretold openings and ever smaller ones, until one holds, where slopes lead to none:
+    motions of few trains may have none that leads back. Raises NoCamFound where not even the lowest level has one."""
+    while True:
         found = largest(level, z)
         z = found.z
         search.evaluate(found, FORETOLD)
+        if search.held:
+            return
+        if level <= LOWEST_LEVEL:
+            raise search.none_holds()
+        if level > 0.0:
+            level = level / LEVEL_FACTOR if level > LEAST_LEVEL else 0.0
+        else:
+            level = min(LEVEL_FACTOR * level, NEGATIVE_LEVEL)

@@ -16,6 +16,7 @@ from camopt.exact.settled import settled_metrics
 from camopt.measure.reserve import STARTS
 from camopt.measure.settling import Settled, first_revolution
 from camopt.measure.sweep import SEARCH_STEP_RPM, START_RPM, SpeedCache, at_speeds, sweep
+from camopt.measure.yield_words import IDEAL
 from camopt.plots import (
     DrawnMotion,
     Sweep,
@@ -43,7 +44,7 @@ TABLE_STEP_DEG = 0.1
 DRAWN = ("bounce_mm", "jump_mm")
 HALVINGS = 6
 """Of event-exact's step on the way to the settled motion, as many as a verdict allows by default."""
-IDEAL, AS_DESIGNED = "ideal", "for the train as designed"
+AS_DESIGNED = "for the train as designed"
 """Folder of the cam that stands beside one for trains as built, and what its profile is called."""
 UNLAWFUL = " (breaks limits on the cam)"
 """Ending of a name in the figures: what carries it is no cam that these limits allow."""
