@@ -36,8 +36,7 @@ ACCURACIES = {
     STANDARD: Accuracy(1.75, 17, 373, 8, 24, EFFORTS[STANDARD], True, 300, 1500, 1500, 1000, 40, 11, (0.15, 0.5)),
     FINE: Accuracy(1.5, 33, 745, 16, 40, EFFORTS[FINE], True, 600, 3000, 4000, 4000, 80, 21, (0.15, 0.5)),
 }
-"""By name. Too few trains shape a cam that suits them alone, and the limits then have to fall for all others: with half
-of `kodama`'s tolerances 200 trains end at an area ratio of 0.486 and 500 at 0.510, in the same time. 40 failing trains
+"""By name. 40 failing trains
 of 4000 tell a loss of one per cent to a sixth of itself."""
 
 BEYOND = 1e-3

@@ -31,9 +31,9 @@ FIRST_COMBINATIONS = 256
 """Number of combinations for which there is room at first; the system provides it as it is written to."""
 GROWTH = 4
 """Factor by which the room grows when it is used up."""
-KEPT, KEPT_BYTES = 12, 500_000_000
+KEPT, KEPT_BYTES = 24, 500_000_000
 """Sets of tables that are kept for later motions, and their memory together [bytes]: three progressive springs in
-chords have thousands of combinations of a seventh of a megabyte each. A search for a yield leaves as many in pieces."""
+chords have thousands of combinations, and each takes a seventh of a megabyte."""
 
 
 def highest_frequency(train: Train) -> float:

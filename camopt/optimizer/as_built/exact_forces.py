@@ -1,7 +1,6 @@
 """Forces of the tied contacts of trains as built whose laws are straight, from the closed periodic response."""
 
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 
@@ -23,17 +22,6 @@ from camopt.scene.train import Train
 EDGES = STEP / 2
 """Longest step of the response. Its edges include the cam's knots, and between two edges forces are read along a
 line."""
-
-
-class ForceSource(Protocol):
-    """Where the forces of drawn trains come from."""
-
-    theta: np.ndarray  # (k) rad, the angles at which they are read
-    for_every_cam: bool
-
-    def about(self, z: np.ndarray) -> np.ndarray:
-        """Forces (t, s, c, k, 1 + m) [N] in single precision, affine in z (m): right for the cam of z."""
-        ...
 
 
 class ExactForces:

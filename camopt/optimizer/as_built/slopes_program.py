@@ -108,7 +108,7 @@ class SlopesProgram:
         else:
             drawn.doubt(drawn.matters(lost))
         self.cam = self._cam(cam.z)
-        self._trace(self.cam)
+        self._trace()
         return drawn.failing / max(lost * len(drawn.trains), 1.0)
 
     def begin(self, lost: float) -> None:
@@ -116,13 +116,13 @@ class SlopesProgram:
         the targets are. They are followed twice, since at first each moves as the train as designed does."""
         if self.count > len(self.drawn.trains):
             self.drawn.draw(self.count, self.drawn.matters(lost))
-        self._trace(self.cam)
+        self._trace()
         worst = np.sort(np.minimum(self.drawn.used.max(axis=2), FARTHEST), axis=0)  # (t, l)
         last = (np.array([TAIL, 1]) * lost * len(worst) + 1e-9).astype(int)
         tail, most = worst[-1 - np.clip(last, 0, len(worst) - 1)]
         apart = np.maximum(1.0 - SPREADS * (most - tail), np.median(worst, axis=0))
         self.targets = np.clip(apart, *TARGETS)
-        self._rows.append(self._trace(self.cam))
+        self._rows.append(self._trace())
         angles = np.linspace(-4, 4, 401) * PEAK_STEP
         self._top = float(angles[np.argmax(self.cam.lift(angles))])
 
@@ -131,14 +131,15 @@ class SlopesProgram:
         self.cam = self._cam(self._optimum(price))
         self._last.append(self.cam.z)
         self._width *= NARROWER
-        self._rows.append(self._trace(self.cam))
+        self._rows.append(self._trace())
 
     def _cam(self, z: np.ndarray) -> CamOfSlopes:
         """The cam of free coefficients z (m)."""
         return CamOfSlopes(z, float(self._area @ z + self._area_at_zero), self.plain.cam.lift(z))
 
-    def _trace(self, cam: CamOfSlopes) -> UseRows:
-        """The rows about a cam, by the trains that are or may soon be near a target, and those whose turn it is."""
+    def _trace(self) -> UseRows:
+        """The rows about the cam, by the trains that are or may soon be near a target, and those whose turn it is."""
+        cam = self.cam
         self._turn += 1
         stored = self.journal.stored(self._turn, cam.z, TRACED)
         if stored is not None:
@@ -166,9 +167,9 @@ class SlopesProgram:
         """How much of its limits train t uses at its speed s in the motion that goes on from where it was with the cam
         before; for those that it comes near to train, limit, use, and its slope by the cam's coefficients (m)."""
         one, limits = self.drawn.trains[t], self.drawn.limits
-        cam = one.cam(lift)
+        cam, start = one.cam(lift), self.drawn.states[t, s]
         try:
-            motion = TracedMotion(one.train, cam, self.drawn.speeds(t)[s], self.drawn.states[t, s], REVOLUTIONS)
+            motion = TracedMotion(one.train, cam, self.drawn.speeds(t)[s], start, REVOLUTIONS, kept=False)
         except MotionRefused:
             self.drawn.used[t, :, s] = np.inf
             self.drawn.begin_anew(t, s)

@@ -182,12 +182,11 @@ class YieldSearch:
         """How many trains break a limit from the speed of a number on."""
         return int(np.sum(self.drawn.used[:, :, begin:].max(axis=(1, 2)) > 1.0))
 
-    def none_holds(self) -> NoCamFound:
-        """The error where not even the smallest cam holds."""
-        drawn = self.drawn
+    def none_holds(self, failing: int) -> NoCamFound:
+        """The error where not even the smallest cam holds, with which so many trains are `failing`."""
         return NoCamFound(
-            f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: of {len(drawn.trains)} trains "
-            f"{drawn.failing} fail with the smallest one. Ask for a smaller yield, relax the limits on the motion or "
+            f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: of {len(self.drawn.trains)} "
+            f"trains {failing} fail with the smallest one. Ask for a smaller yield, relax the limits on the motion or "
             f"make the tolerances narrower; `camopt yield` says which is to blame"
         )
 
@@ -217,11 +216,11 @@ def smaller_cams(search: YieldSearch, largest: LargestCam, level: float, z: np.n
     while True:
         found = largest(level, z)
         z = found.z
-        search.evaluate(found, FORETOLD)
+        failing = search.evaluate(found, FORETOLD)
         if search.held:
             return
         if level <= LOWEST_LEVEL:
-            raise search.none_holds()
+            raise search.none_holds(failing)
         if level > 0.0:
             level = level / LEVEL_FACTOR if level > LEAST_LEVEL else 0.0
         else:

@@ -45,7 +45,7 @@ DRAWN = ("bounce_mm", "jump_mm")
 HALVINGS = 6
 """Of event-exact's step on the way to the settled motion, as many as a verdict allows by default."""
 AS_DESIGNED = "for the train as designed"
-"""Folder of the cam that stands beside one for trains as built, and what its profile is called."""
+"""What the profile of the cam is called that stands beside one for trains as built."""
 UNLAWFUL = " (breaks limits on the cam)"
 """Ending of a name in the figures: what carries it is no cam that these limits allow."""
 

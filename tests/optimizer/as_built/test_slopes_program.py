@@ -42,7 +42,7 @@ def begun() -> SlopesProgram:
 def test_the_slopes_are_those_of_settled_motions():
     """Where a motion repeats itself, its use of a limit with a neighbouring cam is foretold."""
     program, step, errors = settled(begun()), 2e-5, []
-    direction, drawn, rows = np.cos(np.arange(len(program.cam.z))), program.drawn, program._trace(program.cam)
+    direction, drawn, rows = np.cos(np.arange(len(program.cam.z))), program.drawn, program._trace()
     for r in range(len(rows.train)):
         t = int(rows.train[r])
         one, use = drawn.trains[t], rows.offset[r] + rows.slope[r] @ program.cam.z
