@@ -4,8 +4,20 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
+from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
-from camopt.exact.settled.lift_pieces import NODES, WIDEST, WIDTH, _constants, compress_lift
+from camopt.exact.settled.lift_pieces import (
+    LIFT_ERROR,
+    NODES,
+    SLOPE_ERROR,
+    WIDEST,
+    WIDTH,
+    _constants,
+    compress_lift,
+    lift_between,
+)
+from camopt.measure.as_built import ground
+from camopt.scene import load_scene
 
 
 def test_the_fit_gives_every_polynomial_of_its_degree_back():
@@ -42,3 +54,14 @@ def test_pieces_become_one_until_no_two_neighbours_fit_into_the_widest(count, ci
     assert still.tolist() == [True, *[False] * (len(still) - 2), True]
     inside = few[1:-1]
     assert np.diff(inside).max() <= WIDEST < np.min(inside[2:] - inside[:-2])
+
+
+def test_a_ground_cam_is_given_back_on_the_pieces_of_the_cam_as_designed():
+    """Pieces too wide for the error's waves are halved, and no border is lost: slopes are moved back to its pieces."""
+    plain = polydyne(load_scene("kodama"))
+    waves = ground(plain, 7, 2e-6, (2, 40))
+    found, angle = lift_between(waves, plain.borders), np.linspace(-np.pi, np.pi, 20_001)
+    assert np.isin(plain.borders, found.borders).all()
+    assert len(plain.borders) < len(found.borders) < len(waves.borders) / 2
+    assert np.abs(found(angle) - waves(angle)).max() < 2.0 * LIFT_ERROR
+    assert np.abs(found(angle, 1) - waves(angle, 1)).max() < 2.0 * SLOPE_ERROR

@@ -17,7 +17,7 @@ from camopt.exact.affine.lines import rest_of
 from camopt.exact.engine import AT_ONCE, TraceBuffer, free_step, run, step_on_borders
 from camopt.exact.kernel.arrays import cam_arrays, train_arrays
 from camopt.exact.kernel.elements import classify
-from camopt.exact.kernel.propagators import Lending, propagators
+from camopt.exact.kernel.propagators import propagators
 from camopt.exact.kernel.revolution import Setting
 from camopt.exact.kernel.trace import Trace
 from camopt.scene.errors import InputError
@@ -83,14 +83,13 @@ class TracedMotion:
         revolutions: int = 1,
         mechanical: bool = False,
         spacing: float | None = None,
-        kept: bool = True,
     ):
         """Runs the motion from `start` ([m], [m/s], [m]) at -pi; `cam_speed` is in rad/s.
 
         With `mechanical` there are gradients by the train's parameters too. `spacing` [rad] is the distance between the
         borders of most pieces of the lift: where it is given, each speed gets tables of its own whose spans end on the
-        borders, which pays for many cams with the same borders at a few speeds. The propagators are `kept` for the next
-        motions of the train. Raises MotionRefused for endless switching or a motion without bound.
+        borders, which pays for many cams with the same borders at a few speeds. Raises MotionRefused for endless
+        switching or a motion without bound.
         """
         self.train, self.lift, self.cam_speed, self.mechanical = train, lift, cam_speed, mechanical
         self.inputs = Inputs(train.forcing, lift.borders)
@@ -99,7 +98,7 @@ class TracedMotion:
             (free_step(train, cam_speed), AT_ONCE) if spacing is None else step_on_borders(train, cam_speed, spacing)
         )
         self.end = np.array(start, dtype=float)
-        with (propagators if kept else Lending)(train, step, lift.coefficients.shape[1], at_once).lent() as lent:
+        with propagators(train, step, lift.coefficients.shape[1], at_once).lent() as lent:
             count, trace = run(lent, cam, self.end, revolutions, buffer=_BUFFER)
         ends = Trace._fields.index("angle"), Trace._fields.index("y")  # of every segment, and of the last one
         self.trace = Trace(*(array[: count + (i in ends)].copy() for i, array in enumerate(trace)))

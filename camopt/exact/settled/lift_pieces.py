@@ -31,7 +31,8 @@ def compress_lift(lift: Lift) -> tuple[np.ndarray, np.ndarray]:
     """Borders (p + 1) [rad] and coefficients (p, WIDTH) [m/rad^k] of a lift law; base circle stays base circle."""
     borders, flat = lift.borders, ~np.any(lift.coefficients, axis=1)
     begin, end, still = borders[:-1], borders[1:], flat
-    begin, end, still = _halved(lift, begin, end, still)
+    if lift.coefficients.shape[1] > WIDTH:
+        begin, end, still = _halved(lift, begin, end, still)
     parity, idle = 0, 0
     while idle < 2 and len(begin) > 1:
         merged = _merged(lift, begin, end, still, parity)
@@ -42,11 +43,19 @@ def compress_lift(lift: Lift) -> tuple[np.ndarray, np.ndarray]:
     return np.append(begin, end[-1]), coefficients
 
 
+def lift_between(lift: Lift, borders: np.ndarray) -> Lift:
+    """The lift on the pieces between `borders` (p + 1) [rad], which are halved where a polynomial of degree 7 does not
+    follow it: a ground cam on those of the cam as designed."""
+    begin, end, _ = _halved(lift, borders[:-1], borders[1:], np.zeros(len(borders) - 1, bool))
+    pieces = _fitted(lift, begin, end)[0]
+    return Lift(np.append(begin, end[-1]), pieces, lift.half_duration, lift.family, lift.parameters)
+
+
 def _halved(lift: Lift, begin, end, still):
     """Pieces halved where a polynomial of the lower degree does not follow the lift."""
     for _ in range(HALVINGS):
         bad = ~still & ~_fitted(lift, begin, end)[1]
-        if lift.coefficients.shape[1] <= WIDTH or not bad.any():
+        if not bad.any():
             break
         middle = 0.5 * (begin + end)
         begin = np.sort(np.concatenate([begin, middle[bad]]))

@@ -20,6 +20,7 @@ from scipy.sparse import csr_array, hstack, vstack
 
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.motion import TracedMotion
+from camopt.exact.settled.lift_pieces import lift_between
 from camopt.highs import minimise
 from camopt.optimizer.as_built.drawn import MET, TrainEnsemble
 from camopt.optimizer.as_built.measured import WORKERS
@@ -96,7 +97,7 @@ class SlopesProgram:
     @property
     def mean(self) -> CamOfSlopes:
         """The mean of the program's last cams."""
-        return self._cam(np.mean(self._last, axis=0))
+        return self.cam_of(np.mean(self._last, axis=0))
 
     def about(self, cam: NoJumpOptimum, lost: float) -> float:
         """Goes on from another cam, and returns how many times as many of the first trains fail with it as may of which
@@ -107,7 +108,7 @@ class SlopesProgram:
             drawn.draw(min(FIRST, self.count))
         else:
             drawn.doubt(drawn.matters(lost))
-        self.cam = self._cam(cam.z)
+        self.cam = self.cam_of(cam.z)
         self._trace()
         return drawn.failing / max(lost * len(drawn.trains), 1.0)
 
@@ -128,12 +129,12 @@ class SlopesProgram:
 
     def step(self, price: float) -> None:
         """Goes on to the program's cam at a `price`, about which the next program is."""
-        self.cam = self._cam(self._optimum(price))
+        self.cam = self.cam_of(self._optimum(price))
         self._last.append(self.cam.z)
         self._width *= NARROWER
         self._rows.append(self._trace())
 
-    def _cam(self, z: np.ndarray) -> CamOfSlopes:
+    def cam_of(self, z: np.ndarray) -> CamOfSlopes:
         """The cam of free coefficients z (m)."""
         return CamOfSlopes(z, float(self._area @ z + self._area_at_zero), self.plain.cam.lift(z))
 
@@ -148,9 +149,10 @@ class SlopesProgram:
         used, turn = self.drawn.used, np.arange(len(self.drawn.trains)) + self._turn
         near = (used > (self.targets - NEAR - SOON)[:, None]).any(axis=1) | (turn % OTHER_SCOUTS == 0)[:, None]
         near[:, -1] |= turn % TOP_SCOUTS == 0
+        numbers = np.flatnonzero(near.any(axis=1)).tolist()
         with ThreadPoolExecutor(WORKERS) as pool:
-            traced = list(pool.map(lambda case: self._traced(cam.lift, *case), np.argwhere(near).tolist()))
-        rows = self._about(cam.z, [row for of_case in traced for row in of_case])
+            traced = list(pool.map(lambda t: self._of_train(cam.lift, t, np.flatnonzero(near[t])), numbers))
+        rows = self._about(cam.z, [row for of_train in traced for row in of_train])
         if self.journal.kept:
             self.journal.store(self._turn, cam.z, self.drawn.met(near) | rows._asdict())
         return rows
@@ -163,13 +165,18 @@ class SlopesProgram:
         good = size <= STEEP * np.median(size) if len(size) else size > 0.0
         return UseRows(train[good], (use - slope @ z)[good], slope[good], self.targets[limit[good]])
 
-    def _traced(self, lift: Lift, t: int, s: int) -> list[tuple[int, int, float, np.ndarray]]:
-        """How much of its limits train t uses at its speed s in the motion that goes on from where it was with the cam
-        before; for those that it comes near to train, limit, use, and its slope by the cam's coefficients (m)."""
-        one, limits = self.drawn.trains[t], self.drawn.limits
-        cam, start = one.cam(lift), self.drawn.states[t, s]
+    def _of_train(self, lift: Lift, t: int, speeds: np.ndarray) -> list[tuple[int, int, float, np.ndarray]]:
+        """What `_traced` gives at some of the speeds of train t, whose cam is ground once."""
+        cam = lift_between(self.drawn.trains[t].cam(lift), lift.borders)
+        return [row for s in speeds.tolist() for row in self._traced(lift, cam, t, s)]
+
+    def _traced(self, lift: Lift, cam: Lift, t: int, s: int) -> list[tuple[int, int, float, np.ndarray]]:
+        """How much of its limits train t with its ground `cam` uses at its speed s in the motion that goes on from
+        where it was with the cam before; for those that it comes near to train, limit, use, and its slope by the
+        coefficients (m) of the cam as designed."""
+        one, limits, start = self.drawn.trains[t], self.drawn.limits, self.drawn.states[t, s]
         try:
-            motion = TracedMotion(one.train, cam, self.drawn.speeds(t)[s], start, REVOLUTIONS, kept=False)
+            motion = TracedMotion(one.train, cam, self.drawn.speeds(t)[s], start, REVOLUTIONS)
         except MotionRefused:
             self.drawn.used[t, :, s] = np.inf
             self.drawn.begin_anew(t, s)

@@ -34,7 +34,7 @@ FORETOLD, SLOPES = "foretold openings", "slopes of motions"
 """What the history calls the steps."""
 STEPS, JUDGED = 8, 8
 """Steps along slopes whose price the trains that shape the cam decide, and at most so many that unseen ones judge."""
-FIRST_PRICE, BY_FAILING, MOST_AT_ONCE = 0.012, 0.5, 2.0
+FIRST_PRICE, BY_FAILING, MOST_AT_ONCE = 0.012, 0.25, 2.0
 """The first price times the share of trains that may fail, the power of the number of failing trains by which it
 changes from one step to the next, and the most by which it does."""
 SHAPED = 0.7
@@ -72,7 +72,7 @@ class YieldSearch:
     journal: StepFiles = field(default_factory=lambda: StepFiles(None, FOLDER))
     show: Callable[[dict], None] = lambda line: None
     held: list[CamOfSlopes | NoJumpOptimum] = field(default_factory=list)  # each larger than the one before
-    smallest_refused: float = np.inf  # area ratio
+    refused: CamOfSlopes | NoJumpOptimum | None = None  # the smallest larger one that too few of them hold
     steps: int = 0
 
     @property
@@ -91,7 +91,7 @@ class YieldSearch:
 
     def along(self) -> None:
         """Goes on along slopes and moves their price by how many trains fail, of those that shape the cam and then of
-        unseen ones with the mean of the last cams, until a cam that holds is next to one that does not.
+        unseen ones with the mean of the last cams, until a cam holds and a larger one does not; then between these.
 
         Where a program is not solved, the cams that hold so far stand.
         """
@@ -106,10 +106,16 @@ class YieldSearch:
                 self.report(slopes.cam, SLOPES, drawn, failing)
             else:
                 drawn, fewer, failing = self.drawn, 1.0, self.evaluate(slopes.mean, SLOPES)
-                if self.best and self.smallest_refused < self.best.area_ratio + NEAR_ENOUGH:
-                    return
+                if self.best and self.refused:
+                    return self.narrow()
             change = ((failing + 1) / (fewer * self.allowed(len(drawn.trains)) + 1)) ** BY_FAILING
             price *= float(np.clip(change, 1 / MOST_AT_ONCE, MOST_AT_ONCE))
+
+    def narrow(self) -> None:
+        """Judges cams between the largest that holds and a larger one that does not, whose means keep all limits on the
+        shape, until they are next to each other."""
+        while self.best and self.refused and self.refused.area_ratio > self.best.area_ratio + NEAR_ENOUGH:
+            self.evaluate(self.slopes.cam_of(0.5 * (self.best.z + self.refused.z)), SLOPES)
 
     def evaluate(self, cam: CamOfSlopes | NoJumpOptimum, stage: str) -> int:
         """Judges a cam, keeps it if it is the largest that enough trains hold, reports the step, and returns how many
@@ -128,12 +134,14 @@ class YieldSearch:
             if self.journal.kept:  # the states of thousands of trains are not copied for nothing
                 self.journal.store(step, cam.z, drawn.met(judged))
         failing = self._failing(int(speeds.min(initial=drawn.used.shape[2] - 1)))
+        refused = self.refused
         if failing > self.allowed(len(drawn.trains)):
-            self.smallest_refused = min(cam.area_ratio, self.smallest_refused)
+            if (refused or cam).area_ratio >= cam.area_ratio > (self.best.area_ratio if self.best else 0.0):
+                self.refused = cam
         elif self.best is None or cam.area_ratio > self.best.area_ratio + RESOLUTION:
             self.held.append(cam)
-            if self.smallest_refused <= cam.area_ratio:  # a smaller one was worse, and says nothing of larger ones
-                self.smallest_refused = np.inf
+            if refused and refused.area_ratio <= cam.area_ratio:  # a smaller one was worse, and says nothing of others
+                self.refused = None
         self.report(cam, stage, drawn, failing)
         return failing
 

@@ -5,7 +5,6 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from camopt.cam.families.polydyne import polydyne
 from camopt.highs import Infeasible
 from camopt.optimizer.as_built import steps
 from camopt.optimizer.as_built.steps import YieldSearch, first_level, smaller_cams
@@ -26,8 +25,12 @@ class Priced:
         if self._error:
             raise self._error
         self.prices.append(price)
-        self.cam = self.mean = SimpleNamespace(area_ratio=0.5 - 0.05 * np.log10(price), z=ONE, lift=polydyne(SCENE))
+        self.cam = self.mean = self.cam_of((0.5 - 0.05 * np.log10(price)) * ONE)
         self.drawn.judge_area(self.cam.area_ratio)
+
+    def cam_of(self, z):
+        """A cam whose area ratio is its coefficient."""
+        return SimpleNamespace(area_ratio=z.item(), z=z, lift=SimpleNamespace(area=z.item()))
 
 
 class Failing:
@@ -50,7 +53,7 @@ ONE = np.ones((1, 1))
 
 def priced(monkeypatch, slopes: Priced) -> YieldSearch:
     search = YieldSearch(0.9, slopes, Failing(100), 100)
-    monkeypatch.setattr(search, "_judge", lambda lift: search.drawn.judge_area(slopes.cam.area_ratio))
+    monkeypatch.setattr(search, "_judge", lambda lift: search.drawn.judge_area(lift.area))
     return search
 
 
@@ -73,11 +76,25 @@ def test_a_smaller_cam_that_was_refused_does_not_end_the_search(monkeypatch):
     sizes = iter(np.linspace(0.50, 0.53, 16))
 
     def step(price):
-        slopes.cam = slopes.mean = SimpleNamespace(area_ratio=next(sizes), z=ONE, lift=polydyne(SCENE))
+        slopes.cam = slopes.mean = slopes.cam_of(next(sizes) * ONE)
 
     monkeypatch.setattr(slopes, "step", step)
     search.along()
     assert len(search.held) == 7
+
+
+def test_between_a_cam_that_holds_and_a_larger_one_that_does_not_their_means_are_judged(monkeypatch):
+    """The program swings about the price at which as many trains fail as may: its next cam may be far off."""
+    slopes = Priced(100)
+    search, sizes = priced(monkeypatch, slopes), iter([*[0.5] * (steps.STEPS + 1), 0.55])
+
+    def step(price):
+        slopes.cam = slopes.mean = slopes.cam_of(next(sizes) * ONE)
+
+    monkeypatch.setattr(slopes, "step", step)
+    search.along()
+    assert search.refused.area_ratio - search.best.area_ratio < steps.NEAR_ENOUGH
+    assert search.best.area_ratio <= 0.51 + search.allowed(100) / 1000.0 < search.refused.area_ratio
 
 
 def test_where_slopes_lead_to_no_cam_smaller_openings_do(monkeypatch):
