@@ -133,7 +133,6 @@ def designed(
         "high": share.high,
         "agrees": agrees,
         "search_processor_s": clock.as_dict()["search"]["processor_s"],
-        "motions": search.drawn.motions,
     }
 
 

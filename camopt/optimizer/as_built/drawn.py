@@ -46,7 +46,6 @@ class TrainEnsemble:
     scene: Scene
     seed: int
     trains: list[TrainAsBuilt] = field(default_factory=list)
-    motions: int = 0  # judged so far, a train at a speed being one
     used: np.ndarray = field(init=False)
     states: np.ndarray = field(init=False)
 
@@ -125,7 +124,6 @@ class TrainEnsemble:
     def judge(self, lift: Lift, wanted: np.ndarray) -> None:
         """Judges a cam with the trains at the speeds that are `wanted` (t, s: bool)."""
         rows = np.flatnonzero(wanted.any(axis=1))
-        self.motions += int(wanted.sum())
         with ThreadPoolExecutor(WORKERS) as pool:
             list(pool.map(lambda t: self._one(lift, int(t), np.flatnonzero(wanted[t])), rows))
 

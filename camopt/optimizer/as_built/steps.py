@@ -67,8 +67,8 @@ class YieldSearch:
 
     wanted: float
     slopes: SlopesProgram
-    drawn: TrainEnsemble
-    unseen: int  # trains that are drawn for the first cam to be judged
+    unseen: TrainEnsemble
+    count: int  # of these, drawn for the first cam to be judged
     journal: StepFiles = field(default_factory=lambda: StepFiles(None, FOLDER))
     show: Callable[[dict], None] = lambda line: None
     held: list[CamOfSlopes | NoJumpOptimum] = field(default_factory=list)  # each larger than the one before
@@ -87,7 +87,7 @@ class YieldSearch:
     @property
     def trains_drawn(self) -> int:
         """Trains that were drawn so far, those that shaped the cam and the others."""
-        return len(self.slopes.drawn.trains) + len(self.drawn.trains)
+        return len(self.slopes.drawn.trains) + len(self.unseen.trains)
 
     def along(self) -> None:
         """Goes on along slopes and moves their price by how many trains fail, of those that shape the cam and then of
@@ -105,7 +105,7 @@ class YieldSearch:
                 drawn, fewer, failing = slopes.drawn, SHAPED, slopes.drawn.failing
                 self.report(slopes.cam, SLOPES, drawn, failing)
             else:
-                drawn, fewer, failing = self.drawn, 1.0, self.evaluate(slopes.mean, SLOPES)
+                drawn, fewer, failing = self.unseen, 1.0, self.evaluate(slopes.mean, SLOPES)
                 if self.best and self.refused:
                     return self.narrow()
             change = ((failing + 1) / (fewer * self.allowed(len(drawn.trains)) + 1)) ** BY_FAILING
@@ -120,10 +120,10 @@ class YieldSearch:
     def evaluate(self, cam: CamOfSlopes | NoJumpOptimum, stage: str) -> int:
         """Judges a cam, keeps it if it is the largest that enough trains hold, reports the step, and returns how many
         trains fail, at the top of the band alone where too many do there."""
-        drawn, step = self.drawn, self.steps + 1
+        drawn, step = self.unseen, self.steps + 1
         if not drawn.trains:
             drawn.settle(cam.lift)
-            drawn.draw(self.unseen, self.slopes.drawn.matters(1.0 - self.wanted))
+            drawn.draw(self.count, self.slopes.drawn.matters(1.0 - self.wanted))
         stored = self.journal.stored(step, cam.z, MET)
         if stored is not None:
             drawn.take(stored)
@@ -167,7 +167,7 @@ class YieldSearch:
         It begins at the top of the band, and ends as soon as too many trains fail. Returns which trains were judged at
         which speeds (t, s: bool).
         """
-        drawn, watched, matters = self.drawn, self.drawn.watched, self.drawn.matters(MATTERING * (1.0 - self.wanted))
+        drawn, watched, matters = self.unseen, self.unseen.watched, self.unseen.matters(MATTERING * (1.0 - self.wanted))
         turn = (np.arange(len(drawn.trains)) + self.steps)[:, None]
         scouts = ~watched & (turn % np.where(matters, SCOUTS, FAR_SCOUTS) == 0)
         judged, may_fail = np.zeros_like(watched), self.allowed(len(watched))
@@ -188,12 +188,12 @@ class YieldSearch:
 
     def _failing(self, begin: int) -> int:
         """How many trains break a limit from the speed of a number on."""
-        return int(np.sum(self.drawn.used[:, :, begin:].max(axis=(1, 2)) > 1.0))
+        return int(np.sum(self.unseen.used[:, :, begin:].max(axis=(1, 2)) > 1.0))
 
     def none_holds(self, failing: int) -> NoCamFound:
         """The error where not even the smallest cam holds, with which so many trains are `failing`."""
         return NoCamFound(
-            f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: of {len(self.drawn.trains)} "
+            f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: of {len(self.unseen.trains)} "
             f"trains {failing} fail with the smallest one. Ask for a smaller yield, relax the limits on the motion or "
             f"make the tolerances narrower; `camopt yield` says which is to blame"
         )

@@ -53,7 +53,7 @@ ONE = np.ones((1, 1))
 
 def priced(monkeypatch, slopes: Priced) -> YieldSearch:
     search = YieldSearch(0.9, slopes, Failing(100), 100)
-    monkeypatch.setattr(search, "_judge", lambda lift: search.drawn.judge_area(lift.area))
+    monkeypatch.setattr(search, "_judge", lambda lift: search.unseen.judge_area(lift.area))
     return search
 
 
@@ -72,7 +72,7 @@ def test_a_smaller_cam_that_was_refused_does_not_end_the_search(monkeypatch):
     """Trains may fail with a cam while the mean still settles, and hold a larger one after it."""
     slopes = Priced(100)
     search, areas = priced(monkeypatch, slopes), iter([0.522, 0.5, 0.501, 0.502, 0.503, 0.504, 0.505, 0.506])
-    monkeypatch.setattr(search, "_judge", lambda lift: search.drawn.judge_area(next(areas)))
+    monkeypatch.setattr(search, "_judge", lambda lift: search.unseen.judge_area(next(areas)))
     sizes = iter(np.linspace(0.50, 0.53, 16))
 
     def step(price):

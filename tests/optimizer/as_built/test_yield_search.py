@@ -52,7 +52,7 @@ def found(journal):
 def test_every_cam_that_counts_holds_in_enough_trains(found):
     areas = [cam.area_ratio for cam in found.held]
     assert areas == sorted(areas)
-    drawn = found.drawn
+    drawn = found.unseen
     assert drawn.seed == UNSEEN_SEED and len(drawn.trains) == 40 and found.allowed(40) > 0
     assert found.trains_drawn == 60 + 40
     for cam in found.held:
@@ -181,13 +181,13 @@ def test_a_resumed_search_judges_nothing_twice(found, journal, monkeypatch):
 
 def test_a_journal_of_another_search_is_refused(found, tmp_path):
     log = StepFiles(tmp_path, FOLDER)
-    drawn, judged = deepcopy(found.drawn), np.ones_like(found.drawn.watched)
+    drawn, judged = deepcopy(found.unseen), np.ones_like(found.unseen.watched)
     judged[1:] = False
     log.store(1, found.best.z, drawn.met(judged))
     drawn.used[:2], drawn.states[:2] = 7.0, 7.0
     drawn.take(log.stored(1, found.best.z, MET))
-    assert np.array_equal(drawn.used[0], found.drawn.used[0]) and np.all(drawn.used[1] == 7.0)
-    assert np.array_equal(drawn.states[0], found.drawn.states[0]) and np.all(drawn.states[1] == 7.0)
+    assert np.array_equal(drawn.used[0], found.unseen.used[0]) and np.all(drawn.used[1] == 7.0)
+    assert np.array_equal(drawn.states[0], found.unseen.states[0]) and np.all(drawn.states[1] == 7.0)
     with pytest.raises(InputError, match="belongs to another search"):
         log.stored(1, found.best.z + 1e-3, MET)
 
