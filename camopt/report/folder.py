@@ -19,6 +19,9 @@ OUTSIDE = "outside.json"
 """What a judge from outside said, where it was asked."""
 Part = TypeVar("Part")
 
+LOW_MM = 0.005
+"""A lift that stays below its limit by less than this counts as at the limit."""
+
 
 @dataclass(frozen=True)
 class RunFolder:
@@ -69,8 +72,17 @@ class RunFolder:
 
     @property
     def worth(self) -> dict[str, float]:
-        """Per cent more area for one per cent more of a limit, by the limit's key."""
-        return {str(k): v for k, v in _table(self.design, "limit_worth").items() if is_number(v)}
+        """Per cent more area for one per cent more of a limit, by the limit's key; without the limit on the lift where
+        the cam stays below it, since the kinematic program, which says them, always reaches it."""
+        worth = {str(k): v for k, v in _table(self.design, "limit_worth").items() if is_number(v)}
+        return worth if self.below_max_lift_mm is None else {k: v for k, v in worth.items() if k != "max_lift_mm"}
+
+    @property
+    def below_max_lift_mm(self) -> float | None:
+        """By how much the highest lift stays below the limit on it; None where it is reached, or not known."""
+        reached, limit = self.design.get("highest_lift_mm"), self.demands.get("max_lift_mm")
+        below = limit - reached if is_number(reached) and is_number(limit) else 0.0
+        return below if below >= LOW_MM else None
 
     @property
     def stages(self) -> dict[str, dict]:

@@ -92,8 +92,6 @@ BACK = ("candidates_judged", "largest_refused_area_ratio")
 """Keys of `verdict_fell_back` in design.json."""
 FREE = ("value", "as_given", "low", "high")
 """Keys of a number in `free` of design.json."""
-LOW_MM = 0.005
-"""A lift that stays below its limit by less than this counts as at the limit."""
 STATED = "verification.json"
 LEAST_GAIN = 5e-6
 """A smaller difference of area ratios is none: it would not show in their printed digits."""
@@ -168,11 +166,10 @@ def reserve(run: RunFolder) -> list[str]:
 
 def lift_sentence(run: RunFolder) -> list[str]:
     """That the highest lift stays below the scene's limit, and what would change that; empty where it is reached."""
-    reached, cap = run.design.get(LIFT), run.demands.get("max_lift_mm")
-    if not is_number(reached) or not is_number(cap) or reached > cap - LOW_MM:
+    if (below := run.below_max_lift_mm) is None:
         return []
     return [
-        f"The highest lift of {shown(reached, 5)} mm stays {shown(cap - reached, 3)} mm below max_lift_mm: under the "
+        f"The highest lift of {shown(run.design[LIFT], 5)} mm stays {shown(below, 3)} mm below max_lift_mm: under the "
         f"scene's limits a higher nose would leave less area. reach_max_lift = true asks for the whole lift."
     ]
 

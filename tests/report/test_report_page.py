@@ -120,6 +120,8 @@ def test_worth_of_limits_where_the_run_recorded_it(write, contents):
     page = page_of(write(contents))
     table = next(t for t in page.tables if "worth [% of area per %]" in t[0])
     assert table[1:3] == [["jerk max", "0.25"], ["max lift", "0.123"]] and "script" not in page.elements
+    contents["design"]["highest_lift_mm"] = 9.0  # a lift below its limit is not bought by a higher limit
+    assert "0.123" not in page_of(write(contents)).text
 
 
 def test_limits_show_the_worst_at_its_speed(write, contents):
