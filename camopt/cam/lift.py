@@ -159,9 +159,7 @@ class Lift:
 
     def shifted(self, error: "Lift") -> "Lift":
         """This lift plus a small lift `error` (a grinding error), on the union of both pieces."""
-        borders = np.union1d(self.borders, error.borders)
-        borders = borders[np.append(np.diff(borders) > APART, True)]  # a piece of rounding's width follows no curve
-        borders[0] = -np.pi
+        borders = without_narrow(np.union1d(self.borders, error.borders))
         middles = 0.5 * (borders[1:] + borders[:-1])
         width = max(self.coefficients.shape[1], error.coefficients.shape[1])
         total = np.zeros((len(middles), width))
@@ -169,6 +167,13 @@ class Lift:
             piece = np.searchsorted(part.borders, middles) - 1
             total[:, : part.coefficients.shape[1]] += recentred(part, piece, borders[:-1])
         return Lift(borders, total, self.half_duration, self.family, self.parameters)
+
+
+def without_narrow(borders: np.ndarray) -> np.ndarray:
+    """Borders from -pi on without those of pieces of rounding's width, which follow no curve."""
+    kept = borders[np.append(np.diff(borders) > APART, True)]
+    kept[0] = -np.pi
+    return kept
 
 
 def steps_at_borders(borders, coefficients) -> Any:

@@ -73,7 +73,8 @@ class RunFolder:
     @property
     def worth(self) -> dict[str, float]:
         """Per cent more area for one per cent more of a limit, by the limit's key; without the limit on the lift where
-        the cam stays below it, since the kinematic program, which says them, always reaches it."""
+        the cam stays below it: the kinematic program, which says them, knows no limit on the motion, and its cam may
+        reach what this one does not."""
         worth = {str(k): v for k, v in _table(self.design, "limit_worth").items() if is_number(v)}
         return worth if self.below_max_lift_mm is None else {k: v for k, v in worth.items() if k != "max_lift_mm"}
 

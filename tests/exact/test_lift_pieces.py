@@ -65,3 +65,13 @@ def test_a_ground_cam_is_given_back_on_the_pieces_of_the_cam_as_designed():
     assert len(plain.borders) < len(found.borders) < len(waves.borders) / 2
     assert np.abs(found(angle) - waves(angle)).max() < 2.0 * LIFT_ERROR
     assert np.abs(found(angle, 1) - waves(angle, 1)).max() < 2.0 * SLOPE_ERROR
+
+
+def test_a_piece_of_roundings_width_is_left_out():
+    """Ramps may leave one: their straight part has no length where foot and velocity make the whole height."""
+    plain, at = polydyne(load_scene("kodama")), 5
+    borders = np.insert(plain.borders, at + 1, np.nextafter(plain.borders[at], 4.0))
+    pieces = np.insert(plain.coefficients, at, plain.coefficients[at], axis=0)
+    found, angle = lift_between(Lift(borders, pieces, plain.half_duration), borders), np.linspace(-np.pi, np.pi, 5_001)
+    assert np.diff(found.borders).min() > 1e-6
+    assert np.abs(found(angle) - plain(angle)).max() < 2.0 * LIFT_ERROR

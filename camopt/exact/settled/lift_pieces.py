@@ -2,7 +2,7 @@
 
 A ground cam has hundreds of pieces and a Polydyne high powers; a span of the kernel stops at every border, and its
 tables grow with the powers. Here neighbouring pieces become one polynomial of degree 7 wherever that gives the
-lift back within `LIFT_ERROR` and its slope within `SLOPE_ERROR`, and a piece of higher powers is halved until it does.
+lift back within `LIFT_ERROR` and its slope within `SLOPE_ERROR`, and a piece that it does not follow is halved.
 The polynomials take over value and slope of the lift at both their ends; between them they are its least-squares fits.
 """
 
@@ -11,7 +11,7 @@ from math import comb
 
 import numpy as np
 
-from camopt.cam.lift import Lift
+from camopt.cam.lift import Lift, without_narrow
 
 LIFT_ERROR = 1e-10
 """Largest error of the lift [m], a tenth of a nanometre: against a contact of 1e8 N/m it is 0.01 N."""
@@ -46,13 +46,14 @@ def compress_lift(lift: Lift) -> tuple[np.ndarray, np.ndarray]:
 def lift_between(lift: Lift, borders: np.ndarray) -> Lift:
     """The lift on the pieces between `borders` (p + 1) [rad], which are halved where a polynomial of degree 7 does not
     follow it: a ground cam on those of the cam as designed."""
+    borders = without_narrow(borders)
     begin, end, _ = _halved(lift, borders[:-1], borders[1:], np.zeros(len(borders) - 1, bool))
     pieces = _fitted(lift, begin, end)[0]
     return Lift(np.append(begin, end[-1]), pieces, lift.half_duration, lift.family, lift.parameters)
 
 
 def _halved(lift: Lift, begin, end, still):
-    """Pieces halved where a polynomial of the lower degree does not follow the lift."""
+    """Pieces halved where a polynomial of degree 7 does not follow the lift."""
     for _ in range(HALVINGS):
         bad = ~still & ~_fitted(lift, begin, end)[1]
         if not bad.any():

@@ -151,7 +151,7 @@ class SlopesProgram:
         near[:, -1] |= turn % TOP_SCOUTS == 0
         numbers = np.flatnonzero(near.any(axis=1)).tolist()
         with ThreadPoolExecutor(WORKERS) as pool:
-            traced = list(pool.map(lambda t: self._of_train(cam.lift, t, np.flatnonzero(near[t])), numbers))
+            traced = list(pool.map(lambda t: self._traced_train(cam.lift, t, np.flatnonzero(near[t])), numbers))
         rows = self._about(cam.z, [row for of_train in traced for row in of_train])
         if self.journal.kept:
             self.journal.store(self._turn, cam.z, self.drawn.met(near) | rows._asdict())
@@ -165,15 +165,15 @@ class SlopesProgram:
         good = size <= STEEP * np.median(size) if len(size) else size > 0.0
         return UseRows(train[good], (use - slope @ z)[good], slope[good], self.targets[limit[good]])
 
-    def _of_train(self, lift: Lift, t: int, speeds: np.ndarray) -> list[tuple[int, int, float, np.ndarray]]:
+    def _traced_train(self, lift: Lift, t: int, speeds: np.ndarray) -> list[tuple[int, int, float, np.ndarray]]:
         """What `_traced` gives at some of the speeds of train t, whose cam is ground once."""
         cam = lift_between(self.drawn.trains[t].cam(lift), lift.borders)
-        return [row for s in speeds.tolist() for row in self._traced(lift, cam, t, s)]
+        return [row for s in speeds.tolist() for row in self._traced(cam, lift.borders, t, s)]
 
-    def _traced(self, lift: Lift, cam: Lift, t: int, s: int) -> list[tuple[int, int, float, np.ndarray]]:
+    def _traced(self, cam: Lift, plain: np.ndarray, t: int, s: int) -> list[tuple[int, int, float, np.ndarray]]:
         """How much of its limits train t with its ground `cam` uses at its speed s in the motion that goes on from
         where it was with the cam before; for those that it comes near to train, limit, use, and its slope by the
-        coefficients (m) of the cam as designed."""
+        coefficients (m) of the cam as designed, whose pieces lie between the `plain` borders."""
         one, limits, start = self.drawn.trains[t], self.drawn.limits, self.drawn.states[t, s]
         try:
             motion = TracedMotion(one.train, cam, self.drawn.speeds(t)[s], start, REVOLUTIONS)
@@ -193,12 +193,14 @@ class SlopesProgram:
         if not near:
             return []
         found = motion.gradient([limits[i].metric for i in near], REVOLUTIONS - 2).by_coefficients
-        slopes = [limits[i].share_slope * self._by_free(rows, cam, lift) for i, rows in zip(near, found, strict=True)]
+        slopes = [
+            limits[i].share_slope * self._by_free(rows, cam.borders, plain) for i, rows in zip(near, found, strict=True)
+        ]
         return [(t, i, use[i], slope) for i, slope in zip(near, slopes, strict=True) if np.isfinite(slope).all()]
 
-    def _by_free(self, by_ground: np.ndarray, ground: Lift, lift: Lift) -> np.ndarray:
+    def _by_free(self, by_ground: np.ndarray, borders: np.ndarray, plain: np.ndarray) -> np.ndarray:
         """The gradient by the free coefficients (m) of one by those of a ground cam's pieces (g, q)."""
-        by_pieces = _by_pieces(by_ground, ground.borders, lift.borders)[:, : self._basis.shape[1]]
+        by_pieces = _by_pieces(by_ground, borders, plain)[:, : self._basis.shape[1]]
         return np.einsum("pq,pqm->m", by_pieces, self._basis)
 
     @cached_property

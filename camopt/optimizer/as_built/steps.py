@@ -2,7 +2,8 @@
 
 The price of what trains use of their limits (`slopes_program`) follows how many trains fail. At the end these are
 trains that have not shaped the cam, whose motions event-exact judges until they have settled: as many may fail as
-leaves it unlikely that fewer than wanted hold. The draws are the same for every cam (common random numbers).
+leaves it unlikely that fewer than wanted hold. Of the cams between one that holds and a larger one that does not the
+middle is judged, until they are next to each other. The draws are the same for every cam (common random numbers).
 """
 
 from collections.abc import Callable
@@ -33,14 +34,16 @@ that are far too large have slopes that lead nowhere."""
 FORETOLD, SLOPES = "foretold openings", "slopes of motions"
 """What the history calls the steps."""
 STEPS, JUDGED = 8, 8
-"""Steps along slopes whose price the trains that shape the cam decide, and at most so many that unseen ones judge."""
+"""Steps along slopes whose price the trains that shape the cam decide, and at most so many whose mean cam unseen ones
+judge; those between a cam that holds and one that does not are further ones."""
 FIRST_PRICE, BY_FAILING, MOST_AT_ONCE = 0.012, 0.25, 2.0
 """The first price times the share of trains that may fail, the power of the number of failing trains by which it
 changes from one step to the next, and the most by which it does."""
 SHAPED = 0.7
 """How many times as many of the trains that shape a cam may fail as of others: the cam suits them better."""
 NEAR_ENOUGH = 1e-3
-"""Difference of area ratio between a cam that holds and one that does not which ends the search."""
+"""Difference of area ratio between a cam that holds and one that does not which ends the search: more than twice the
+RESOLUTION, so that each cam between the two takes the place of one of them."""
 NEAR = 0.8
 """Part of a limit from which on everyone is judged at a speed where a scout uses it."""
 SCOUTS, FAR_SCOUTS, MATTERING = 12, 48, 0.25
@@ -68,17 +71,23 @@ class YieldSearch:
     wanted: float
     slopes: SlopesProgram
     unseen: TrainEnsemble
-    count: int  # of these, drawn for the first cam to be judged
+    unseen_count: int  # drawn for the first cam to be judged
     journal: StepFiles = field(default_factory=lambda: StepFiles(None, FOLDER))
     show: Callable[[dict], None] = lambda line: None
     held: list[CamOfSlopes | NoJumpOptimum] = field(default_factory=list)  # each larger than the one before
-    refused: CamOfSlopes | NoJumpOptimum | None = None  # the smallest larger one that too few of them hold
+    turned_down: list[CamOfSlopes | NoJumpOptimum] = field(default_factory=list)  # cams that too few of them hold
     steps: int = 0
 
     @property
     def best(self) -> CamOfSlopes | NoJumpOptimum | None:
         """The largest cam that holds."""
         return self.held[-1] if self.held else None
+
+    @property
+    def refused(self) -> CamOfSlopes | NoJumpOptimum | None:
+        """The smallest of the larger cams that do not hold; a smaller one says nothing of larger ones."""
+        least = self.best.area_ratio if self.best else 0.0
+        return min((c for c in self.turned_down if c.area_ratio > least), key=lambda c: c.area_ratio, default=None)
 
     def allowed(self, count: int) -> int:
         """Of so many trains those that may fail with a cam."""
@@ -123,7 +132,7 @@ class YieldSearch:
         drawn, step = self.unseen, self.steps + 1
         if not drawn.trains:
             drawn.settle(cam.lift)
-            drawn.draw(self.count, self.slopes.drawn.matters(1.0 - self.wanted))
+            drawn.draw(self.unseen_count, self.slopes.drawn.matters(1.0 - self.wanted))
         stored = self.journal.stored(step, cam.z, MET)
         if stored is not None:
             drawn.take(stored)
@@ -134,14 +143,10 @@ class YieldSearch:
             if self.journal.kept:  # the states of thousands of trains are not copied for nothing
                 self.journal.store(step, cam.z, drawn.met(judged))
         failing = self._failing(int(speeds.min(initial=drawn.used.shape[2] - 1)))
-        refused = self.refused
         if failing > self.allowed(len(drawn.trains)):
-            if (refused or cam).area_ratio >= cam.area_ratio > (self.best.area_ratio if self.best else 0.0):
-                self.refused = cam
+            self.turned_down.append(cam)
         elif self.best is None or cam.area_ratio > self.best.area_ratio + RESOLUTION:
             self.held.append(cam)
-            if refused and refused.area_ratio <= cam.area_ratio:  # a smaller one was worse, and says nothing of others
-                self.refused = None
         self.report(cam, stage, drawn, failing)
         return failing
 

@@ -113,9 +113,9 @@ def test_an_adjuster_that_pumped_up_with_one_cam_is_at_rest_with_the_next():
     program.drawn.draw(1)
     program.targets[:] = np.inf  # no slopes
     large, calm, top = multi_pol(scene), polydyne(scene), np.array([len(program.drawn.speeds(0)) - 1])
-    program._of_train(large, 0, top)
+    program._traced_train(large, 0, top)
     assert program.drawn.worst[0] > 1.0
-    program._of_train(calm, 0, top)
+    program._traced_train(calm, 0, top)
     assert program.drawn.used[0, :, top].max() < 0.5
 
 
