@@ -106,6 +106,10 @@ def yield_search(
     search.along()
     if not search.held:
         smaller_cams(search, largest, level, z)
+        if (
+            not plain.design.reach_max_lift
+        ):  # cams of the two programs may reach it at different angles, their mean nowhere
+            search.narrow()
     return search
 
 

@@ -36,9 +36,10 @@ FORETOLD, SLOPES = "foretold openings", "slopes of motions"
 STEPS, JUDGED = 8, 8
 """Steps along slopes whose price the trains that shape the cam decide, and at most so many whose mean cam unseen ones
 judge; those between a cam that holds and one that does not are further ones."""
-FIRST_PRICE, BY_FAILING, MOST_AT_ONCE = 0.012, 0.25, 2.0
+FIRST_PRICE, BY_FAILING, MOST_AT_ONCE, LEAST_JUDGED = 0.012, 0.25, 2.0, 1.25
 """The first price times the share of trains that may fail, the power of the number of failing trains by which it
-changes from one step to the next, and the most by which it does."""
+changes from one step to the next, the most by which it does, and the least once unseen trains judge: then a cam on the
+other side of the one that just holds is all that is looked for."""
 SHAPED = 0.7
 """How many times as many of the trains that shape a cam may fail as of others: the cam suits them better."""
 NEAR_ENOUGH = 1e-3
@@ -117,8 +118,10 @@ class YieldSearch:
                 drawn, fewer, failing = self.unseen, 1.0, self.evaluate(slopes.mean, SLOPES)
                 if self.best and self.refused:
                     return self.narrow()
-            change = ((failing + 1) / (fewer * self.allowed(len(drawn.trains)) + 1)) ** BY_FAILING
-            price *= float(np.clip(change, 1 / MOST_AT_ONCE, MOST_AT_ONCE))
+            may_fail, least = fewer * self.allowed(len(drawn.trains)), 1.0 if step < STEPS else LEAST_JUDGED
+            change = BY_FAILING * abs(np.log((failing + 1) / (may_fail + 1)))
+            change = float(np.exp(np.clip(change, np.log(least), np.log(MOST_AT_ONCE))))
+            price *= change if failing > may_fail else 1.0 / change
 
     def narrow(self) -> None:
         """Judges cams between the largest that holds and a larger one that does not, whose means keep all limits on the

@@ -62,8 +62,8 @@ def test_the_price_leads_to_the_largest_cam_that_holds(monkeypatch):
     search = priced(monkeypatch, slopes)
     search.along()
     most = 0.51 + search.allowed(100) / 1000.0
-    assert most - 2.0 * steps.NEAR_ENOUGH < search.best.area_ratio <= most
-    assert len(slopes.prices) == steps.STEPS + steps.JUDGED
+    assert most - steps.NEAR_ENOUGH < search.best.area_ratio <= most < search.refused.area_ratio
+    assert steps.STEPS < len(slopes.prices) < steps.STEPS + steps.JUDGED
 
 
 @pytest.mark.parametrize("failing, change", [(100, 2.0), (50, 1.77), (5, 1.037), (0, 0.663)])
@@ -77,6 +77,19 @@ def test_the_price_follows_how_many_trains_fail(monkeypatch, failing, change):
     monkeypatch.setattr(steps, "JUDGED", 0)
     search.along()
     assert np.array(slopes.prices[1:]) / slopes.prices[:-1] == pytest.approx(change, abs=1e-3)
+
+
+@pytest.mark.parametrize("failing, change", [(7, steps.LEAST_JUDGED), (6, 1.0 / steps.LEAST_JUDGED), (50, 1.642)])
+def test_once_unseen_trains_judge_the_price_moves_until_a_cam_is_on_the_other_side(monkeypatch, failing, change):
+    slopes = Priced(100)
+    search = priced(monkeypatch, slopes)
+    slopes.cam_of = lambda z: SimpleNamespace(
+        area_ratio=0.51 + (failing - 0.5) / 1000.0, z=z, lift=SimpleNamespace(area=0.0)
+    )
+    monkeypatch.setattr(search, "_judge", lambda lift: search.unseen.judge_area(0.51 + (failing - 0.5) / 1000.0))
+    search.along()
+    judged = np.array(slopes.prices[steps.STEPS :])
+    assert len(judged) == steps.JUDGED and judged[1:] / judged[:-1] == pytest.approx(change, abs=1e-3)
 
 
 def in_turn(monkeypatch, areas: list[float]) -> YieldSearch:
