@@ -135,8 +135,7 @@ def keep(rows: list[dict], size: str, folder=RESULTS) -> dict:
     for quantity, of in content["counts"].items():
         print(f"{quantity:<16}", ", ".join(f"{k} {v if v is None else round(v, 2)}" for k, v in of.items()))
     print("truth against located DOP853, largest:", content["truth_against_dop853_um"], "um in", len(located), "draws")
-    write_result("accuracy_promise", size, content, {}, folder)
-    return content
+    return write_result("accuracy_promise", size, content, {}, folder)
 
 
 if __name__ == "__main__":

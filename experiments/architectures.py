@@ -14,7 +14,7 @@ import tomli_w
 from matplotlib.figure import Figure
 
 from camopt.optimizer.run import optimize
-from camopt.plots.style import RC
+from camopt.plots.style import new_figure, styled
 from camopt.scene import InputError, Scene, parse_scene
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.sweeping import called
@@ -165,23 +165,20 @@ def main(size: str, folder=RESULTS) -> dict:
     print(*rows, sep="\n")
     ends = {e: sum(r["ends"] == e for r in rows) for e in sorted({r["ends"] for r in rows})}
     content = {"trains": len(rows), "ends": ends, "rows": rows}
-    write_result("architectures", size, content, {"areas": figure(rows)} if size == "full" else {}, folder)
-    return content
+    return write_result("architectures", size, content, {"areas": figure(rows)} if size == "full" else {}, folder)
 
 
+@styled
 def figure(rows: list[dict]) -> Figure:
     """Area ratio of every train beside its certified bound; a train that was refused has neither."""
-    import matplotlib
-
-    with matplotlib.rc_context(RC):
-        drawing = Figure(figsize=(7.0, 3.6), layout="constrained")
-        axes = drawing.subplots()
-        at = np.arange(len(rows))
-        for key, mark, label in (("area_ratio_bound", "_", "certified bound"), ("area_ratio", "o", "design")):
-            axes.plot(at, [r.get(key, np.nan) for r in rows], mark, label=label)
-        axes.set_xticks(at, [f"{r['scene']}\n{r['ends']}" for r in rows], rotation=60, ha="right")
-        axes.set_ylabel("area ratio")
-        axes.legend()
+    drawing = new_figure(7.0, 3.6)
+    axes = drawing.subplots()
+    at = np.arange(len(rows))
+    for key, mark, label in (("area_ratio_bound", "_", "certified bound"), ("area_ratio", "o", "design")):
+        axes.plot(at, [r.get(key, np.nan) for r in rows], mark, label=label)
+    axes.set_xticks(at, [f"{r['scene']}\n{r['ends']}" for r in rows], rotation=60, ha="right")
+    axes.set_ylabel("area ratio")
+    axes.legend()
     return drawing
 
 

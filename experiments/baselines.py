@@ -1,7 +1,5 @@
 """How good is the best cam of every family on `kodama`, with the scene's jerk limit and without any?
 
-    python -m experiments.baselines [small|full]
-
 Every family of the registry is searched over its own free parameters (section angles and levels, exponents and design
 speed) for the largest area whose bounce stays within 0.05 mm at the four listed speeds, under all limits on the shape
 and without the jerk limit; judged at the listed speeds and 0.1 % beside them, as camopt judges its own nominal designs,
@@ -28,7 +26,7 @@ HALVINGS = {"small": 0, "full": 2}
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
-    """Searches every family twice and writes baselines.json into `folder`."""
+    """Searches every family twice, prints and writes baselines.json into `folder`."""
     scene = load_scene("kodama")
     names = (*FAMILIES, "new-design:start_ratio=0") if size == "full" else ("trapezoid",)
     _, speeds = design_speeds(scene.required_operation, "nominal", ACCURACIES["standard"])
@@ -40,14 +38,13 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
             limits = {"jerk": jerk, "bounce_max_mm": BOUNCE_MAX_MM, "speeds_rpm": speeds}
             found = largest_area_member(scene, name, **limits, evaluations=EVALUATIONS[size], progress=True)
             rows.append({"limits": "all" if jerk else "no-jerk", **row(found), **confirmed(scene, found, size)})
+            print(rows[-1], flush=True)
     result = {
         "question": "largest area of every cam family within 0.05 mm of bounce at the listed speeds of kodama",
         "bounce_limit_mm": BOUNCE_MAX_MM,
         "baselines": rows,
     }
-    write_result("baselines", size, result, {}, folder)
-    print("\n".join(table(rows)))
-    return result
+    return write_result("baselines", size, result, {}, folder)
 
 
 def row(found: Baseline) -> dict:
@@ -76,15 +73,6 @@ def confirmed(scene: Scene, found: Baseline, size: str) -> dict:
         "bounce_verified_mm": max(s.ranges["bounce_mm"][1] for s in speeds),
         "methods_agree": all(s.verdict != "not converged" for s in speeds),
     }
-
-
-def table(rows: list[dict]) -> list[str]:
-    """The result as lines of text."""
-    lines = [f"{'limits':8}{'family':26}{'area ratio':>11}{'bounce':>9}{'jump':>8}{'seating':>9}{'cams':>6}{'s':>6}"]
-    for r in rows:
-        figures = f"{r['area_ratio']:11.4f}{r['bounce_mm']:9.4f}{r['jump_mm']:8.3f}{r['seating_velocity_m_per_s']:9.3f}"
-        lines.append(f"{r['limits']:8}{r['family']:26}{figures}{r['evaluations']:6d}{r['seconds']:6.0f}  {r['says']}")
-    return lines
 
 
 if __name__ == "__main__":

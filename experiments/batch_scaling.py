@@ -1,7 +1,5 @@
 """What does a motion cost, and its gradient, when many trains or cams run side by side in one program?
 
-    python -m experiments.batch_scaling [small|full]
-
 Drawn trains of `kodama`, each at five speeds, and many cams at many speeds, as one batch of the tied motion in double
 and in single precision: one revolution, and its gradient by the lift. The program is the same on a processor and on an
 accelerator; JAX takes the latter where it finds one, and the result says which it was. Times are the least of two,
@@ -75,8 +73,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     pairs = [(forces["float64", *case], force) for (kind, *case), force in forces.items() if kind == "float32"]
     error = max(float(np.abs(double - single).max()) for double, single in pairs)
     content = {"device": jax.default_backend(), "float32_error_N": error, "rows": rows}
-    write_result("batch_scaling", size, content, {"time": figure(rows)}, folder)
-    return content
+    return write_result("batch_scaling", size, content, {"time": figure(rows)}, folder)
 
 
 @styled

@@ -1,7 +1,5 @@
 """How good is the best Polydyne within the scene's limits? Exponents and design speed searched, judged by event-exact.
 
-    python -m experiments.best_polydyne [small|full]
-
 Two answers on `kodama`: the largest area that holds the bounce limit at the listed speeds, and, because none may, the
 least bounce that any member reaches. Members must keep the acceleration limits; the jerk limit is reported, not asked
 for, as in the paper's Table 4. Searched by SciPy's differential evolution on (four exponents, design speed).
@@ -59,8 +57,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         "largest_area_within_limit": max(holding, key=lambda m: m["area_ratio"]) if holding else None,
         "least_bounce": min(usable, key=lambda m: (m["bounce_mm"], -m["area_ratio"])),
     }
-    write_result("best_polydyne", size, result, {}, folder)
-    return result
+    return write_result("best_polydyne", size, result, {}, folder)
 
 
 def figures(scene, exponents: tuple[int, ...], design_speed_rpm: float) -> dict:

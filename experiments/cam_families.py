@@ -1,7 +1,5 @@
 """What do the cam families of the literature reach under the same limits?
 
-    python -m experiments.cam_families [small|full]
-
 All families on the conditions of the paper's Table 4 (no jerk limit, no limit on the nose; the ramp is 0.265 mm for
 all), and under all limits of `kodama`: area ratio, peaks, and the steps of velocity, acceleration and jerk where the
 ramp and where sections meet. Under Table 4 also the order of continuity of every junction and the bounce on `kodama`
@@ -57,7 +55,7 @@ SEARCHED = {
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
     """Designs every family, writes cam_families.json and the figure of those without a jerk limit into `folder`."""
     kodama = load_scene("kodama")
-    freed = conditions(kodama).model_copy(update={"jerk_max_mm_per_deg3": None, "nose_deg": None})
+    freed = kodama.required_design.model_copy(update={"jerk_max_mm_per_deg3": None, "nose_deg": None})
     table_4 = kodama.model_copy(update={"design": freed})
     scenes = {"Table 4": table_4, "kodama": kodama}
     names = CAMS if size == "full" else SMALL
@@ -105,11 +103,6 @@ def motion(lift: Lift, scene: Scene, where: str, size: str) -> dict:
     }
 
 
-def conditions(scene: Scene) -> Design:
-    """The design conditions, which every scene here has."""
-    return scene.required_design
-
-
 def figures(lift: Lift, scene: Scene) -> dict:
     """Area ratio, peaks inside the duration, steps at the ramp top and between sections, limits that are broken."""
     half = lift.half_duration
@@ -122,7 +115,7 @@ def figures(lift: Lift, scene: Scene) -> dict:
         for name, k in units.items()
     }
     return {
-        "area_ratio": lift.area_ratio(conditions(scene).max_lift_mm * MM),
+        "area_ratio": lift.area_ratio(scene.required_design.max_lift_mm * MM),
         "acceleration_max_mm_per_deg2": high,
         "acceleration_min_mm_per_deg2": low,
         "jerk_max_mm_per_deg3": float(np.abs(lift.extremes(3, -half, half)).max()) / MM * DEG**3,
@@ -146,7 +139,7 @@ def long_search(scenes: dict[str, Scene]) -> list[dict]:
     """Angles and area ratio of the sectioned families from a search without starts."""
     rows = []
     for where, scene in scenes.items():
-        design = conditions(scene)
+        design = scene.required_design
         ramp, _ = scene_ramps(design)
         for name, table in SEARCHED.items():
             angles = best_angles(table, design, ramp, True, (), LONG)

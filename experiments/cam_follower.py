@@ -61,8 +61,7 @@ def main(size: str, folder=RESULTS) -> dict:
     }
     content["detachment"]["compliant_rpm"] = {f"{k:g}": first_loss(given, cam, k) for k in STIFFNESS[size]}
     figures = {"motions": draw(given, cam)} if size == "full" else {}
-    write_result("cam_follower", size, content, figures, folder)
-    return content
+    return write_result("cam_follower", size, content, figures, folder)
 
 
 def with_contact(train: Train, stiffness: float, damping: float) -> Train:

@@ -46,8 +46,7 @@ def main(size: str = "full", folder=RESULTS) -> dict:
     chords = {name: of_scene(name, CHORDS[size], REPEATS[size], BUMPS[size]) for name in MOTIONS}
     content = {"chords": chords, "tables_over_linear": price_of_tables(REPEATS[size])}
     print(content)
-    write_result("chords", size, content, {}, folder)
-    return content
+    return write_result("chords", size, content, {}, folder)
 
 
 def of_scene(name: str, counts: tuple[int, ...], repeats: int, bumps: int) -> list[dict]:

@@ -75,8 +75,7 @@ def main(size: str, folder=RESULTS) -> dict:
     handbook = {"least_jerk_cm_per_rad3": table.peak, "bound_cm_per_rad3": table.bound}
     content = {"laws": rows, "least_peaks": peaks, "table_5_4": handbook}
     figures = {"acceleration": draw(t, best), "table-5-4": draw_table(table)}
-    write_result("classical_laws", size, content, figures, folder)
-    return content
+    return write_result("classical_laws", size, content, figures, folder)
 
 
 def least_peak_through(conditions: Sequence[tuple[float, int, float]], order: int, intervals: int) -> DwellRise:

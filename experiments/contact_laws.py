@@ -33,20 +33,19 @@ BEFORE, MEASURED = {"small": 4, "full": 40}, {"small": 2, "full": 40}
 FIGURES = "bounce_mm", "jump_mm", "seating_velocity_m_per_s"
 
 
-def main(size: str = "full", folder=RESULTS, runs: Path | str | None = None) -> dict:
-    """A row for each case and law; `runs` as of `outside_judges`."""
+def main(size: str = "full", folder=RESULTS) -> dict:
+    """A row for each case and law."""
     rows = []
     with TemporaryDirectory() as made:
         for name, cam, speed_rpm in CASES if size == "full" else SMALL:
             scene = load_scene(name)
-            lift = needed(delivered(scene, Path(runs or made))) if cam == "design" else polydyne(scene)
+            lift = needed(delivered(scene, Path(made))) if cam == "design" else polydyne(scene)
             for law in LAWS_OF_CONTACT:
                 of = {"scene": name, "cam": cam, "speed_rpm": speed_rpm, "law": law}
                 rows.append(of | ranges(scene, as_written(lift), speed_rpm, law, BEFORE[size], MEASURED[size]))
                 print(rows[-1])
     content = {"rows": rows, "before": BEFORE[size], "measured": MEASURED[size]}
-    write_result("contact_laws", size, content, {}, folder)
-    return content
+    return write_result("contact_laws", size, content, {}, folder)
 
 
 def ranges(scene: Scene, lift: Lift, speed_rpm: float, law: str, before: int, measured: int) -> dict:

@@ -6,9 +6,11 @@ or time on the wall where JAX is in play.
 """
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine
+from camopt.plots.style import new_figure, styled
 from camopt.scene import Scene, build_train, load_scene, parse_scene
 from camopt.scene.rest import state_at_rest
 from camopt.scene.text_file import scene_toml
@@ -17,7 +19,6 @@ from camopt.study.reduce.reduced_models import smaller_models
 from camopt.study.reduce.reduction import milliseconds, path_times
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import rkg, tmm
-from experiments.support.cost_figures import figures, print_table
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.smooth_costs import smooth_times
 
@@ -51,9 +52,8 @@ def main(size: str, folder=RESULTS) -> dict:
         "contacts": (contacts := [contacts_row(scene, cam, n) for n in IDLE[size]]),
         "never_closing": [never_closing(scene, cam), never_closing(load_scene("motori-1"), cam)],
     }
-    print_table(content)
-    write_result("cost_scaling", size, content, figures(rows, contacts) if size == "full" else {}, folder)
-    return content
+    print(content)
+    return write_result("cost_scaling", size, content, figures(rows, contacts) if size == "full" else {}, folder)
 
 
 def scenes_by_masses(scene: Scene, size: str) -> list[Scene]:
@@ -165,6 +165,39 @@ def never_closing(scene: Scene, cam, repeats: int = 40) -> dict:
             "kept_largest_change_mm": float(np.abs(end[0] - end[1]).max() * 1e3),
         }
     return {"scene": scene.name, "more_time": rows}
+
+
+LINES = {
+    "event": ("event-exact, sampled", "#0072B2"),
+    "event, end state": ("event-exact, end state", "#56B4E9"),
+    "rkg": ("Runge-Kutta-Gill", "#D55E00"),
+    "tmm": ("transition matrix", "#009E73"),
+    "smooth": ("smooth scan", "#B0518E"),
+    "batch": ("smooth batch, per motion", "#E69F00"),
+}
+
+
+@styled
+def figures(masses: list[dict], contacts: list[dict]) -> dict[str, Figure]:
+    """Time of a revolution against masses, and what idle contacts add to it."""
+    drawing = new_figure(6.4, 3.6)
+    axes = drawing.subplots(1, 2)
+    _lines(axes[0], masses, "masses")
+    none = contacts[0]["ms"]
+    more = [row | {"ms": {p: 100 * (ms / none[p] - 1) for p, ms in row["ms"].items()}} for row in contacts]
+    _lines(axes[1], more, "idle_contacts")
+    axes[0].set(xscale="log", yscale="log", xlabel="masses", ylabel="time per revolution [ms]")
+    axes[1].set(xlabel="contacts that never close", ylabel="more time [%]")
+    handles, labels = axes[0].get_legend_handles_labels()
+    drawing.legend(handles, labels, loc="outside upper center", ncols=3)
+    return {"time": drawing}
+
+
+def _lines(axes, rows: list[dict], by: str) -> None:
+    for path in dict.fromkeys(p for r in rows for p in r["ms"]):
+        points = sorted((r[by], r["ms"][path]) for r in rows if path in r["ms"])
+        label, colour = LINES[path]
+        axes.plot(*zip(*points, strict=True), marker="o", markersize=3.5, color=colour, label=label)
 
 
 if __name__ == "__main__":

@@ -69,8 +69,7 @@ def main(size: str, folder=RESULTS) -> dict:
     rows = [row for name in names for row in rows_of(name, KNOT_DEG[size])]
     geometry = {n: [one.model_dump() for one in (GEOMETRY[n], CIRCLES[n][0])] for n in names}
     content = {"geometry": geometry, "piston": PISTON.model_dump(), "rows": rows}
-    write_result("drawing_limits", size, content, {}, folder)
-    return content
+    return write_result("drawing_limits", size, content, {}, folder)
 
 
 def rows_of(name: str, knot_deg: float) -> list[dict]:

@@ -9,7 +9,6 @@ arithmetic loop: on a busy machine both grow.
 """
 
 import time
-from dataclasses import replace
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -22,10 +21,12 @@ from camopt.exact.settled import ERRORS, settled_metrics
 from camopt.measure.settling import settled_from_rest
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.no_jump import no_jump_program
+from camopt.plots.style import new_figure
 from camopt.scene import Scene, build_train, load_scene
 from camopt.scene.settled import SettledMetrics
 from camopt.scene.train import Train
 from experiments.support.record import RESULTS, run_script, write_result
+from experiments.table5_conclusion import PERTURBED, perturbed
 
 SCATTER = 0.02
 TRAINS = {"small": 20, "full": 1000}
@@ -39,15 +40,10 @@ EVERY = 5
 """Every so many speeds are compared with the slow path."""
 
 
-def drawn_trains(train: Train, count: int, seed: int = 0) -> list[Train]:
+def drawn_trains(train: Train, count: int) -> list[Train]:
     """Trains whose masses, stiffnesses, dampings and preloads are scattered, each number by itself."""
-    rng = np.random.default_rng(seed)
-
-    def about(values: np.ndarray) -> np.ndarray:
-        return values * (1.0 + SCATTER * rng.normal(size=len(values)))
-
-    names = "mass", "mass_damping", "stiffness", "damping", "preload"
-    return [replace(train, **{name: about(getattr(train, name)) for name in names}) for _ in range(count)]
+    rng = np.random.default_rng(0)
+    return [perturbed(train, rng, (*PERTURBED, "preload"), SCATTER) for _ in range(count)]
 
 
 def held(scene: Scene, speeds_rpm: np.ndarray) -> Lift:
@@ -116,7 +112,7 @@ def loop_seconds(size: str) -> float:
 
 def figure(speeds_rpm: np.ndarray, found: dict[str, SettledMetrics]) -> Figure:
     """Bounce of the drawn trains against speed: median, and the range of 90 % of them."""
-    picture = Figure(figsize=(7.0, 4.0), layout="constrained")
+    picture = new_figure(7.0, 4.0)
     axes = picture.subplots()
     for name, metrics in found.items():
         low, middle, high = np.nanpercentile(metrics.worst("bounce_mm")[:, 0], (5, 50, 95), axis=0)
@@ -144,14 +140,8 @@ def main(size: str, folder=RESULTS) -> dict:
         row["loop_seconds"] = [before, loop_seconds(size)]
         row |= compared(trains[: max(1, COMPARED[size] // share)], lift, cam_speeds, found[name])
         content["cams"][name] = row
-        print(
-            f"{name}: {row['motions']} motions in {row['seconds']:.1f} s of processor time, "
-            f"{row['ms_per_motion']:.1f} ms each (slow path {row['slow_ms_per_motion']:.0f}), "
-            f"{row['periodic']} periodic; of {row['compared']} compared {row['contacts_keep']} keep contact and are "
-            f"within the stated error: {row['within_stated_error']}; arithmetic loop {row['loop_seconds']} s"
-        )
-    write_result("drawn_trains", size, content, {"bounce": figure(speeds, found)}, folder)
-    return content
+        print(name, row)
+    return write_result("drawn_trains", size, content, {"bounce": figure(speeds, found)}, folder)
 
 
 if __name__ == "__main__":

@@ -22,7 +22,7 @@ from camopt.plots.style import INK, legend_above, lines, new_figure, styled
 from camopt.scene import MotionRefused, Train, build_train, load_scene
 from camopt.scene.rest import state_at_rest
 from camopt.study.gradient.paths import cosine, moved, with_bumps
-from experiments.support.ensemble import CamEnsemble, EnsembleGradient, ensemble_gradient, summary
+from experiments.support.ensemble import WORKERS, CamEnsemble, EnsembleGradient, ensemble_gradient, summary
 from experiments.support.record import RESULTS, run_script, write_result
 
 RPM = 7000.0
@@ -77,12 +77,11 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         "split_half_cosine": pathwise.split_half_cosine.tolist(),
         "strategy_split_half_cosine": strategy.split_half_cosine.tolist(), "rows": rows,
     }  # fmt: skip
-    write_result("ensemble_gradients", size, content, {} if size == "small" else {"steps": figure(rows)}, folder)
-    return content
+    return write_result("ensemble_gradients", size, content, {} if size == "small" else {"steps": figure(rows)}, folder)
 
 
 def evolution_strategy_gradient(
-    train: Train, ensemble: CamEnsemble, cam_speed: float, metrics: Sequence[str], *, workers: int = 2
+    train: Train, ensemble: CamEnsemble, cam_speed: float, metrics: Sequence[str]
 ) -> EnsembleGradient:
     """Like `ensemble_gradient`, but from values alone: noisier, and right however the motion behaves.
 
@@ -97,7 +96,7 @@ def evolution_strategy_gradient(
         except MotionRefused:
             return np.full(len(metrics), np.nan)
 
-    with ThreadPoolExecutor(workers) as pool:
+    with ThreadPoolExecutor(WORKERS) as pool:
         values = np.array(list(pool.map(values_of, ensemble.lifts()))).reshape(len(pairs), 2, -1)
     rise = (values[:, 0] - values[:, 1]) / (2.0 * ensemble.sigma_m**2)
     return summary(metrics, values, rise[:, :, None] * pairs[:, None, :])

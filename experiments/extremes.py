@@ -1,7 +1,5 @@
 """Does any method, put to the fixed list of extremes on any built-in scene, end in a wrong number without a warning?
 
-    python -m experiments.extremes [small|full]
-
 What `camopt extremes` runs, on every scene that moves (combinations of two extremes on `kodama`), kept row by row in
 `runs/extremes`, from where an interrupted run goes on; the small size takes the case without change on `motori-2`.
 """
@@ -42,8 +40,7 @@ def main(size: str, folder=RESULTS) -> dict:
         print(f"{method:<20}" + ", ".join(f"{n} {v}" for v, n in verdicts.items()))
     print(f"{len(rows)} rows, {len(content['wrong'])} wrong without a warning")
     figures = {name: verdict_matrix(mine, name) for name, mine in by_scene.items()} if size == "full" else {}
-    write_result("extremes", size, content, figures, folder)
-    return content
+    return write_result("extremes", size, content, figures, folder)
 
 
 def _by_case(scene: str, rows: list[dict]) -> dict[str, dict[str, str]]:

@@ -1,7 +1,5 @@
 """How long does it take from `python` to the first gradient, in the first process and in the next one?
 
-    python -m experiments.first_gradient [small|full]
-
 Each process begins with nothing loaded and ends with a gradient in hand; the first has an empty folder for compiled
 programs, the second has what the first left there. Two gradients are asked for: that of a Lagrangian by the
 coefficients of a free cam, through the tied motion at nine speeds of the band, from its settled start, as `ascend` with
@@ -59,9 +57,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
                     found = timed(script.format(scene=scene), cache)
                     rows.append({"gradient": gradient, "scene": scene, "process": process, **found})
                     print(rows[-1], flush=True)
-    content = {"rows": rows}
-    write_result("first_gradient", size, content, {}, folder)
-    return content
+    return write_result("first_gradient", size, {"rows": rows}, {}, folder)
 
 
 def timed(script: str, cache: str) -> dict:

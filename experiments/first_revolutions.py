@@ -81,8 +81,7 @@ def main(size: str, folder=RESULTS) -> dict:
     ]
     content = {"motions": len(found), "figures": int(true.size), "broken": int(true.sum()), "rows": rows}
     print(content)
-    write_result("first_revolutions", size, content, {}, folder)
-    return content
+    return write_result("first_revolutions", size, content, {}, folder)
 
 
 if __name__ == "__main__":

@@ -53,12 +53,8 @@ def main(size: str, folder=RESULTS) -> dict:
         reference = problem.reference(ANGLE)
         for method in (*STEP_METHODS, *(LOCATING if size == "full" else ("event",))):
             rows.append(errors(problem, method, DIVISORS[size], reference))
-            row = rows[-1]
-            shown = " ".join(f"{e:9.2g}" for e in row["error_um"])
-            print(f"{problem.name:<18}{method:<18}{shown} um  {row['power_of_step'] or 0:5.2f}")
-    content = {"rows": rows}
-    write_result("fixed_problems", size, content, {"error": draw(content["rows"])}, folder)
-    return content
+            print(rows[-1])
+    return write_result("fixed_problems", size, {"rows": rows}, {"error": draw(rows)}, folder)
 
 
 @styled

@@ -61,8 +61,7 @@ def main(size: str, folder=RESULTS) -> dict:
             "least": float(film.min()),
         },
     }
-    write_result("flat_follower", size, content, {"nose": draw(theta, film)}, folder)
-    return content
+    return write_result("flat_follower", size, content, {"nose": draw(theta, film)}, folder)
 
 
 @styled

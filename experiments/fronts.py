@@ -1,7 +1,5 @@
 """What does each limit cost in area, and what would a spring of its own allow?
 
-    python -m experiments.fronts [small|full]
-
 `kodama`, accuracy draft, rows of the exact response: the largest area that the event-exact judge confirms over the band
 against the limit on bounce (jump and seating velocity released, which would hide it), on jump (seating velocity
 released) and on jerk; then the factors on the valve spring's rate and preload, each within 10 %, that give the largest
@@ -36,9 +34,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     content = {"fronts": {}}
     for name, front in fronts.items():
         content["fronts"][name] = {k: front.table[k].values.tolist() for k in ("limit", *front.table.data_vars)}
-        points = zip(*(content["fronts"][name][k] for k in ("area_ratio", "limit")), strict=True)
-        areas = ", ".join(f"{area:.4f} at {limit:g}" for area, limit in points)
-        print(f"{name}: {areas}", flush=True)
+        print(name, content["fronts"][name], flush=True)
     found = joint_spring(scene, speeds=speeds, evaluations=30 if size == "full" else 4)
     effort = ACCURACIES["draft"]
     if size == "small":
@@ -52,10 +48,10 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         "area_ratio": together.area_ratio,
         "area_ratio_as_given": as_given.area_ratio,
     }
-    print(f"spring: rate x {found.rate:.3f}, preload x {found.preload:.3f}: area ratio {together.area_ratio:.4f} "
-          f"instead of {as_given.area_ratio:.4f}")  # fmt: skip
-    write_result("fronts", size, content, {name.removesuffix("_mm"): f.plot() for name, f in fronts.items()}, folder)
-    return content
+    print("spring", content["spring"])
+    return write_result(
+        "fronts", size, content, {name.removesuffix("_mm"): f.plot() for name, f in fronts.items()}, folder
+    )
 
 
 if __name__ == "__main__":

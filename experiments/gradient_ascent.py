@@ -75,8 +75,7 @@ def main(size: str, folder=RESULTS) -> dict:
                 row = climbed(scene, speeds, path, optimiser, steps[size])
                 content[problem]["ascents"][name] = row
                 print(f"  {name}: {row}")
-    write_result("gradient_ascent", size, content, {}, folder)
-    return content
+    return write_result("gradient_ascent", size, content, {}, folder)
 
 
 if __name__ == "__main__":

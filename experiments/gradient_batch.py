@@ -79,8 +79,7 @@ def main(size: str, folder=RESULTS) -> dict:
             key = f"{kind}ms_per_trajectory"
             row[f"{kind}times_cheaper_than_diffrax"] = rows[0][key] / row[key]
     content = {"cams": cams, "speeds_rpm": speeds, "coefficients": bumps, "metric": METRIC, "methods": rows}
-    write_result("gradient_batch", size, content, {}, folder)
-    return content
+    return write_result("gradient_batch", size, content, {}, folder)
 
 
 def diffrax_tsit5(p: Problem, z: np.ndarray) -> Timed:

@@ -50,8 +50,7 @@ def main(size: str, folder=RESULTS) -> dict:
                 row = {"speed_rpm": p.speeds_rpm[s], "eps_m": eps, "grid": str(grid), "precision": precision}
                 rows.append({**row, "value_bias": abs(float(found) / value - 1.0), **against(gradient, differences)})
     content = {"metric": METRIC, "bumps": BUMPS[size], "exact_m_per_s": [v for v, _ in truth], "rows": rows}
-    write_result("gradient_bias", size, content, {} if size == "small" else {"eps": figure(rows)}, folder)
-    return content
+    return write_result("gradient_bias", size, content, {} if size == "small" else {"eps": figure(rows)}, folder)
 
 
 def compiled(p: Problem, grid: str | int, precision: str):

@@ -4,14 +4,13 @@ Processor time of one event-exact revolution from rest with one metric, and of t
 coefficients of a spline cam: least of many repeats, the two in turn so that a loaded machine slows both.
 """
 
-import time
-
 import numpy as np
 
 from camopt.cam.families.free import FreeCam, free_cam
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest
+from experiments.chords import least
 from experiments.support.record import RESULTS, run_script, write_result
 
 SIZES = {"small": (20, (6000.0,)), "full": (400, (5000.0, 6000.0, 6500.0, 7000.0))}
@@ -42,13 +41,12 @@ def main(size: str, folder=RESULTS) -> dict:
                 def gradient(motion=motion, metric=metric, by_z=by_z):
                     return by_z @ motion().swept([metric])[1].by_coefficients.ravel()
 
-                one, both = least(value, gradient, repeats)
+                one, both = (1e3 * seconds for seconds in least([value, gradient], repeats))
                 row = {"coefficients": len(z), "speed_rpm": rpm, "metric": metric, "value_ms": one}
                 rows.append(row | {"value_and_gradient_ms": both, "ratio": both / one})
     worst = {str(n): max(r["ratio"] for r in rows if r["coefficients"] == n) for n in COEFFICIENTS}
     content = {"repeats": repeats, "rows": rows, "worst_ratio": worst}
-    write_result("gradient_cost", size, content, {}, folder)
-    return content
+    return write_result("gradient_cost", size, content, {}, folder)
 
 
 def bell(cam: FreeCam) -> np.ndarray:
@@ -62,20 +60,6 @@ def pieces_by_z(cam: FreeCam) -> np.ndarray:
     zero = np.zeros(cam.Z.shape[1])
     offset = cam.lift(zero).coefficients
     return np.stack([(cam.lift(unit).coefficients - offset).ravel() for unit in np.eye(len(zero))])
-
-
-def least(value, gradient, repeats: int) -> tuple[float, float]:
-    """Least processor time [ms] of two calls that are made in turn."""
-    value(), gradient()
-    times = []
-    for _ in range(repeats):
-        begin = time.process_time()
-        value()
-        middle = time.process_time()
-        gradient()
-        times.append((middle - begin, time.process_time() - middle))
-    one, both = 1e3 * np.min(times, axis=0)
-    return float(one), float(both)
 
 
 if __name__ == "__main__":

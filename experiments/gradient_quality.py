@@ -66,8 +66,7 @@ def main(size: str = "full", folder=RESULTS) -> dict:
     content = {"ball": ball, "kodama": train, "metric": METRIC, "speed_rpm": SPEED_RPM, "missing": missing}
     for row in [*ball, *train]:
         print(row)
-    write_result("gradient_quality", size, content, {}, folder)
-    return content
+    return write_result("gradient_quality", size, content, {}, folder)
 
 
 def ball_methods(size: str) -> dict[str, Callable[[], Callable[[], Answer]]]:

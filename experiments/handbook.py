@@ -48,8 +48,7 @@ def main(size: str, folder=RESULTS) -> dict:
         for number, (hertz, printed) in enumerate(zip(found, PRINTED["frequency_Hz"], strict=True), 1)
     ]
     five = modes(camopt.load_scene("pushrod-5mass"), "lifted")
-    write_result("handbook", size, {"rows": rows}, {"modes": five.plot()}, folder)
-    return {"rows": rows}
+    return write_result("handbook", size, {"rows": rows}, {"modes": five.plot()}, folder)
 
 
 if __name__ == "__main__":

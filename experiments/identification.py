@@ -50,8 +50,7 @@ def main(size: str, folder=RESULTS) -> dict:
         content[name] = counted | {"sound": sum(not f["remarks"] for f in fits), "fits": len(fits)}
         print(f"{name}: {counted['covered']} of {len(rows)} intervals hold the truth")
         figures[name] = figure(name, fits)
-    write_result("identification", size, content, figures if size == "full" else {}, folder)
-    return content
+    return write_result("identification", size, content, figures if size == "full" else {}, folder)
 
 
 def fit(name: str, seed: int, step_deg: float) -> dict:

@@ -1,7 +1,5 @@
 """How does the cost of a Jacobian of the paths grow with masses, speeds, trains and coefficients?
 
-    python -m experiments.jacobian_cost [small|full]
-
 `camopt.linearised` of the calmest free cam of `kodama`, by both sources: forces and gaps of the settled motion with
 tied contacts, and their derivatives by every coefficient. One number grows, and the others keep theirs: ten masses, the
 top speed alone, the train as designed, and the coefficients of knots every 6 degrees. The spring is divided more finely
@@ -50,9 +48,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         for by in count if size == "full" else ():
             tried = [(row["count"], row["ms"]) for row in rows if (row["source"], row["by"]) == (source, by)]
             powers.append({"source": source, "by": by, "power": exponent(tried)})
-    content = {"rows": rows, "powers": powers}
-    write_result("jacobian_cost", size, content, {}, folder)
-    return content
+    return write_result("jacobian_cost", size, {"rows": rows, "powers": powers}, {}, folder)
 
 
 def grown(size: str) -> Iterator[tuple[str, Scene, dict, float]]:

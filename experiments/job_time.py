@@ -1,7 +1,5 @@
 """What does the main job take, cold, warm and at draft, and what of it is compiling?
 
-    python -m experiments.job_time [small|full]
-
 `camopt optimize kodama` in a fresh process each: standard with every cache of compiled programs empty, standard again
 with the programs that this left, and draft twice, of which the first compiles what has the shape of its speeds. By
 stage: clock, processor time and compilation, from provenance.json; of the whole process, imports included: clock,
@@ -87,19 +85,18 @@ def within(name: str, row: dict) -> dict[str, bool]:
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
-    """Runs every case, prints the tables and writes job_time.json into `folder`."""
+    """Runs and prints every case, and writes job_time.json into `folder`."""
     rows = {}
     with tempfile.TemporaryDirectory() as held:
         caches = {} if size == "small" else {name: str(Path(held, part)) for name, part in CACHES.items()}
         for name, words in (SMALL if size == "small" else CASES).items():
             rows[name] = job(words, Path(held, f"run-{name}"), caches)
             rows[name]["within_target"] = within(name, rows[name])
-            print(table(name, rows[name]), flush=True)
+            print(name, rows[name], flush=True)
         older = older_jobs(Path(held), caches) if size == "full" and OLDER_TREE in os.environ else {}
     content = {"targets": TARGETS, "cases": rows}
     content |= {"older": older, "ratios": ratios(rows, older)} if older else {}
-    write_result("job_time", size, content, {}, folder)
-    return content
+    return write_result("job_time", size, content, {}, folder)
 
 
 def older_jobs(held: Path, caches: dict[str, str]) -> dict[str, dict]:
@@ -108,7 +105,7 @@ def older_jobs(held: Path, caches: dict[str, str]) -> dict[str, dict]:
     caches = {name: f"{path}-older" for name, path in caches.items()}
     for number, name in enumerate((OLDER[0], *OLDER)):  # the first one compiles
         found[name] = job(CASES[name], held / f"older-{number}", caches, tree)
-        print(table(f"older, {name}", found[name]), flush=True)
+        print("older,", name, found[name], flush=True)
     return found
 
 
@@ -116,20 +113,6 @@ def ratios(rows: dict[str, dict], older: dict[str, dict]) -> dict[str, dict[str,
     """By case what it takes over what the older tree takes."""
     keys = ("processor_s", "peak_memory_MB", "area_ratio")
     return {name: {key: rows[name][key] / older[name][key] for key in keys} for name in older}
-
-
-def table(name: str, row: dict) -> str:
-    """A case as Markdown: a line per stage, and one for the whole process."""
-    lines = [
-        f"| {name}, loop {row['loop_s']:.2f} s | clock s | processor s | compiling s | peak MB |",
-        "|---" * 5 + "|",
-    ]
-    for stage, cost in row["stages"].items():
-        cells = [cost[key] for key in ("clock_s", "processor_s", "compilation_s", "peak_memory_MB")]
-        lines.append(f"| {stage} | {' | '.join('–' if c is None else f'{c:.1f}' for c in cells)} |")
-    compiling = sum(cost["compilation_s"] for cost in row["stages"].values())
-    whole = row["clock_s"], row["processor_s"], compiling, row["peak_memory_MB"]
-    return "\n".join([*lines, f"| whole process | {' | '.join(f'{c:.1f}' for c in whole)} |"])
 
 
 if __name__ == "__main__":

@@ -1,7 +1,5 @@
 """Does a linear train cost more since trains may have tables, adjusters, friction and gas force?
 
-    python -m experiments.linear_cost [small|full]
-
 Event-exact of this tree beside that of the last commit before such trains, each in processes of its own that take
 turns: the end state of a revolution, a sampled revolution, and a gradient, on linear scenes. The older tree is taken
 from the history of the clone that the experiment runs in. The small size compares this tree with itself.
@@ -48,8 +46,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         "allowed": ALLOWED,
     }
     print(json.dumps(content, indent=2))
-    write_result("linear_cost", size, content, {}, folder)
-    return content
+    return write_result("linear_cost", size, content, {}, folder)
 
 
 def older_tree(commit: str, folder: Path) -> Path:

@@ -172,8 +172,7 @@ def main(size: str, folder=RESULTS) -> dict:
     content = {"scenes": first, "programs": len(rows), "kinds": {kind: counted(rows, kind) for kind in KINDS}}
     content["all"] = counted(rows)
     print(content)
-    write_result("linear_programs", size, content, {}, folder)
-    return content
+    return write_result("linear_programs", size, content, {}, folder)
 
 
 def counted(rows: list[dict], kind: str | None = None) -> dict:

@@ -1,7 +1,5 @@
 """How soon does the designer's page show an answer while a hand drags, and the band's curve once it rests?
 
-    python -m experiments.live_latency [small|full]
-
 `camopt design` in a process of its own and Chromium by Playwright, on five scenes: three built-in ones, and a bucket
 tappet and a pushrod train from ../shared/data/scenes beside the repository, which are left out where that folder is
 missing. Sliders are moved by keys, a step every 50 ms: limits of the cam, whose rows stay, and duration, ramp, spring
@@ -173,12 +171,12 @@ def of_scene(driver, scene: str, times: int, steps: int, changes: int, pictures:
         finally:
             process.terminate()
             process.communicate()
-    print(table(row))
+    print(row)
     return row
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
-    """Drags every slider of every scene, prints tables and writes live_latency.json into `folder`."""
+    """Drags every slider of every scene, prints and writes live_latency.json into `folder`."""
     from playwright.sync_api import sync_playwright
 
     names, times, steps, changes = SIZES[size]
@@ -192,17 +190,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
             of_scene(driver, path, times, steps, *((0, None) if i else (changes, folder if size == "full" else None)))
             for i, path in enumerate(paths)
         ]
-    content = {"targets_ms": TARGETS_MS, "scenes": rows}
-    write_result("live_latency", size, content, {}, folder)
-    return content
-
-
-def table(row: dict) -> str:
-    """The latencies of a scene as Markdown."""
-    rows = {**{f"drag, {kind}": found for kind, found in row["drag"].items()}, "rest, band": row["rest"]}
-    loop = f"loop {row['loop_clock_s']:.2f} s by the clock, {row['loop_processor_s']:.2f} s alone"
-    lines = [f"| {row['scene']}, {loop} | answers | p50 ms | p95 ms | largest ms |", "|---" * 5 + "|"]
-    return "\n".join([*lines, *(f"| {name} | {' | '.join(map(str, one.values()))} |" for name, one in rows.items())])
+    return write_result("live_latency", size, {"targets_ms": TARGETS_MS, "scenes": rows}, {}, folder)
 
 
 if __name__ == "__main__":

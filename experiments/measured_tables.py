@@ -1,7 +1,5 @@
 """How well does a measured lift table give the cam's acceleration, and does the error that is stated hold?
 
-    python -m experiments.measured_tables [small|full]
-
 The truth is the polydyne of `kodama`; its table is read over a whole turn in steps of 0.25 to 2 cam degrees with normal
 noise of 0.5 to 10 um on every row, base circle included, and rounded to 0.1 um. Each table is smoothed as camopt does
 it (the noise is not told) and interpolated plainly. Errors are over the event, angles as the table has them. Then the
@@ -14,7 +12,6 @@ from itertools import product
 from pathlib import Path
 from typing import NamedTuple
 
-import matplotlib
 import numpy as np
 from matplotlib.figure import Figure
 from scipy.interpolate import PPoly, make_interp_spline
@@ -22,7 +19,7 @@ from scipy.interpolate import PPoly, make_interp_spline
 from camopt.cam.ramps import scene_ramps
 from camopt.cam.read import read_cam
 from camopt.cam.tables.smoothing import smoothed
-from camopt.plots.style import INK, LIMIT, RC, lines, new_figure
+from camopt.plots.style import INK, LIMIT, lines, new_figure, styled
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import DEG, MM
 from experiments.support.record import RESULTS, run_script, write_result
@@ -64,8 +61,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     figures = {"error": draw_errors(rows, peak), "example": draw_example(truth)} if size == "full" else {}
     if drawn and size == "full":
         figures["motorbike"] = draw_measured(drawn)
-    write_result("measured_tables", size, content, figures, folder)
-    return content
+    return write_result("measured_tables", size, content, figures, folder)
 
 
 def generated(truth, noise_um: float, step: float, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -151,7 +147,7 @@ def cell(truth, noise_um: float, step: float, seeds: int) -> dict:
     }  # fmt: skip
 
 
-@matplotlib.rc_context(RC)
+@styled
 def draw_errors(rows: list[dict], peak: float) -> Figure:
     """Root mean square error of lift and acceleration against the noise, a colour per step, plain dashed."""
     figure = new_figure(7.2, 3.6)
@@ -176,7 +172,7 @@ def draw_errors(rows: list[dict], peak: float) -> Figure:
     return figure
 
 
-@matplotlib.rc_context(RC)
+@styled
 def draw_example(truth) -> Figure:
     """Acceleration from one table: truth, second differences of the rows, smoothed."""
     figure = new_figure(7.2, 3.4)
@@ -192,7 +188,7 @@ def draw_example(truth) -> Figure:
     return figure
 
 
-@matplotlib.rc_context(RC)
+@styled
 def draw_measured(drawn: dict) -> Figure:
     """Acceleration of the measured tables: divided second differences of the rows, and the law."""
     figure = new_figure(7.2, 5.6)

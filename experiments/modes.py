@@ -50,8 +50,7 @@ def main(size: str, folder=RESULTS) -> dict:
                     list(surge), orders, scene.operation.band_rpm, scene.operation.cam_per_crank,
                     f"{name}: surge of the valve spring (both ends fixed) and the cam's harmonics",
                 )  # fmt: skip
-    write_result("modes", size, content, figures, folder)
-    return content
+    return write_result("modes", size, content, figures, folder)
 
 
 def surge_frequencies(scene: Scene) -> np.ndarray:

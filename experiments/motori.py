@@ -5,18 +5,20 @@ and 6 (contact force against train stiffness), and the extreme conditions its ab
 is not tabulated: a Kurz-type cam of the scene's duration and lift stands in. Speeds are camshaft speeds, as the tool's.
 """
 
+from collections.abc import Mapping
+
 import numpy as np
+from matplotlib.figure import Figure
 
 from camopt.cam.families.kurz import kurz
 from camopt.cam.lift import Lift
 from camopt.exact import prepare, settled_metrics
-from camopt.measure.settling import Settled, settle
+from camopt.measure.settling import Settled, settled_from_rest
 from camopt.measure.sweep import at_speeds
 from camopt.scene import MotionRefused, Scene, build_train, load_scene
 from camopt.scene.response import Response
-from camopt.scene.rest import state_at_rest
-from camopt.scene.units import RPM
-from experiments.support.motori_figures import group_figure, span_figure, stiffness_figure
+from camopt.scene.units import DEG, MM, RPM
+from experiments.support.panels import Panel, panels
 from experiments.support.record import RESULTS, run_script, write_result
 
 ENGINES = ("motori-1", "motori-2")
@@ -44,8 +46,7 @@ def main(size: str, folder=RESULTS) -> dict:
         figures["group"] = group_figure({name: settled(s, lift, SPEED) for name, s in scenes.items()}, lift)
         figures["stiffness"] = stiffness_figure({k: drawn_forces(scenes["motori-1"], k) for k in DRAWN})
         figures["span"] = span_figure(content["span"])
-    write_result("motori", size, content, figures, folder)
-    return content
+    return write_result("motori", size, content, figures, folder)
 
 
 def cam_of(scene: Scene) -> Lift:
@@ -60,9 +61,7 @@ def changed(scene: Scene, **elements: dict[str, float]) -> Scene:
 
 def settled(scene: Scene, lift: Lift, cam_rpm: float) -> Settled:
     """The settled event-exact motion from rest at a camshaft speed [r/min]."""
-    train = build_train(scene)
-    start = state_at_rest(train)
-    return settle(prepare(train, lift, cam_rpm * RPM), start)
+    return settled_from_rest(prepare, build_train(scene), lift, cam_rpm * RPM)
 
 
 def figures_of(scene: Scene, lift: Lift, cam_rpm: float) -> dict:
@@ -154,6 +153,63 @@ def drawn_forces(scene: Scene, kN_per_mm: float) -> dict[str, Response]:
     lift = cam_of(scene)
     kept = {"damping constant kept (1200 kg/s)": None, "damping ratio kept (0.1)": 0.1}
     return {k: settled(stiffened(scene, kN_per_mm, zeta), lift, SPEED).response for k, zeta in kept.items()}
+
+
+EVENT = (-110, 110)
+"""Cam angles drawn [deg]: the event with its ramps."""
+SPAN_ROWS = {
+    "contact_force_max_N": "peak contact\nforce [N]",
+    "contact_force_min_N": "least contact\nforce [N]",
+    "jump_mm": "jump [mm]",
+    "bounce_mm": "bounce [mm]",
+    "seating_velocity_m_per_s": "seating\nvelocity [m/s]",
+}
+
+
+def group_figure(motions: Mapping[str, Settled], lift: Lift) -> Figure:
+    """Figures 3 and 4 in kind: a column per engine of lift, velocity and acceleration of cam and valve, all forces."""
+    columns = [_group(name, motion.response, lift) for name, motion in motions.items()]
+    return panels([*zip(*columns, strict=True)], "cam angle [deg]", EVENT, 9.5)
+
+
+def _group(engine: str, response: Response, lift: Lift) -> list[Panel]:
+    """The spring acceleration -F2 / m, what the spring alone gives the valve, is this project's reading of h0PR''."""
+    turn = response.angle <= np.pi
+    angle, x, v, force = response.angle[turn], response.x[turn, 0], response.v[turn, 0], response.force[turn]
+    omega, degrees, mass = response.cam_speed, angle / DEG, response.train.mass[0]
+    f1, f2, f3, f4 = (force[:, i] for i in range(4))
+    total = f1 - f2 + f3 - f4
+    speed = f"{engine}, {omega * 30 / np.pi:.0f} cam r/min"
+    cam = lift(angle, 2) * omega**2
+    accelerations = [("cam", degrees, cam / 1e3), ("valve", degrees, total / mass / 1e3)]
+    return [
+        Panel("lift [mm]", [("cam", degrees, lift(angle) / MM), ("valve", degrees, x / MM)], speed),
+        Panel("velocity [m/s]", [("cam", degrees, lift(angle, 1) * omega), ("valve", degrees, v)]),
+        Panel("acceleration\n[km/s²]", [*accelerations, ("spring", degrees, -f2 / mass / 1e3)]),
+        Panel("cam, spring and\ntotal force [N]", [("F1", degrees, f1), ("F2", degrees, f2), ("F", degrees, total)]),
+        Panel("seat and coil\nclash force [N]", [("F3", degrees, f3), ("F4", degrees, f4)]),
+    ]
+
+
+def stiffness_figure(motions: Mapping[float, Mapping[str, Response]]) -> Figure:
+    """Figures 5 and 6 in kind: contact force against cam angle, a panel per train stiffness [kN/mm]."""
+    rows = []
+    for k, by_damping in motions.items():
+        curves = []
+        for label, response in by_damping.items():
+            turn = response.angle <= np.pi
+            curves.append((label, response.angle[turn] / DEG, response.force[turn, 0]))
+        rows.append([Panel("F1 [N]", curves, f"train stiffness {k} kN/mm")])
+    return panels(rows, "cam angle [deg]", EVENT, row_height=1.75)
+
+
+def span_figure(spans: Mapping[str, dict]) -> Figure:
+    """Metrics of the engines over the camshaft speed."""
+    rows = []
+    for key, label in SPAN_ROWS.items():
+        curves = [(engine, np.array(s["cam_speed_rpm"]), np.array(s[key], dtype=float)) for engine, s in spans.items()]
+        rows.append([Panel(label, curves)])
+    return panels(rows, "camshaft speed [r/min]")
 
 
 if __name__ == "__main__":

@@ -167,8 +167,7 @@ def keep(rows: list[dict], plan: dict, size: str, folder: Path = RESULTS) -> dic
     }
     for name, of in (*scenes.items(), ("all", content["table"])):
         print(f"{name:<24}", ", ".join(f"{k} {v}" for k, v in of.items()))
-    write_result("near_limit", size, content, {"verdicts": figure(rows)} if size == "full" else {}, folder)
-    return content
+    return write_result("near_limit", size, content, {"verdicts": figure(rows)} if size == "full" else {}, folder)
 
 
 def figure(rows: list[dict]) -> Figure:

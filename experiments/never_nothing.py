@@ -50,8 +50,7 @@ def main(size: str, folder: Path = RESULTS) -> dict:
     for row in content["losses"]:
         print(row)
     print({key: value for key, value in content.items() if key not in ("losses", "rows")})
-    write_result("never_nothing", size, content, {}, folder)
-    return content
+    return write_result("never_nothing", size, content, {}, folder)
 
 
 def outcome(number: int) -> dict:

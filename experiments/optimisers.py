@@ -1,7 +1,5 @@
 """Which optimiser reaches how much area within one budget of processor time, from three starts, on four scenes?
 
-    python -m experiments.optimisers [small|full]
-
 Two scenes whose laws are straight, `motori-1` and `kodama`, and two others, `finger-hydraulic` and `kodama-hertz`, at
 their listed speeds, each with a free cam with knots every 6 deg, from the calmest cam and from those within the limits
 on the shape that are nearest to a plain Multi-Pol (on the first two alone) and a plain Polydyne (on the first three).
@@ -107,9 +105,9 @@ def panel(axes: Axes, rows: list[dict], budget: float) -> None:
     axes.set(xscale="log", xlim=(time[0], budget), ylim=(most - SHOWN, most + 0.05 * SHOWN))
 
 
-def main(size: str = "full", folder: Path = RESULTS, store: Path | None = None) -> dict:
+def main(size: str = "full", folder: Path = RESULTS) -> dict:
     """Sweeps, prints the areas, and writes `optimisers.json` and its figure."""
-    rows = called("experiments.support.optimiser_runs:run", tasks(size), size, store or folder / "optimisers.sqlite")
+    rows = called("experiments.support.optimiser_runs:run", tasks(size), size, folder / "optimisers.sqlite")
     most = largest(rows)
 
     def seconds(row: dict) -> float | None:
@@ -127,8 +125,7 @@ def main(size: str = "full", folder: Path = RESULTS, store: Path | None = None) 
         "seconds_to_near": gathered(rows, seconds),
         "runs": [{key: value for key, value in row.items() if key != "seconds"} for row in rows],
     }
-    write_result("optimisers", size, content, {"area": figure(rows, SECONDS[size])}, folder)
-    return content
+    return write_result("optimisers", size, content, {"area": figure(rows, SECONDS[size])}, folder)
 
 
 if __name__ == "__main__":

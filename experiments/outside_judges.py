@@ -15,20 +15,22 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from camopt.cam.design_file import as_written, read_design
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.exact import prepare
 from camopt.optimizer.run import optimize
+from camopt.plots.style import new_figure, styled
 from camopt.scene import InputError, Scene, build_train, builtin_scenes, load_scene
 from camopt.scene.rest import state_at_rest
+from camopt.scene.units import MM
 from camopt.study.reduce.reduction import milliseconds
 from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.from_outside import NM, compared, outside_motions, valve_from_rest
 from camopt.verifier.verdict import verdict_on
 from experiments.support.outside_changes import CHANGES
-from experiments.support.outside_figure import halvings_figure, motion_figure
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.undamped import Case, undamped_part
 
@@ -44,13 +46,9 @@ SMALL_STEPS = 57_600
 """Most steps of an undamped revolution at the small size."""
 
 
-def main(size: str = "full", folder=RESULTS, runs: Path | str | None = None) -> dict:
-    """Differences from rest and of settled figures, what of the changes shows, and what the judge costs.
-
-    `runs` is a folder of run folders by the scenes' names, in place of designs that are made here.
-    """
+def main(size: str = "full", folder=RESULTS) -> dict:
+    """Differences from rest and of settled figures, what of the changes shows, and what the judge costs."""
     with TemporaryDirectory() as made:
-        place = Path(runs or made)
         if size == "small":
             scene, other = load_scene("motori-1"), load_scene(CHANGED)
             rows, cams = of_cam(scene, "polydyne", polydyne(scene), [5000.0]), {}
@@ -58,7 +56,7 @@ def main(size: str = "full", folder=RESULTS, runs: Path | str | None = None) -> 
             beside = undamped_part([(other, "polydyne", polydyne(other), [5000.0])], None, SMALL_STEPS)
         else:
             scenes = [load_scene(name) for name in builtin_scenes() if load_scene(name).design]
-            cams = {scene.name: delivered(scene, place) for scene in scenes}
+            cams = {scene.name: delivered(scene, Path(made)) for scene in scenes}
             cases = [case for scene in scenes for case in cases_of(scene, cams[scene.name])]
             rows = [row for case in cases for row in of_cam(*case)]
             other, design = load_scene(CHANGED), needed(cams[CHANGED])
@@ -70,8 +68,7 @@ def main(size: str = "full", folder=RESULTS, runs: Path | str | None = None) -> 
     if beside["undamped"]:
         figures["halvings"] = halvings_figure(beside["undamped"])
     print(content["summary"])
-    write_result("outside_judges", size, content, figures, folder)
-    return content
+    return write_result("outside_judges", size, content, figures, folder)
 
 
 def delivered(scene: Scene, runs: Path) -> Lift | None:
@@ -180,6 +177,46 @@ def _drawn(cams: dict[str, Lift | None], name: str, speed_rpm: float) -> dict:
     ours, _ = valve_from_rest(scene, lift, speed_rpm)
     theirs = np.array(outside_motions(scene, lift, [speed_rpm])["speeds"][0]["valve_m"])
     return {"title": f"{name}, {speed_rpm:.0f} r/min", "valve_m": ours, "off_nm": (theirs - ours) / NM}
+
+
+COLOURS = "#0072B2", "#D55E00", "#009E73", "#B0518E", "#E69F00", "#56B4E9"
+"""By scene."""
+
+
+@styled
+def motion_figure(cases: list[dict]) -> Figure:
+    """A column for each motion; its two revolutions from rest one after the other."""
+    drawing = new_figure(9.6, 4.2)
+    axes = np.atleast_2d(drawing.subplots(2, len(cases), sharex=True, height_ratios=(3, 2)))
+    for (above, below), case in zip(axes.T, cases, strict=True):
+        revolutions, samples = case["valve_m"].shape
+        angle = np.concatenate([np.linspace(-180, 180, samples) + 360 * r for r in range(revolutions)])
+        above.plot(angle, case["valve_m"].ravel() / MM, color="#0072B2")
+        below.plot(angle, case["off_nm"].ravel(), color="#D55E00")
+        above.set(title=case["title"])
+        below.set(xlabel="cam angle [deg]", xticks=np.arange(-180, 360 * revolutions - 179, 180))
+    axes[0, 0].set_ylabel("valve, from rest [mm]")
+    axes[1, 0].set_ylabel("Exudyn less camopt [nm]")
+    return drawing
+
+
+@styled
+def halvings_figure(rows: list[dict]) -> Figure:
+    """How far Siconos's valve is off against its step, a line for each undamped motion, over the slope of order two."""
+    drawing = new_figure(5.6, 3.8)
+    axes = drawing.subplots()
+    scenes = list(dict.fromkeys(row["scene"] for row in rows))
+    for row in rows:
+        i = scenes.index(row["scene"])
+        first = row is next(r for r in rows if r["scene"] == row["scene"])
+        us = [row["step_us"] * row["steps"] / h["steps"] for h in row["halvings"]]
+        off = [h["difference_nm"] for h in row["halvings"]]
+        axes.loglog(us, off, COLOURS[i], marker="o", ms=2.5, lw=0.9, label=row["scene"] if first else None)
+    ends = np.array(axes.get_xlim())
+    axes.loglog(ends, 0.05 * (ends / 0.05) ** 2, "#555555", ls="--", lw=0.8, label="order two")
+    axes.set(xlabel="step [us]", ylabel="valve apart [nm]")
+    axes.legend(fontsize="small")
+    return drawing
 
 
 if __name__ == "__main__":

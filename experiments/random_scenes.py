@@ -52,8 +52,7 @@ def main(size: str, folder=RESULTS) -> dict:
     """Draws, judges, decides, prints and writes `random_scenes.json`."""
     linear, real = SCENES[size]
     content = {**found(range(linear), size), "real": found(range(REAL, REAL + real), size)}
-    write_result("random_scenes", size, content, {}, folder)
-    return content
+    return write_result("random_scenes", size, content, {}, folder)
 
 
 def found(numbers: range, size: str) -> dict:
@@ -114,24 +113,13 @@ def judged(number: int, cams: int) -> dict:
         true = truth(event_exact, *case)
     except MotionRefused:
         return {**row, "verdict": REFUSED, "error_of": "", "error": None}
+    row["doubt"] = min(doubtful_figure(true)[1], MOST_DOUBT)
     try:
         answer = first_answer(STEP_METHODS[method], *case, halvings=3)
     except InputError:  # laws that the method does not carry
-        return {
-            **row,
-            "doubt": min(doubtful_figure(true)[1], MOST_DOUBT),
-            "verdict": REFUSED,
-            "error_of": "",
-            "error": None,
-        }
+        return {**row, "verdict": REFUSED, "error_of": "", "error": None}
     verdict, error_of, error = judge(answer, true)
-    return {
-        **row,
-        "doubt": min(doubtful_figure(true)[1], MOST_DOUBT),
-        "verdict": verdict,
-        "error_of": error_of,
-        "error": error,
-    }
+    return {**row, "verdict": verdict, "error_of": error_of, "error": error}
 
 
 def against_dop853(number: int, cams: int) -> dict:

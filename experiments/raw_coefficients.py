@@ -1,7 +1,5 @@
 """Why do gradients by all coefficients of a cam's pieces differ between the exact and the smooth path?
 
-    python -m experiments.raw_coefficients [small|full]
-
 One coefficient of one piece moves the lift on one side of a border alone: it makes a step in lift or velocity, and what
 a motion owes to a step no path promises. The exact path takes it as a step, the smooth one reads the lift from cubics
 between samples. So the two gradients of the seating velocity are compared three times: along all directions, along
@@ -39,9 +37,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
                 "scene": name, "directions": words, "count": len(along), "cosine": float(a @ b / sizes[0] / sizes[1]),
                 "norm_ratio": float(sizes[1] / sizes[0]), "difference": float(np.linalg.norm(b - a) / sizes[0]),
             })  # fmt: skip
-    content = {"metric": METRIC, "rows": rows}
-    write_result("raw_coefficients", size, content, {}, folder)
-    return content
+    return write_result("raw_coefficients", size, {"metric": METRIC, "rows": rows}, {}, folder)
 
 
 def gradient(scene, cam: Lift, rpm: float, method: str) -> np.ndarray:

@@ -1,7 +1,5 @@
 """Do trains with springs by tables, adjusters, friction and gas force get a confirmed cam?
 
-    python -m experiments.real_trains [small|full]
-
 One train with Hertz contacts is among them. Each scene goes through `camopt.optimize` at its listed speeds, accuracy
 draft, to a verdict. Beside it stand the plain Polydyne and Multi-Pol, before the search's own judge.
 """
@@ -31,8 +29,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         scene = load_scene(name)
         content[name] = {**job(scene, GRADIENT[size]), "beside": beside(scene)}
         print(name, content[name], flush=True)
-    write_result("real_trains", size, content, {}, folder)
-    return content
+    return write_result("real_trains", size, content, {}, folder)
 
 
 def job(scene: Scene, gradient: str) -> dict:

@@ -1,7 +1,5 @@
 """Does the search come to the same cam from every start, by either source of its rows?
 
-    python -m experiments.starts [small|full]
-
 Every built-in scene with a design, over its band at the accuracy of a job: from the calmest cam, from the literature's
 plain cams, and from random free cams within the limits on the shape, with rows of the smoothed motion by JAX and with
 those of the closed periodic response. Of each search the largest cam that the full verdict confirms, with the rounds,
@@ -55,10 +53,9 @@ COLOURS = ("#222222", "#0072B2", "#D55E00", "#009E73")
 LINES = {"smooth": "-", "exact": "--"}
 
 
-def main(size: str = "full", folder: Path = RESULTS, scenes: tuple[str, ...] | None = None) -> dict:
-    """Searches from every start, prints and writes starts.json and its figure into `folder`; of some `scenes` alone
-    where they are named."""
-    asked = scenes or SCENES[size]
+def main(size: str = "full", folder: Path = RESULTS) -> dict:
+    """Searches from every start, prints and writes starts.json and its figure into `folder`."""
+    asked = SCENES[size]
     cases = [
         {"scene": s, "start": b, "gradient": g, "size": size} for g, s, b in product(SOURCES[size], asked, STARTS[size])
     ]
@@ -68,8 +65,7 @@ def main(size: str = "full", folder: Path = RESULTS, scenes: tuple[str, ...] | N
     for name, found in by_scene.items():
         print(name, found, flush=True)
     drawn = {"kodama": figure(rows)} if DRAWN in asked else {}
-    write_result("starts", size, content, drawn, folder)
-    return content
+    return write_result("starts", size, content, drawn, folder)
 
 
 def searched(scene: str, start: str, gradient: str, size: str = "small") -> dict:

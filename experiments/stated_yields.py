@@ -1,7 +1,5 @@
 """Is what a job says of trains as built right: does its interval cover, and do independent methods judge alike?
 
-    python -m experiments.stated_yields [small|full]
-
 The cams are those of draft jobs, the statement is that of the job. Of each statement 20 trains, the first ones, are
 judged by the verdict's methods at the speed at which each uses most of its limits. The interval is put to the test by a
 population of trains, of which many statements are made, each of trains that are drawn anew from it: how many of their
@@ -43,8 +41,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         if name == SCENES[size][0]:
             content["coverage"] = found = coverage(scene, lift, POPULATION[size])
             print(f"{name}: {100 * found['covered']:.1f} % of the intervals hold {100 * found['share']:.2f} %")
-    write_result("stated_yields", size, content, {}, folder)
-    return content
+    return write_result("stated_yields", size, content, {}, folder)
 
 
 def designed(scene: Scene) -> Lift:

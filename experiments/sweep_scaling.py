@@ -110,19 +110,14 @@ def main(size: str, folder=RESULTS) -> dict:
             for kind, tasks, (start, count) in (("empty", empty, EMPTY[size]), ("settled", settled, SETTLED[size])):
                 row = timed(tasks(count), start, how, Path(place) / f"{kind} {name}")
                 content[kind][name] = row
-                print(
-                    f"{kind}, {name}: {row['ms_per_task']:.2f} ms by the clock per task, "
-                    f"{row['parent_ms_per_task']:.2f} ms of the parent's processor time; begun after "
-                    f"{row['first_seconds']:.1f} s"
-                )
+                print(kind, name, row)
     rates = {name: row["tasks_per_second"] for name, row in content["settled"].items()}
     content["speedup"] = {name: rate / rates["one process"] for name, rate in rates.items()}
     print("settled motions, times as many per second as one process:", content["speedup"])
     with tempfile.TemporaryDirectory() as place:
         content["many"] = memory(*MANY[size], Path(place))
     print("many stand-ins:", content["many"])
-    write_result("sweep_scaling", size, content, {}, folder)
-    return content
+    return write_result("sweep_scaling", size, content, {}, folder)
 
 
 if __name__ == "__main__":

@@ -6,12 +6,13 @@ event-exact truth with its range over revolutions 3 to 8 and over lifts changed 
 numbers. Train and cams are assumed and were fitted to those numbers together: agreement with them proves nothing.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import replace
 from functools import partial
 
 import numpy as np
+from matplotlib.figure import Figure
 
 from camopt.cam.families.multi_pol import multi_pol
 from camopt.cam.families.new_design import new_design
@@ -19,13 +20,15 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.exact import prepare as event
 from camopt.measure.metrics import measure
+from camopt.plots import last_revolution, valve_motion
 from camopt.scene import MotionRefused, Scene, Train, build_train, load_scene
+from camopt.scene.design import Design
 from camopt.scene.response import Response, Revolve, end_state, joined
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM
 from camopt.verifier.methods import rkg, tmm
+from experiments.support.panels import Panel, panels
 from experiments.support.record import RESULTS, run_script, write_result
-from experiments.support.table5_figures import methods_figure, motion_figure, steps_figure
 
 PAPER = {
     ("polydyne", 5000): (0.00, 0.00), ("polydyne", 6000): (0.22, 0.20),
@@ -80,8 +83,7 @@ def main(size: str, folder=RESULTS) -> dict:
             shown["event-exact", s] = motions["multi-pol", s]
         figures["methods"] = methods_figure(shown, "multi-pol")
         figures["steps"] = steps_figure(content["distance_mm"])
-    write_result("table5", size, content, figures, folder)
-    return content
+    return write_result("table5", size, content, figures, folder)
 
 
 def cams(scene: Scene, polydyne_ramp_mm: float = 0.250) -> dict[str, Lift]:
@@ -184,6 +186,50 @@ def _of(row: dict, *way) -> dict:
 
 def _rms(values) -> float:
     return float(np.sqrt(np.mean(np.square(values))))
+
+
+Motions = Mapping[tuple[str, float], Response]
+"""By cam or method, and speed [r/min]."""
+
+
+def motion_figure(motions: Motions, design: Design) -> Figure:
+    """Figures 5 to 8 and 12 to 15 in kind: the ninth revolution of the event-exact motion of each cam."""
+    return valve_motion([last_revolution(cam, speed, response) for (cam, speed), response in motions.items()], design)
+
+
+def methods_figure(motions: Motions, title: str) -> Figure:
+    """The closing and the contact forces of one cam by several methods, a column per speed."""
+    speeds = list(dict.fromkeys(speed for _, speed in motions))
+    one = next(iter(motions.values()))
+    contacts = [one.train.element_names[e] for e in one.train.cam_side]
+    rows: list[list[Panel]] = [[] for _ in range(1 + len(contacts))]
+    for i, speed in enumerate(speeds):
+        here = [(name, last_revolution(name, speed, r)) for (name, s), r in motions.items() if s == speed]
+        head = f"{title}, {speed:g} r/min"
+        closing = [(name, m.cam_angle_deg, m.valve_mm) for name, m in here]
+        rows[0].append(Panel("valve above\nseat touch [mm]" if i == 0 else "", closing, head, (-0.1, 0.8)))
+        for row, contact in zip(rows[1:], contacts, strict=True):
+            curves = [(name, m.cam_angle_deg, m.contact_force_N[contact] / 1e3) for name, m in here]
+            row.append(Panel(f"{contact}\nforce [kN]" if i == 0 else "", curves))
+    return panels(rows, "cam angle [deg]", (55, 140), 13, 2.0, sharey=True)
+
+
+def steps_figure(distances: Sequence[Mapping]) -> Figure:
+    """Distance between the methods and from the truth against the steps per revolution, a column per criterion."""
+    columns = []
+    criteria = list(dict.fromkeys(d["criterion"] for d in distances))
+    for criterion in criteria:
+        here = [d for d in distances if d["criterion"] == criterion]
+        steps = np.array([d["steps_per_revolution"] for d in here], dtype=float)
+        speeds = [key for key in here[0] if key.isdigit()]
+        column = []
+        for between, label in (("rkg_to_tmm", "methods apart"), ("rkg_to_event", "Runge-Kutta-Gill\nto truth"),
+                               ("tmm_to_event", "transition matrix\nto truth")):  # fmt: skip
+            curves = [(f"{s} r/min", np.log2(steps / 1440), np.array([d[s][between] for d in here])) for s in speeds]
+            head = f"separation by {criterion}" if not column else ""
+            column.append(Panel(f"{label} [mm]", curves, head, (0, 0.15)))
+        columns.append(column)
+    return panels([*zip(*columns, strict=True)], "halvings of 1440 steps per revolution", width=8.6)
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ the same train, by the event-exact median of revolutions 3 to 8. The cams were f
 which favours the printed order there. Polydyne appears with the paper's ramp and with that of the others (0.265 mm).
 """
 
+from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -33,7 +34,7 @@ def main(size: str, folder=RESULTS) -> dict:
     scene = load_scene("kodama")
     lifts = cams(scene) | {WIDER: cams(scene, 0.265)["polydyne"]}
     rng = np.random.default_rng(5)
-    trains = [perturbed(build_train(scene), rng) for _ in range(DRAWS[size])]
+    trains = [perturbed(build_train(scene), rng, PERTURBED, SIGMA) for _ in range(DRAWS[size])]
     found = in_threads(partial(_bounces, scene, lifts), [(train,) for train in trains])
     bounce = {name: np.array([row[name] for row in found]) for name in lifts}  # (draws, speeds)
     claims = []
@@ -53,14 +54,13 @@ def main(size: str, folder=RESULTS) -> dict:
                        f"{s:g} r/min: bounce of {len(trains)} trains, parameters moved by 1 %", (0, 1))]
                 for i, s in enumerate(SPEEDS)]  # fmt: skip
         figures["bounce"] = panels(rows, "bounce, median of revolutions 3 to 8 [mm]", row_height=2.2)
-    write_result("table5_conclusion", size, content, figures, folder)
-    return content
+    return write_result("table5_conclusion", size, content, figures, folder)
 
 
-def perturbed(train: Train, rng: np.random.Generator) -> Train:
-    """The train with every mass, stiffness and damping multiplied by 1 + 1 % of a normal deviate of its own."""
-    values = {name: getattr(train, name) for name in PERTURBED}
-    return replace(train, **{n: v * (1 + SIGMA * rng.normal(size=v.shape)) for n, v in values.items()})
+def perturbed(train: Train, rng: np.random.Generator, names: Sequence[str], sigma: float) -> Train:
+    """The train with every number of the arrays `names` multiplied by 1 + `sigma` of a normal deviate of its own."""
+    values = {name: getattr(train, name) for name in names}
+    return replace(train, **{n: v * (1 + sigma * rng.normal(size=v.shape)) for n, v in values.items()})
 
 
 def _bounces(scene: Scene, lifts: dict[str, Lift], train: Train) -> dict[str, list[float]]:

@@ -71,8 +71,7 @@ def keep(run: Path, size: str, folder: Path = RESULTS, more: Sequence[dict] = ()
     print("\n\n".join("\n".join(table) for table in tables_of(rows).values()))
     for row in content["float32"]:
         print(", ".join(f"{k} {v:.3g}" if isinstance(v, float) else v for k, v in row.items()))
-    write_result("tradeoff", size, content, figures(rows) if size == "full" else {}, folder)
-    return content
+    return write_result("tradeoff", size, content, figures(rows) if size == "full" else {}, folder)
 
 
 if __name__ == "__main__":

@@ -97,12 +97,7 @@ def main(size: str, folder=RESULTS) -> dict:
         for share in ABOUT if broken is not None else ():
             row = {"scene": case.scene.name, "cam": case.cam_name}
             rows.append(row | compared(case.scene, case.lift, share * broken, REVOLUTIONS[size]))
-            print(
-                ", ".join(
-                    f"{key} {value:.6g}" if isinstance(value, float) else f"{key} {value}"
-                    for key, value in rows[-1].items()
-                )
-            )
+            print(rows[-1])
     content = {
         "revolutions": REVOLUTIONS[size],
         "pairs": len(rows),
@@ -116,8 +111,7 @@ def main(size: str, folder=RESULTS) -> dict:
         "rows": rows,
     }
     print({key: value for key, value in content.items() if key != "rows"})
-    write_result("wandering", size, content, {}, folder)
-    return content
+    return write_result("wandering", size, content, {}, folder)
 
 
 if __name__ == "__main__":

@@ -29,7 +29,6 @@ from experiments.support.work_precision_parts import (
     fastest_rows,
     figure,
     parts,
-    print_table,
     ratios,
 )
 
@@ -176,9 +175,8 @@ def main(size: str, folder=RESULTS) -> dict:
     }
     if CVODE is None:
         content["missing"] = "CVODE Adams: scikit-sundae is not installed"
-    print_table(content)
-    write_result("work_precision", size, content, {"error": figure(rows)}, folder)
-    return content
+    print(content)
+    return write_result("work_precision", size, content, {"error": figure(rows)}, folder)
 
 
 if __name__ == "__main__":

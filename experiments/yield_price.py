@@ -1,7 +1,5 @@
 """How large a cam do 99 of 100 trains as built hold, for other shares, other trains, and other tolerances?
 
-    python -m experiments.yield_price [small|full]
-
 The search of `camopt optimize --yield` on five scenes; of `kodama` also with a tolerance left out and, at accuracy
 draft, with all tolerances half and twice as wide and for smaller shares of its trains. Each cam is stated by 2000 fresh
 trains, and by twice as many where more than 99 % are wanted, at 11 speeds over the band, with the interval of Clopper
@@ -99,8 +97,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     }
     if tree := os.environ.get(OLDER_TREE):
         content["beside"] = {scene: beside(scene, tree) for scene in BESIDE[size]}
-    write_result("yield_price", size, content, {}, folder)
-    return content
+    return write_result("yield_price", size, content, {}, folder)
 
 
 def designed(

@@ -1,6 +1,7 @@
 """Chromium by Playwright, and pages that are watched: what the browser tests of the report and the designer share."""
 
 import shutil
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import Any
@@ -8,6 +9,8 @@ from typing import Any
 import pytest
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
+PATIENCE_S = 60.0
+"""How long a page may take on a machine that is busy with others."""
 
 
 @contextmanager
@@ -43,3 +46,18 @@ def watched_pages(browser: Any, requested: list[str]) -> Iterator[Callable[..., 
     for context in contexts:
         context.close()
     assert faults == []
+
+
+def wait(page: Any, reached: Callable[[], Any]) -> None:
+    """Until a condition holds; a page's policy forbids the evaluated strings of Playwright's own waiting."""
+    begun = time.monotonic()
+    while not reached():
+        assert time.monotonic() - begun < PATIENCE_S, page.locator("body").inner_text()[:300]
+        page.wait_for_timeout(50)
+
+
+def serious_faults(page: Any) -> list[tuple]:
+    """What axe finds on a page that is serious for those who cannot see or point, and where."""
+    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
+    found = [v for v in axe.Axe().run(page).response["violations"] if v["impact"] in ("serious", "critical")]
+    return [(v["id"], [n["target"] for n in v["nodes"]][:4]) for v in found]

@@ -7,6 +7,7 @@ from html import escape
 import jaxtyping
 import pytest
 
+from tests.browser import started_browser
 from tests.checked_shapes import MODULES
 
 os.environ["MPLBACKEND"] = "Agg"
@@ -43,6 +44,13 @@ def _no_rank_promotion(request):
 
     with jax.numpy_rank_promotion("raise"):
         yield
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Chromium for the tests of one file: as long as it runs, no other may start in its thread."""
+    with started_browser() as started:
+        yield started
 
 
 @pytest.fixture(scope="module")

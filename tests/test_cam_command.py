@@ -6,30 +6,12 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.polydyne import polydyne
-from camopt.cam.read import read_cam
 from camopt.scene import load_scene
 from camopt.storage import create_run_folder, write_csv
 from tests.test_cli import run
 
 
 class TestCam:
-    def test_lift_table(self, capsys, tmp_path):
-        file = tmp_path / "lift.csv"
-        code, out, _ = run(capsys, "cam", "kodama", "--cam", "polydyne", "--csv", str(file))
-        scene = load_scene("kodama")
-        lift = polydyne(scene)
-        assert code == 0
-        assert "9.400000 mm" in out
-        assert f"{lift.area_ratio(9.4e-3):.6f}" in out
-        assert len(file.read_text().splitlines()) == 3602
-        assert read_cam(str(file), scene).area == pytest.approx(lift.area, rel=1e-10)
-
-    def test_step(self, capsys, tmp_path):
-        file = tmp_path / "lift.csv"
-        assert run(capsys, "cam", "kodama", "--cam", "polydyne", "--csv", str(file), "--step-deg", "0.5")[0] == 0
-        assert len(file.read_text().splitlines()) == 722
-        assert run(capsys, "cam", "kodama", "--cam", "polydyne", "--csv", str(file), "--step-deg", "0.7")[0] == 2
-
     def test_foreign_table_with_units(self, capsys, tmp_path):
         file = tmp_path / "cam.dat"
         degrees = np.arange(-180.0, 180.1)

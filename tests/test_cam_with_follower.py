@@ -148,6 +148,7 @@ class TestCamWithFollower:
             (("--dxf", "c.dxf"), "--dxf needs [geometry]"),
             (("--digits", "13"), "an integer from 0 to 12"),
             (("--step-crank-deg", "1"), "add --csv FILE"),
+            (("--step-deg", "0.7", "--csv", "t.csv"), "a step that divides 360 deg"),
             (("--step-crank-deg", "0.7", "--csv", "t.csv"), "a step that divides 360 deg"),
             (("--exhaust", "polydyne", "--centre-deg", "108"), "add --centre-deg and --exhaust-centre-deg"),
             (("--exhaust-centre-deg", "-110"), "belongs to --exhaust"),

@@ -47,20 +47,11 @@ def undocumented(folder: Path) -> set[str]:
     return found - documented()
 
 
-def test_the_page_names_every_key_of_the_stored_design():
-    record = json.loads((ROOT / "tests" / "data" / "kodama-design.json").read_text(encoding="utf-8"))
-    assert {"pieces", "gradient_gain"} <= keys(record) <= documented()
-
-
-def test_the_page_names_every_key_of_a_verdict():
-    """By one method on a band of 10 r/min, below any bounce: the keys are the same, and the sweep is short."""
-    scene = camopt.load_scene("motori-1")
-    assert scene.operation is not None
-    short = scene.operation.model_copy(update={"speeds_rpm": (1500.0,), "band_rpm": (1500.0, 1510.0)})
-    cam = camopt.polydyne(scene)
-    found = camopt.verify(scene.model_copy(update={"operation": short}), cam, None, "event", "draft").as_dict()
-    assert found["band"] is not None
-    assert {"worst_bounce_mm", "first_jump_rpm", "statement", "converged"} <= keys(found) <= documented()
+def test_the_page_names_every_key_of_an_energy_balance_and_a_periodic_solution():
+    """Those that the stored answer of `camopt verify --energy --periodic` has."""
+    stored = (ROOT / "tests" / "golden" / "slow-verify.txt").read_text(encoding="utf-8")
+    (entry, *_) = json.loads(stored.rpartition("== settled.json")[2])["speeds"]
+    assert {"residual_relative", "largest_multiplier"} <= keys(entry) <= documented()
 
 
 def test_a_key_that_the_page_lacks_is_found(tmp_path):

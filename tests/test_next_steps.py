@@ -198,16 +198,7 @@ def test_table_that_ends_compare(tmp_path):
         ("design", 6000, 0.58, 0.03, 0.04, 0.002, "sensitive", "jump_mm at 6000 r/min; jump_mm at 6500 r/min"),
         ("multi-pol (no jerk limit)", 5000, 0.6, None, None, 0.1, "rejected", "jerk_max_mm_per_deg3; bounce_mm"),
         ("multi-pol (no jerk limit)", 6000, 0.6, 0.5, 0.5, 0.3, "rejected", "jerk_max_mm_per_deg3; jump_mm"),
-        (
-            "new-design",
-            None,
-            None,
-            None,
-            None,
-            None,
-            "rejected",
-            "none meets the limits " + "x" * 99,
-        ),
+        ("new-design", *[None] * 5, "rejected", "none meets the limits " + "x" * 99),
     ]
     names = ("cam", "speed_rpm", "area_ratio", "bounce_mm", "bounce_high_mm", "jump_mm", "verdict", "broken")
     write_csv(tmp_path / "comparison.csv", dict(zip(names, map(list, zip(*rows, strict=True)), strict=True)))

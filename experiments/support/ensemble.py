@@ -21,6 +21,7 @@ from camopt.scene.train import Train
 from camopt.study.gradient.paths import cosine, moved
 
 FEWEST_PAIRS = 2
+WORKERS = 2
 
 
 @dataclass(frozen=True)
@@ -72,9 +73,9 @@ class EnsembleGradient:
 
 
 def ensemble_gradient(
-    train: Train, ensemble: CamEnsemble, cam_speed: float, metrics: Sequence[str], *, workers: int = 2
+    train: Train, ensemble: CamEnsemble, cam_speed: float, metrics: Sequence[str]
 ) -> EnsembleGradient:
-    """Mean values and mean pathwise gradients of metrics in the first revolution from rest, in `workers` threads.
+    """Mean values and mean pathwise gradients of metrics in the first revolution from rest, in two threads.
 
     Raises InputError for an unknown metric, MotionRefused where fewer than two pairs count.
     """
@@ -87,7 +88,7 @@ def ensemble_gradient(
             return np.full((len(metrics), 1 + len(directions)), np.nan)
         return np.column_stack([gradient.values, np.einsum("lpq,mpq->lm", gradient.by_coefficients, directions)])
 
-    with ThreadPoolExecutor(workers) as pool:
+    with ThreadPoolExecutor(WORKERS) as pool:
         numbers = np.array(list(pool.map(numbers_of, ensemble.lifts())))
     pairs = numbers.reshape(-1, 2, len(metrics), 1 + len(directions))
     return summary(metrics, pairs[:, :, :, 0], pairs[:, :, :, 1:].mean(axis=1))

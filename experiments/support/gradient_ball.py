@@ -21,6 +21,8 @@ from camopt.scene import build_train, parse_scene
 from camopt.smooth.laws import Layer
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import lift_samples, response_arrays, system_with
+from camopt.study.gradient.paths import cosine
+from camopt.study.measurements import fastest
 
 END = 0.02
 AT = np.array([2.0, 0.01, 400.0, 1e6])
@@ -148,20 +150,14 @@ def _by_jax(end: Callable, jacobian: Callable = jax.jacrev) -> Callable[[], Answ
 
 def judged(method: Callable[[], Answer], repeats: int) -> dict:
     """Relative error and cosine of a method's Jacobian, in shares of shares, and its time per step."""
-    method()
-    seconds = []
-    for _ in range(repeats):
-        begin = time.perf_counter()
-        end, jacobian, steps = method()
-        seconds.append(time.perf_counter() - begin)
+    seconds, (end, jacobian, steps) = fastest(method, repeats, time.perf_counter)
     true, value = truth(), closed_form(AT)
     found, wanted = (q * AT / value[:, None] for q in (jacobian, true))
-    cosine = float(np.sum(found * wanted) / (np.linalg.norm(found) * np.linalg.norm(wanted)))
     return {
         "value_error": float(np.max(np.abs(end / value - 1))),
         "relative_error": float(np.linalg.norm(found - wanted) / np.linalg.norm(wanted)),
-        "cosine": cosine,
+        "cosine": cosine(found.ravel(), wanted.ravel()),
         "steps": steps,
-        "ms": 1e3 * min(seconds),
-        "us_per_step": 1e6 * min(seconds) / steps if steps else None,
+        "ms": 1e3 * float(seconds),
+        "us_per_step": 1e6 * float(seconds) / steps if steps else None,
     }

@@ -117,7 +117,7 @@ class FixedPoints:
         self.waits = max(0, self.waits - 1)
         repeats = y is not None
         if y is None:
-            start = self.states[-1] if self.states else at_rest(self.train) / self.scale
+            start = self.states[-1] if self.states else state_at_rest(self.train) / self.scale
             self.waits = self.waits or (WAIT if self.states else 0)
             y, repeats = settled(cycle, start, self.most)
             self.states, self.slope = [], None
@@ -167,10 +167,6 @@ def from_rest(scene: Scene, lift: Lift, speeds_rpm) -> Truth:
     parts = [truth(scene, lift, np.array([speed])) for speed in speeds_rpm]
     figures, periodic = (np.concatenate([getattr(p, name) for p in parts]) for name in ("figures", "periodic"))
     return Truth(np.asarray(speeds_rpm, dtype=float), figures, periodic, limits_of(scene))
-
-
-def at_rest(train: Train) -> np.ndarray:
-    return state_at_rest(train)
 
 
 def worst(train: Train, lift: Lift, cam_speed: float, state: np.ndarray, measured: int) -> np.ndarray:

@@ -30,8 +30,8 @@ def provenance(script: str, size: str) -> dict:
     }
 
 
-def write_result(name: str, size: str, content: dict, figures: dict[str, Figure], folder: Path = RESULTS) -> None:
-    """Writes `<name>.json` (the content under its provenance) and `<name>-<key>.png` for each figure."""
+def write_result(name: str, size: str, content: dict, figures: dict[str, Figure], folder: Path) -> dict:
+    """Writes `<name>.json` (the content under its provenance) and `<name>-<key>.png` for each figure; the content."""
     folder.mkdir(parents=True, exist_ok=True)
     write_json(folder / f"{name}.json", {"provenance": provenance(name, size), **content})
     for key, figure in figures.items():
@@ -39,6 +39,7 @@ def write_result(name: str, size: str, content: dict, figures: dict[str, Figure]
         with matplotlib.rc_context(RC):
             figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
         write_bytes(folder / f"{name}-{key}.png", buffer.getvalue())
+    return content
 
 
 def run_script(main: Callable[[str], object], description: str | None) -> None:

@@ -1,4 +1,4 @@
-"""Parts of `work_precision`: ratios at equal error, where event-exact's time goes, the band, table and figure."""
+"""Parts of `work_precision`: ratios at equal error, where event-exact's time goes, the band, figure."""
 
 import time
 from collections.abc import Callable
@@ -135,21 +135,6 @@ def band_seconds(case, speeds: int) -> dict:
 
 def _wall_seconds(call: Callable, repeats: int) -> float:
     return float(fastest(call, repeats, time.perf_counter)[0])
-
-
-def print_table(content: dict) -> None:
-    """The rows, ratios and parts as text."""
-    print(f"{'method':26s}{'setting':16s}{'error rev 1 mm':>16s}{'rev 2 mm':>12s}{'ms/rev':>10s}{'first call ms':>15s}")
-    for r in content["methods"]:
-        numbers = [*r["error_mm"], r["ms"], r["first_call_ms"]]
-        cells = ["-" if v is None else f"{v:.3g}" for v in numbers]
-        cells[3] += "  " + r.get("failure", "")
-        print(f"{r['method']:26s}{r['setting']:16s}{cells[0]:>16s}{cells[1]:>12s}{cells[2]:>10s}    {cells[3]}")
-    for name, ratio in content["times_slower_than_event_exact"].items():
-        slower = ratio and f"{ratio['sampled']:.0f} times event-exact's sampled, {ratio['end_state']:.0f} its end state"
-        print(f"{name}: " + (f"{ratio['ms']:.3g} ms at 1e-6 mm, {slower}" if ratio else "does not reach 1e-6 mm"))
-    print("parts of a revolution:", content["parts"])
-    print("band:", content["band"], content.get("missing", ""))
 
 
 @styled

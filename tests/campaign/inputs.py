@@ -244,32 +244,22 @@ def folder_case(draw: Random, seed: int) -> Case:
     return Case("folder", seed, words, files)
 
 
-KINDS: dict[str, Callable[[Random, int], Case]] = {
-    "scene": scene_case,
-    "cam": cam_case,
-    "table": table_case,
-    "design": design_case,
-    "limit": limit_case,
-    "law": law_case,
-    "plan": plan_case,
-    "folder": folder_case,
-    "command": command_case,
+KINDS: dict[str, tuple[Callable[[Random, int], Case], int]] = {
+    "scene": (scene_case, 40),
+    "cam": (cam_case, 15),
+    "table": (table_case, 15),
+    "design": (design_case, 15),
+    "limit": (limit_case, 4),
+    "law": (law_case, 4),
+    "plan": (plan_case, 1),
+    "folder": (folder_case, 1),
+    "command": (command_case, 13),
 }
-WEIGHTS = {
-    "scene": 40,
-    "cam": 15,
-    "table": 15,
-    "design": 15,
-    "limit": 4,
-    "law": 4,
-    "plan": 1,
-    "folder": 1,
-    "command": 13,
-}
+"""What draws a case of each kind, and how often it is asked."""
 
 
 def drawn(seed: int) -> Case:
     """The case of a number: the same one on every machine."""
     draw = Random(seed)
-    kind = draw.choices(list(WEIGHTS), list(WEIGHTS.values()))[0]
-    return KINDS[kind](draw, seed)
+    (case, _) = draw.choices(list(KINDS.values()), [weight for _, weight in KINDS.values()])[0]
+    return case(draw, seed)

@@ -14,7 +14,7 @@ from typing import Any
 from camopt.designer.requests import RequestHandler
 from camopt.designer.server import HOST, DesignServer
 from camopt.designer.session import QUICK, Session
-from camopt.scene import load_scene
+from camopt.scene import Scene, load_scene
 from tests.campaign.values import FACTORS, TEXTS, hostile, spoiled
 
 SCENE = "motori-1"
@@ -42,19 +42,18 @@ def drawn(seed: int, own: dict[str, Any]) -> bytes:
 
 
 @contextmanager
-def served() -> Iterator[DesignServer]:
-    """A designer that saves into a folder that goes away."""
-    with tempfile.TemporaryDirectory() as folder:
-        requests = RequestHandler(Session(load_scene(SCENE)), Path(folder))
-        with DesignServer(requests) as server:
-            thread = threading.Thread(target=server.serve_forever)
-            thread.start()
-            try:
-                yield server
-            finally:
-                server.shutdown()
-                thread.join()
-        requests.stop()
+def served(scene: Scene, folder: Path) -> Iterator[DesignServer]:
+    """A designer of a scene in a thread, which saves into a folder."""
+    requests = RequestHandler(Session(scene), folder)
+    with DesignServer(requests) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            yield server
+        finally:
+            server.shutdown()
+            thread.join()
+    requests.stop()
 
 
 def answered(server: DesignServer, seed: int) -> dict[str, Any]:
@@ -90,6 +89,6 @@ def wrong_with(status: int, text: str) -> str:
 
 def outcomes(seeds: range) -> Iterator[dict[str, Any]]:
     """Outcomes of the messages of these numbers to one server, as they come."""
-    with served() as server:
+    with tempfile.TemporaryDirectory() as folder, served(load_scene(SCENE), Path(folder)) as server:
         for seed in seeds:
             yield answered(server, seed)

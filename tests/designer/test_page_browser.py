@@ -3,18 +3,15 @@
 import json
 import subprocess
 import sys
-import time
 
 import pytest
 
 from camopt.designer.session import Session
 from camopt.scene import load_scene
-from tests.browser import watched_pages
+from tests.browser import serious_faults, wait, watched_pages
 
 SCENE = load_scene("motori-1")
 ROOT = "document.getElementById('camopt-live')"
-PATIENCE_S = 60.0
-"""How long a page may take on a machine that is busy with others."""
 
 
 @pytest.fixture(scope="module")
@@ -42,14 +39,6 @@ def open_page(browser, served):
 
         yield opened
     assert [url for url in requests if not url.startswith(served.address)] == []
-
-
-def wait(page, reached) -> None:
-    """Until the condition, a function without arguments, holds."""
-    begun = time.monotonic()
-    while not reached():
-        assert time.monotonic() - begun < PATIENCE_S, page.evaluate(f"({{...{ROOT}.dataset}})")
-        page.wait_for_timeout(50)
 
 
 def data(page) -> dict:
@@ -344,14 +333,9 @@ def test_the_valve_train_moves_with_the_angle(open_page):
 
 
 def test_nothing_serious_for_those_who_cannot_see_or_point(open_page):
-    axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
     page = open_page(bypass_csp=True)  # axe is a script of its own
     page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
-    found = axe.Axe().run(page).response["violations"]
-    serious = [
-        (v["id"], [n["target"] for n in v["nodes"]][:4]) for v in found if v["impact"] in ("serious", "critical")
-    ]
-    assert serious == []
+    assert serious_faults(page) == []
 
 
 def test_a_phone_shows_all_without_sideways_scrolling(open_page):

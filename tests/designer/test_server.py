@@ -12,7 +12,6 @@ import pytest
 
 import camopt
 from camopt.designer.cams import Cancelled
-from camopt.designer.requests import RequestHandler
 from camopt.designer.server import HOST, MOST_BYTES, DesignServer
 from camopt.designer.session import Session
 from camopt.scene import InputError, load_scene
@@ -21,16 +20,9 @@ SCENE = load_scene("motori-1")
 
 
 @pytest.fixture(scope="module")
-def server(tmp_path_factory):
+def server(serve, tmp_path_factory):
     """A server that saves into a folder of its own."""
-    requests = RequestHandler(Session(SCENE), tmp_path_factory.mktemp("designer"))
-    with DesignServer(requests) as found:
-        thread = threading.Thread(target=found.serve_forever)
-        thread.start()
-        yield found
-        found.shutdown()
-        thread.join()
-    requests.stop()
+    return serve(SCENE, tmp_path_factory.mktemp("designer"))
 
 
 def request(server, method="GET", path="/", body=None, **headers):

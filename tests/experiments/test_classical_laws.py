@@ -21,13 +21,6 @@ def test_the_motion_through_the_handbooks_table_meets_every_number_of_it():
         assert float(laws[order](angle)) == pytest.approx(value, abs=1e-9)
 
 
-def test_the_least_jerk_of_a_rise_is_the_closed_form_of_the_same_conditions():
-    found = least_peak_through([(1.0, 0, 1.0), (1.0, 1, 0.0), (1.0, 2, 0.0)], 3, 400)
-    assert found.peak == pytest.approx(32.0, rel=1e-9)
-    assert found.bound == pytest.approx(32.0, rel=1e-4)
-    assert found.bound <= found.peak
-
-
 @pytest.mark.parametrize("order", [2, 3, 4])
 def test_the_least_peak_through_rest_at_the_end_is_that_of_the_rise(order):
     least = 4 ** (order - 1) * factorial(order - 1)

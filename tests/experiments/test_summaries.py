@@ -4,23 +4,18 @@ import numpy as np
 import pytest
 
 from camopt.optimizer.program.linear_program import maximise
-from camopt.scene import InputError
 from experiments import (
     accuracy_promise,
     architectures,
-    cost_scaling,
     gradient_bias,
-    job_time,
-    linear_cost,
     linear_programs,
-    live_latency,
     near_limit,
     never_nothing,
     outside_judges,
     starts,
     table5_conclusion,
 )
-from experiments.support.work_precision_parts import fastest_rows, ratios
+from experiments.support.work_precision_parts import ratios
 
 
 @pytest.mark.parametrize(
@@ -84,23 +79,6 @@ def test_a_loss_is_what_a_family_holds_and_the_command_does_not():
     assert (found["by_the_search"], found["by_a_family"]) == (1, 2)
 
 
-@pytest.mark.parametrize(("processor", "kept"), [(99.0, True), (101.0, False)])
-def test_targets_are_held_against_what_was_measured(processor, kept):
-    row = {"processor_s": processor, "peak_memory_MB": 900.0}
-    assert job_time.within("warm", row) == {"processor_s": kept, "peak_memory_MB": True}
-
-
-def test_ratios_are_those_of_the_same_case():
-    row = {"processor_s": 60.0, "peak_memory_MB": 900.0, "area_ratio": 0.56}
-    assert job_time.ratios({"warm": row, "cold": row}, {"warm": row | {"processor_s": 50.0}}) == {
-        "warm": {"processor_s": 1.2, "peak_memory_MB": 1.0, "area_ratio": 1.0}
-    }
-
-
-def test_percentiles_of_nothing():
-    assert live_latency.percentiles([]) == {"answers": 0, "p50_ms": None, "p95_ms": None, "largest_ms": None}
-
-
 def test_ratios_of_times_are_those_at_the_target():
     rows = [
         {"method": "event-exact", "error_mm": [1e-9, 1.0], "ms": 0.5},
@@ -113,12 +91,6 @@ def test_ratios_of_times_are_those_at_the_target():
         "slow": {"ms": pytest.approx(100.0), "sampled": pytest.approx(200.0), "end_state": pytest.approx(400.0)},
         "never": None,
     }
-
-
-def test_a_method_has_the_least_time_of_its_rounds():
-    fast, slow = {"method": "a", "ms": 1.0, "first_call_ms": 3.0}, {"method": "a", "ms": 2.0, "first_call_ms": 9.0}
-    never = {"method": "b", "ms": None, "first_call_ms": None}
-    assert fastest_rows([[slow, never], [fast, never]]) == [{**slow, "ms": 1.0}, never]
 
 
 def test_the_interval_of_a_share_is_wilsons():
@@ -138,15 +110,6 @@ def test_a_start_without_a_cam_leaves_its_sentence(monkeypatch):
     assert (found["tried"], found["confirmed"], found["least"]) == (1, 0, None)
 
 
-def test_the_figure_leaves_out_what_has_no_cam():
-    row = {"scene": "kodama", "start": "calmest", "gradient": "exact"}
-    held = row | {"area_ratio": 0.5, "rounds": 2, "course": [0.4, 0.5]}
-    none = row | {"start": "Polydyne", "area_ratio": None}
-    (axes,) = starts.figure([held, none]).axes
-    assert [line.get_label() for line in axes.lines if line.get_label()[0] != "_"] == ["from calmest, exact"]
-    assert axes.lines[0].get_xydata().tolist() == pytest.approx(np.array([[1, 0.4], [2, 0.5]]))
-
-
 def test_figures_beside_each_other():
     theirs = [{"jump_mm": 0.10}, {"jump_mm": 0.1004}]
     assert outside_judges._beside("jump_mm", (0.1, 0.1), 0.0, theirs, True)["same"]
@@ -162,21 +125,6 @@ def test_a_crash_is_a_defect_and_a_refusal_is_none(tmp_path, monkeypatch):
     monkeypatch.setattr(architectures, "optimize", singular)
     row = architectures.job(architectures.drawn(0), tmp_path / "run")
     assert (row["ends"], row["sentence"]) == (architectures.DEFECT, "ArithmeticError: Singular matrix")
-
-
-def test_a_history_without_the_commit_is_said(tmp_path):
-    with pytest.raises(InputError, match="0000dead is not in this history: run it in a whole clone"):
-        linear_cost.older_tree("0000dead", tmp_path)
-
-
-def test_the_fastest_calls_count():
-    sizes = iter([90_000, 90_000, *[30_000] * 18, 1000, 1000])
-    seconds = linear_cost.fastest_tenth(lambda: sum(range(next(sizes))), 20)
-    assert 0.0 < seconds < 2e-4
-
-
-def test_the_exponent_is_a_slope():
-    assert cost_scaling.exponent([(n, 0.1 * n**1.5) for n in (1, 10, 20, 40)]) == pytest.approx(1.5)
 
 
 def test_the_error_of_a_gradient_sees_sign_and_size():

@@ -39,6 +39,8 @@ SLOW = {
 """What makes `motori-1` a scene whose cams keep to the seat: a motion that bounces on without end is another one on
 every processor."""
 SCENES = ("slow.toml", "measured.toml")
+READ = {".json", ".jsonl", ".csv", ".txt"}
+"""Endings of the files whose content is kept."""
 QUICK: dict[str, tuple[str, ...]] = {}
 """Commands by the name of the case, which run one after the other in one folder."""
 LONG: dict[str, tuple[str, ...]] = {}
@@ -110,31 +112,23 @@ def answer(commands: tuple[str, ...], folder: Path) -> str:
                 code = main([*shlex.split(line), "--quiet"])
             told.append(f"$ camopt {line}\n{masked(out.getvalue(), folder)}exit code {code}\n")
             now = {path: path.read_bytes() for path in sorted(Path().rglob("*")) if path.is_file()}
-            told += [f"== {path}\n{content(path)}" for path in now if now[path] != before.get(path) and readable(path)]
+            changed = [path for path in now if now[path] != before.get(path) and path.suffix in READ]
+            told += [f"== {path}\n{content(path)}" for path in changed]
             before = now
     return "\n".join(told)
-
-
-def readable(path: Path) -> bool:
-    """Whether a file is of those whose content is kept."""
-    return path.suffix in {".json", ".jsonl", ".csv", ".txt"}
 
 
 def content(path: Path) -> str:
     """The content of a file, thinned and masked."""
     text = path.read_text(encoding="utf-8")
     if path.suffix == ".json":
-        return in_lines(json.dumps(thinned(json.loads(text)), indent=1)) + "\n"
+        text = json.dumps(thinned(json.loads(text)), indent=1)  # of which a list that holds no other has one line
+        return re.sub(r"\[[^][{}]*\]", lambda listed: " ".join(listed[0].split()), text) + "\n"
     if path.suffix == ".jsonl":
         return "".join(json.dumps(row) + "\n" for row in thinned([json.loads(line) for line in text.splitlines()]))
     if path.suffix == ".csv":
         return table(text)
     return masked(text, path.absolute().parent)
-
-
-def in_lines(text: str) -> str:
-    """Indented JSON with every list that holds no other in one line."""
-    return re.sub(r"\[[^][{}]*\]", lambda listed: " ".join(listed[0].split()), text)
 
 
 def thinned(value, key: str = ""):

@@ -82,14 +82,10 @@ def test_a_larger_member_that_is_confirmed_takes_the_place_of_the_search_s_cam(v
     assert f"trapezoid with {areas['trapezoid']:.5f} (jump_max_mm at 7000 r/min)" in why
 
 
-def test_a_larger_member_that_event_exact_rules_out_is_not_verified(verdicts):
+def test_a_larger_member_that_event_exact_rules_out_is_not_verified(verdicts, monkeypatch):
     verdicts += ["free", "trapezoid", "kurz"]
-    families = Known(SCENE)
-    families.__class__.out = ("trapezoid", "kurz")
-    try:
-        chosen = largest_confirmed(SCENE, searched(0.5), "nominal", DRAFT, families)
-    finally:
-        families.__class__.out = ()
+    monkeypatch.setattr(Known, "out", ("trapezoid", "kurz"))
+    chosen = largest_confirmed(SCENE, searched(0.5), "nominal", DRAFT, Known(SCENE))
     assert chosen.cam.area_ratio == 0.5 and asked == ["trapezoid", "kurz", "verdict on free"]
 
 

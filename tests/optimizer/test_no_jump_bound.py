@@ -29,12 +29,9 @@ NO_JERK = FREE.model_copy(update={"jerk_max_mm_per_deg3": None})
 
 @pytest.mark.parametrize("design", [FREE, SKEW, NO_JERK], ids=["kodama", "skew-peak", "acceleration"])
 def test_kernel_gives_the_forces_of_any_cam(design):
-    kernel_gives_the_forces(no_jump_program(TRAIN, design, free_cam(design), SPEEDS))
-
-
-def kernel_gives_the_forces(p):
     """constant + integral kernel u = sum of multiplier (force - margin), u the jerk (or acceleration) of any spline."""
-    cam, design = p.cam, p.design
+    cam = free_cam(design)
+    p = no_jump_program(TRAIN, design, cam, SPEEDS)
     random = np.random.default_rng(1)
     z = random.normal(size=cam.Z.shape[1]) * 0.005
     multipliers = random.exponential(size=len(p.kind))

@@ -11,13 +11,15 @@ from camopt.plots import (
     last_revolution,
     modes,
     profiles,
-    save,
     valve_motion,
 )
+from camopt.plots.speeds import first_passed
 from camopt.scene.load import load_scene
 from camopt.scene.response import Response
 from camopt.scene.train import build_train
 from camopt.scene.units import DEG, MM
+from experiments.support.campbell import campbell
+from experiments.support.panels import Panel, panels
 
 SCENE = load_scene("kodama")
 DESIGN = SCENE.design
@@ -255,14 +257,7 @@ def test_modes_say_what_they_leave_out():
     assert "5 highest left out" in modes(np.arange(1.0, 21.0), np.eye(20), names).get_suptitle()
 
 
-def test_a_figure_can_be_saved(tmp_path):
-    for path in save(profiles([("design", bump(9.0))], DESIGN), tmp_path, "profiles"):
-        assert path.stat().st_size > 5000
-
-
 def test_campbell_dots_lie_where_a_ray_meets_a_frequency_inside_the_band():
-    from experiments.support.campbell import campbell
-
     axes = campbell([350.0], [6, 7], (5000, 7000), 0.5).axes[0]
     dots = [(float(line.get_xdata()[0]), float(line.get_ydata()[0])) for line in axes.lines if line.get_marker() == "o"]
     # 350 Hz is order 7 at 6000 r/min and order 6 at 7000 r/min (cam at half speed)
@@ -270,8 +265,6 @@ def test_campbell_dots_lie_where_a_ray_meets_a_frequency_inside_the_band():
 
 
 def test_panels_keep_a_label_in_one_colour_and_cams_in_their_own():
-    from experiments.support.panels import Panel, panels
-
     x = np.array([0.0, 1.0])
     rows = [[Panel("a", [("polydyne", x, x), ("rkg", x, 2 * x)])], [Panel("b", [("rkg", x, x), ("tmm", x, x)])]]
     first, second = panels(rows, "x").axes
@@ -285,8 +278,6 @@ def test_panels_keep_a_label_in_one_colour_and_cams_in_their_own():
 
 
 def test_a_cam_is_marked_where_it_first_passes_the_limit():
-    from camopt.plots.speeds import first_passed
-
     speed = np.array([5000.0, 5100.0, 5200.0, 5300.0])
     assert first_passed(speed, np.array([0.0, 0.04, 0.08, 0.0]), 0.05) == pytest.approx(5125.0)
     assert first_passed(speed, np.array([0.0, 0.05, 0.05, 0.0]), 0.05) is None  # on the limit is within
@@ -314,13 +305,10 @@ def test_names_of_short_stages_do_not_overlap():
 
 
 def test_numbers_of_neighbouring_marks_stand_on_different_sides():
-    from camopt.plots.speeds import Sweep, bounce_against_speed
-    from camopt.scene import load_scene
-
     speed = np.arange(5000.0, 7001.0, 50.0)
     cams = (("new-design", 5300.0), ("multi-pol", 5350.0), ("polydyne", 6500.0))
     sweeps = [Sweep(cam, speed, np.where(speed > at, 0.1, 0.0), np.zeros(len(speed))) for cam, at in cams]
-    axes = bounce_against_speed(sweeps, load_scene("kodama").design, (5000.0, 7000.0)).axes[0]
+    axes = bounce_against_speed(sweeps, DESIGN, (5000.0, 7000.0)).axes[0]
     sides = {text.get_text(): text.get_ha() for text in axes.texts if text.get_text().startswith("≈")}
     assert list(sides.values()) == ["right", "left", "right"]
 

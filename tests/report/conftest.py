@@ -14,7 +14,7 @@ from camopt.report import write_report
 from camopt.scene import load_scene
 from camopt.scene.load import scene_text
 from camopt.scene.units import MM
-from tests.browser import started_browser, watched_pages
+from tests.browser import watched_pages
 
 EVIL_TITLE = "</script><script>document.title='changed'</script>"
 
@@ -57,9 +57,9 @@ def speed_record(i: int) -> dict:
     }
 
 
-def band_record(worst_bounce_mm: float = 0.0413, worst_speed_rpm: float = 6980) -> dict:
+def band_record() -> dict:
     """The band as verification.json has it: the last listed speed is the worst but for bounce."""
-    last = metrics(len(SPEEDS) - 1)
+    last, worst_bounce_mm, worst_speed_rpm = metrics(len(SPEEDS) - 1), 0.0413, 6980
     worst = {name: {"value": value, "speed_rpm": SPEEDS[-1], "method": "event"} for name, value in last.items()}
     worst["bounce_mm"] = {"value": worst_bounce_mm, "speed_rpm": worst_speed_rpm, "method": "event"}
     worst["dynamic_area_mm_deg"] |= {"value": metrics(0)["dynamic_area_mm_deg"], "speed_rpm": SPEEDS[0]}
@@ -124,7 +124,7 @@ def parts() -> dict:
     }
 
 
-def write_parts(folder, data: dict, scene: str = "kodama") -> None:
+def write_parts(folder, data: dict, scene: str) -> None:
     folder.mkdir(exist_ok=True)
     (folder / "scene.toml").write_text(scene_text(scene), encoding="utf-8")
     for name in ("design", "verification", "provenance"):
@@ -142,12 +142,6 @@ def draw(folder) -> None:
     figure = new_figure(3, 2)
     figure.subplots().plot([0, 1], [0, 1], label="a line")
     save(figure, folder / "figures", "convergence")
-
-
-@pytest.fixture(scope="session")
-def new_contents():
-    """Contents as `contents`, for fixtures that live longer than a test."""
-    return parts
 
 
 @pytest.fixture(scope="session")
@@ -190,10 +184,10 @@ def lifts():
 
 
 @pytest.fixture(scope="session")
-def report(tmp_path_factory, lifts, new_contents, write_into):
+def report(tmp_path_factory, lifts, write_into):
     """The page of a run folder of kodama whose title would break out of the page if it could."""
     folder = tmp_path_factory.mktemp("browser") / "run"
-    data = new_contents()
+    data = parts()
     data["comparison"] = [row for row in data["comparison"] if row["cam"] in lifts]
     for row in data["comparison"]:
         row["area_ratio"] = lifts[row["cam"]].area_ratio(9.4 * MM)
@@ -208,12 +202,6 @@ def report(tmp_path_factory, lifts, new_contents, write_into):
     text = re.sub('title = ".*"', f'title = "{EVIL_TITLE}"', text)
     (folder / "scene.toml").write_text(text, encoding="utf-8")
     return write_report(folder)
-
-
-@pytest.fixture(scope="module")
-def browser():
-    with started_browser() as started:
-        yield started
 
 
 @pytest.fixture

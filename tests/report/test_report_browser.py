@@ -11,6 +11,7 @@ from camopt.plots.style import cam_line
 from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM
+from tests.browser import wait
 from tests.report.conftest import EVIL_TITLE
 
 SCENE = load_scene("kodama")
@@ -35,15 +36,6 @@ def set_angle(page, degrees: float) -> None:
 
 def slider(page) -> int:
     return int(page.locator("#train-angle").input_value())
-
-
-def wait_for(page, reached) -> None:
-    """Up to five seconds; the page's policy forbids the evaluated strings of Playwright's own waiting."""
-    for _ in range(100):
-        if reached():
-            return
-        page.wait_for_timeout(50)
-    raise AssertionError("nothing happened for five seconds")
 
 
 def test_texts_of_the_run_stay_text(open_page):
@@ -73,18 +65,6 @@ def test_numbers_are_the_simulated_motion(open_page, lifts):
                 if abs(true_force) > 1.0:
                     assert state == "closed"
             assert f"cam angle {degrees:.1f} deg".replace("-", "−") in page.locator("#train-caption").inner_text()
-
-
-def test_numbers_of_the_tables_are_the_files(open_page, lifts, new_contents):
-    page, data = open_page(), new_contents()
-    area = page.locator("#area ~ .scroll table").first.inner_text()
-    assert f"{lifts['design'].area_ratio(9.4 * MM):.4f}" in area
-    assert f"{data['design']['area_ratio_bound']:.4f}" in area
-    limits = page.locator("#limits ~ .scroll table").first.inner_text()
-    assert str(data["verification"]["band"]["worst_bounce_mm"]) in limits
-    geometry = page.locator("#geometry ~ .scroll table").first.inner_text()
-    assert "smallest convex radius [mm]" in geometry and "polydyne" in geometry
-    assert page.locator("#tightest-spot").count() == 1
 
 
 def test_every_choice_changes_the_drawing(open_page):
@@ -144,7 +124,7 @@ def test_keys_move_play_and_pause(open_page):
     page.keyboard.press("ArrowRight")
     assert "−39.5 deg" in caption.inner_text()
     page.keyboard.press("Space")
-    wait_for(page, lambda: slider(page) > 290)
+    wait(page, lambda: slider(page) > 290)
     assert page.locator("#train-play").inner_text() == "Pause"
     page.keyboard.press("Space")
     stopped = caption.inner_text()
@@ -157,7 +137,7 @@ def test_little_motion_is_respected(open_page):
     page.click("#train-play")
     for _ in range(3):
         before = slider(page)
-        wait_for(page, lambda before=before: slider(page) != before)
+        wait(page, lambda before=before: slider(page) != before)
         assert (slider(page) - 280) % 10 == 0  # whole steps of 5 deg, perhaps two on a slow machine
 
 

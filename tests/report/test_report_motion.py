@@ -69,26 +69,26 @@ def test_a_motion_has_settled_here_where_the_verdict_says_so():
     assert not settled_motion(train, lift, speed, False).periodic  # the verdict has the word
 
 
-def folder_of(tmp_path, write, contents, lift, scene_name="motori-1"):
+def folder_of(write, contents, lift):
     contents["design"]["area_ratio"] = lift.area_ratio(9.4 * MM)
     contents["comparison"] = [r for r in contents["comparison"] if r["cam"] != "multi-pol"]
     for row in contents["comparison"]:
         row["area_ratio"] = lift.area_ratio(9.4 * MM)
-    folder = write(contents, scene_name)
+    folder = write(contents, "motori-1")
     write_design(folder / "design.json", lift, 9.4 * MM)
     (folder / "cams").mkdir()
     write_design(folder / "cams" / "polydyne.json", lift, 9.4 * MM)
     return folder
 
 
-def test_cams_are_those_of_the_run(tmp_path, write, contents, polydyne):
-    folder = folder_of(tmp_path, write, contents, polydyne)
+def test_cams_are_those_of_the_run(write, contents, polydyne):
+    folder = folder_of(write, contents, polydyne)
     cams = cams_of(folder, read_run_folder(folder))
     assert list(cams.lifts) == ["design", "polydyne"] and cams.left_out == []
 
 
-def test_a_cam_of_another_area_is_not_shown_as_the_run_s(tmp_path, write, contents, polydyne):
-    folder = folder_of(tmp_path, write, contents, polydyne)
+def test_a_cam_of_another_area_is_not_shown_as_the_run_s(write, contents, polydyne):
+    folder = folder_of(write, contents, polydyne)
     run = read_run_folder(folder)
     for row in run.comparison:
         row["area_ratio"] = str(float(row["area_ratio"]) + 2e-6)
@@ -97,8 +97,8 @@ def test_a_cam_of_another_area_is_not_shown_as_the_run_s(tmp_path, write, conten
     assert "polydyne is not simulated here: its area ratio comes out as" in cams.left_out[0]
 
 
-def test_a_family_without_a_member_is_said_to_have_none(tmp_path, write, contents, polydyne):
-    folder = folder_of(tmp_path, write, contents, polydyne)
+def test_a_family_without_a_member_is_said_to_have_none(write, contents, polydyne):
+    folder = folder_of(write, contents, polydyne)
     run = read_run_folder(folder)
     run.comparison.append(run.comparison[-1] | {"cam": "new-design", "verdict": "failed", "area_ratio": ""})
     assert cams_of(folder, run).left_out == ["new-design has no member within the limits."]
@@ -106,7 +106,7 @@ def test_a_family_without_a_member_is_said_to_have_none(tmp_path, write, content
 
 @pytest.mark.parametrize("name", ["../secret", "/etc/passwd", "multi-pol", "<b>x</b>"])
 def test_names_lead_to_no_file_outside_and_start_no_search(tmp_path, write, contents, polydyne, name):
-    folder = folder_of(tmp_path, write, contents, polydyne)
+    folder = folder_of(write, contents, polydyne)
     write_design(tmp_path / "secret.json", polydyne, 9.4 * MM)
     run = read_run_folder(folder)
     for row in run.comparison:
@@ -115,8 +115,8 @@ def test_names_lead_to_no_file_outside_and_start_no_search(tmp_path, write, cont
     assert list(cams.lifts) == ["design"] and len(cams.left_out) == 1
 
 
-def test_a_cam_that_the_folder_holds_is_read(tmp_path, write, contents, polydyne):
-    folder = folder_of(tmp_path, write, contents, polydyne)
+def test_a_cam_that_the_folder_holds_is_read(write, contents, polydyne):
+    folder = folder_of(write, contents, polydyne)
     run = read_run_folder(folder)
     for row in run.comparison:
         row["cam"] = "multi-pol (no-jerk)"
@@ -124,8 +124,8 @@ def test_a_cam_that_the_folder_holds_is_read(tmp_path, write, contents, polydyne
     assert list(cams_of(folder, run).lifts) == ["design", "multi-pol (no-jerk)"]
 
 
-def test_animation_keeps_its_size(tmp_path, write, contents, polydyne):
-    folder = folder_of(tmp_path, write, contents, polydyne)
+def test_animation_keeps_its_size(write, contents, polydyne):
+    folder = folder_of(write, contents, polydyne)
     cams = cams_of(folder, read_run_folder(folder))
     data, left_out = animation(cams)
     assert data is not None and left_out == []

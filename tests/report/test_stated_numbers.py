@@ -21,9 +21,9 @@ LIMITED = {"bounce": "bounce_mm", "jump": "jump_mm", "seating velocity": "seatin
            "peak contact force": "contact_force_max_N"}  # fmt: skip
 
 
-def rejected_between(contents: dict, jump_mm: float = 0.2, speed_rpm: float = 6990) -> dict:
+def rejected_between(contents: dict) -> dict:
     """The contents with a cam that every listed speed confirms, and a worst speed of the band rejects for its jump."""
-    found = contents["verification"]
+    found, jump_mm, speed_rpm = contents["verification"], 0.2, 6990.0
     record = {**found["speeds"][3], "speed_rpm": speed_rpm, "verdict": "rejected", "jump_mm": jump_mm}
     record["ranges"] = record["ranges"] | {"jump_mm": [0.9 * jump_mm, jump_mm]}
     found |= {"verdict": "rejected", "broken": [f"jump_max_mm at {speed_rpm:g} r/min"]}
@@ -94,7 +94,7 @@ def test_a_number_changed_in_verification_is_followed_everywhere(write, contents
 
 
 def test_a_figure_of_the_comparison_does_not_speak_for_the_verdict(write, contents):
-    before = [line for line in outcome_lines(read_run_folder(write(contents)))]
+    before = outcome_lines(read_run_folder(write(contents)))
     for row in contents["comparison"]:
         row |= {"jump_mm": 77.0, "bounce_mm": 77.0, "bounce_high_mm": 77.0, "seating_velocity_m_per_s": 77.0}
     folder = write(contents)

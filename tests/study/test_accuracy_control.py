@@ -151,6 +151,8 @@ def test_chaos_is_answered_by_a_range(monkeypatch):
 class TestDial:
     """`deliver` on a made-up method whose valve stands off by the setting."""
 
+    START = stored_curves()["rkg"].coarsest(1.0, typical=True)
+
     @staticmethod
     def run(offset, refuse=lambda setting: False):
         calls = []
@@ -167,24 +169,23 @@ class TestDial:
     def test_halved_until_three_coarser_answers_stand(self):
         """Off by 10 um times the setting over the stored one: answers differ by 7 times the last error, and half as
         much again is said."""
-        start = stored_curves()["rkg"].coarsest(1.0, typical=True)
-        run, calls = self.run(lambda s: 10e-6 * s / start)
-        found = deliver(run, "rkg", 1.0, 1, start / 1e6)
-        assert found.reached and calls == pytest.approx([start / 2**i for i in range(-1, 8)])
+        run, calls = self.run(lambda s: 10e-6 * s / self.START)
+        found = deliver(run, "rkg", 1.0, 1, self.START / 1e6)
+        assert found.reached and calls == pytest.approx([self.START / 2**i for i in range(-1, 8)])
         assert found.estimate_um[0] == pytest.approx(1.5 * 7 * 10 / 2**7, rel=1e-6)
         assert found.setting == calls[-1]
 
     def test_the_finest_setting_ends_it_unreached(self):
         further = count()
         run, calls = self.run(lambda s: 1e-3 * next(further))
-        found = deliver(run, "rkg", 1.0, 1, stored_curves()["rkg"].coarsest(1.0, typical=True) / 8)
+        found = deliver(run, "rkg", 1.0, 1, self.START / 8)
         assert len(calls) == found.budget == 5 and not found.reached
         assert found.estimate_um[0] == pytest.approx(1.5 * 3000.0)
 
     def test_the_best_of_the_budget_is_delivered_and_not_the_last(self):
         offsets = iter([8e-6, 4e-6, 2e-6, 1e-6, 9e-6])
         run, calls = self.run(lambda s: next(offsets))
-        found = deliver(run, "rkg", 1.0, 1, stored_curves()["rkg"].coarsest(1.0, typical=True) / 8)
+        found = deliver(run, "rkg", 1.0, 1, self.START / 8)
         assert len(calls) == 5 and found.setting == calls[3] and not found.reached
         assert found.estimate_um[0] == pytest.approx(1.5 * 7.0)
         assert found.sentence() == (
@@ -198,9 +199,8 @@ class TestDial:
         assert len(calls) == 4 < found.budget and found.estimate_um[0] == module.FINEST_UM and not found.reached
 
     def test_settings_that_are_all_refused_but_few_leave_the_error_unknown(self):
-        start = stored_curves()["rkg"].coarsest(1.0, typical=True)
-        run, _ = self.run(lambda s: 0.0, refuse=lambda s: s > 0.2 * start)
-        found = deliver(run, "rkg", 1.0, 1, start / 8)
+        run, _ = self.run(lambda s: 0.0, refuse=lambda s: s > 0.2 * self.START)
+        found = deliver(run, "rkg", 1.0, 1, self.START / 8)
         assert found.sentence().endswith("5 settings, too few of which gave a motion: the error is not known")
 
     def test_the_bar_shows_how_much_of_the_budget_is_spent(self, monkeypatch):
@@ -215,17 +215,16 @@ class TestDial:
         monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
         further = count()
         run, _ = self.run(lambda s: 1e-3 * next(further))
-        deliver(run, "rkg", 1.0, 1, stored_curves()["rkg"].coarsest(1.0, typical=True) / 8, progress=True)
+        deliver(run, "rkg", 1.0, 1, self.START / 8, progress=True)
         assert shown == [(1, 31), (3, 31), (7, 31), (15, 31), (31, 31)]
 
     def test_refused_settings_are_passed_over_and_all_refused_is_a_refusal(self):
-        start = stored_curves()["rkg"].coarsest(1.0, typical=True)
-        run, calls = self.run(lambda s: 0.0, refuse=lambda s: s > 0.3 * start)
-        assert deliver(run, "rkg", 1.0, 1, start / 1e6).reached
+        run, calls = self.run(lambda s: 0.0, refuse=lambda s: s > 0.3 * self.START)
+        assert deliver(run, "rkg", 1.0, 1, self.START / 1e6).reached
         assert len(calls) == 7
         run, _ = self.run(lambda s: 0.0, refuse=lambda s: True)
         with pytest.raises(MotionRefused, match="too coarse"):
-            deliver(run, "rkg", 1.0, 1, start / 8)
+            deliver(run, "rkg", 1.0, 1, self.START / 8)
 
     def test_promises_of_an_erratic_method_are_kept(self, monkeypatch):
         """Off by a share of the setting that is as good as drawn anew at every setting, as a method that steps across

@@ -106,12 +106,6 @@ def test_highest_rate_counts_every_element():
     assert highest_rate(train) == pytest.approx(np.abs(slow).max())
 
 
-def test_dictionary_is_the_contracts():
-    content = OHV.as_dict()
-    assert list(content["frequency_Hz"]) == sorted(content["frequency_Hz"])
-    assert np.shape(content["shape"]) == (3, 3)
-
-
 def test_unknown_state():
     with pytest.raises(InputError, match="'open'"):
         modes(KODAMA, "open")

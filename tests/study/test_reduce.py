@@ -9,7 +9,7 @@ import pytest
 from camopt.cam.families.polydyne import polydyne
 from camopt.cli import parser as cli
 from camopt.exact import engine
-from camopt.measure.settling import settle
+from camopt.measure.settling import settled_from_rest
 from camopt.scene import (
     InputError,
     MotionRefused,
@@ -32,13 +32,8 @@ from camopt.verifier.methods import rkg
 KODAMA, MOTORI, PUSHROD = (load_scene(name) for name in ("kodama", "motori-1", "pushrod-5mass"))
 
 
-def rest(train) -> np.ndarray:
-    return state_at_rest(train)
-
-
 def settled(scene, lift, speed_rpm=5000.0):
-    train = build_train(scene)
-    return settle(engine.prepare(train, lift, scene.cam_speed(speed_rpm)), rest(train))
+    return settled_from_rest(engine.prepare, build_train(scene), lift, scene.cam_speed(speed_rpm))
 
 
 def test_all_surge_modes_are_the_same_motion_in_other_coordinates():
@@ -176,8 +171,8 @@ class TestLeftOut:
         cam_speed = MOTORI.cam_speed(5000)
         whole, part = build_train(MOTORI), build_train(model.scene)
         assert (whole.contact.sum(), part.contact.sum()) == (4, 2)
-        a = rkg.prepare(whole, self.lift, cam_speed, 20_000)(rest(whole))
-        b = model.prepare(rkg.prepare, part, self.lift, cam_speed, 20_000)(rest(part))
+        a = rkg.prepare(whole, self.lift, cam_speed, 20_000)(state_at_rest(whole))
+        b = model.prepare(rkg.prepare, part, self.lift, cam_speed, 20_000)(state_at_rest(part))
         assert np.array_equal(a.x, b.x)
         assert np.array_equal(a.v, b.v)
 
@@ -191,7 +186,7 @@ class TestLeftOut:
         train = build_train(model.scene)
         run = model.prepare(engine.prepare, train, self.lift, near.cam_speed(5000))
         with pytest.raises(MotionRefused, match=rf"'coil_clash'.* never closing.* at {np.degrees(closing):.0f}"):
-            run(rest(train))
+            run(state_at_rest(train))
 
     def test_a_contact_that_would_open_is_refused(self):
         weak = replace_element(MOTORI, "spring", preload_N=250.0)
@@ -199,7 +194,7 @@ class TestLeftOut:
         assert model.watched is not None
         pulled = replace(model.watched, preload=np.array([-300.0]))
         train = build_train(model.scene)
-        record = engine.prepare(train, self.lift, weak.cam_speed(5000))(rest(train))
+        record = engine.prepare(train, self.lift, weak.cam_speed(5000))(state_at_rest(train))
         model.check(record)
         with pytest.raises(MotionRefused, match=r"'spring'.* never opening.* at -180.0 deg and 2500 cam"):
             replace(model, watched=pulled).check(record)
@@ -207,7 +202,7 @@ class TestLeftOut:
     def test_a_closing_between_two_samples_is_seen(self):
         model = leave_out(MOTORI, frozenset({"coil_clash"}), frozenset())
         train = build_train(model.scene)
-        record = engine.prepare(train, self.lift, MOTORI.cam_speed(5000))(rest(train))
+        record = engine.prepare(train, self.lift, MOTORI.cam_speed(5000))(state_at_rest(train))
         peak = record.x[:, 0].max()
         keep = np.flatnonzero((record.x[:, 0] < peak - 2e-5) & np.append(np.diff(record.angle) > 0, True))
         coarse = replace(record, **{k: getattr(record, k)[keep] for k in ("angle", "lift", "x", "v", "force")})

@@ -124,16 +124,6 @@ def test_trains_with_an_adjuster_are_drawn_and_measured():
     assert found.share.trains == 3 and np.all(np.isfinite(found.used.used))
 
 
-def test_end_to_end(tmp_path, capsys):
-    words = ["yield", "motori-1", "--cam", "polydyne", "--trains", "6", "--speeds", "2000,3500", "--quiet"]
-    assert main([*words, "--out", str(tmp_path / "run"), "--json", str(tmp_path / "yield.json")]) == 0
-    said, summary = capsys.readouterr().out, json.loads((tmp_path / "yield.json").read_text())
-    assert "of 6 trains hold" in said and summary["trains"] == 6 and summary["speeds_rpm"] == [2000, 3500]
-    assert summary == json.loads((tmp_path / "run" / SUMMARY).read_text())
-    rows = [json.loads(line) for line in (tmp_path / "run" / JOURNAL).read_text().splitlines()]
-    assert len({row["used"]["seating_velocity_max_m_per_s"][0] for row in rows}) == 6
-
-
 @pytest.mark.parametrize(("rpm", "share"), [(1000.0, 1.0), (7000.0, 0.0)])
 def test_with_hardly_any_scatter_all_trains_hold_or_none(rpm, share):
     scene = load_scene("motori-1")

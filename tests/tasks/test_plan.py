@@ -17,6 +17,7 @@ from camopt.tasks import plan as plans
 from camopt.tasks.plan import load_plan
 from camopt.tasks.task import VERBS, filed
 from tests.tasks.tasks_of_tests import stored
+from tests.tasks.test_sweep import Killer
 from tests.test_cli import run
 
 HEAD = 'format = 1\nverb = "settled"\nscenes = ["motori-1"]\ncams = ["polydyne"]\n'
@@ -149,7 +150,7 @@ class TestCommand:
         command = [sys.executable, "-m", "camopt", "sweep", "plan.toml", "--store", "x.sqlite", "--workers", "1"]
         env = os.environ | {"PYTHONPATH": os.pathsep.join([os.getcwd(), os.environ.get("PYTHONPATH", "")])}
         with subprocess.Popen(command, cwd=tmp_path, env=env, stderr=subprocess.PIPE, text=True) as process:
-            while not (tmp_path / "x.sqlite").exists() or not stored_or_none(tmp_path / "x.sqlite"):
+            while not (tmp_path / "x.sqlite").exists() or not Killer(tmp_path / "x.sqlite", []).count():
                 time.sleep(0.02)
             process.send_signal(signal.SIGINT)
             _, err = process.communicate(timeout=30)
@@ -157,10 +158,3 @@ class TestCommand:
         assert "interrupted; x.sqlite is left, with a row for each task that ended" in err
         assert "`camopt sweep plan.toml --store x.sqlite --resume` goes on" in err
         assert 0 < len(stored(tmp_path / "x.sqlite")) < 20
-
-
-def stored_or_none(path: Path) -> list[tuple]:
-    try:
-        return stored(path)
-    except Exception:  # the tables are about to be made
-        return []

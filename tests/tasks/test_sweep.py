@@ -17,6 +17,7 @@ import camopt
 from camopt.scene import InputError
 from camopt.tasks import sweep as sweeping
 from camopt.tasks.engines import MOST_DEATHS
+from camopt.tasks.task import filed
 from tests.campaign.starved import mounted
 from tests.tasks.tasks_of_tests import opened, rehearsals, stored
 
@@ -125,7 +126,8 @@ class TestParent:
         path = tmp_path / "x.sqlite"
         assert 20 <= rows_after_the_end(tmp_path, path, "rehearsals(200, 0.01)", how) < 200
         camopt.sweep(rehearsals(200, 0.01), path, workers=0)
-        assert [row[0] for row in stored(path)] == [filed_key(i) for i in by_key(0.01)]
+        tasks = rehearsals(200, 0.01)
+        assert [row[0] for row in stored(path)] == sorted(filed(task, camopt.__version__).key for task in tasks)
         but_for_the_wait = [sorted((n, s, o) for _, n, _, s, o in rows) for rows in (stored(path), serial)]
         assert but_for_the_wait[0] == but_for_the_wait[1]
 
@@ -135,16 +137,6 @@ class TestParent:
         monkeypatch.setattr("camopt.tasks.sweep.compute", lambda task: pytest.fail("computed again"))
         assert camopt.sweep(rehearsals(5), tmp_path / "x", workers=0).counts == {"done": 5}
         assert stored(tmp_path / "x") == before
-
-
-def filed_key(number: int) -> str:
-    from camopt.tasks.task import filed
-
-    return filed({"verb": "rehearse", "number": number, "seconds": 0.01}, camopt.__version__).key
-
-
-def by_key(seconds: float) -> list[int]:
-    return sorted(range(200), key=filed_key)
 
 
 class TestStores:

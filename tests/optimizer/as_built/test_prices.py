@@ -78,9 +78,10 @@ def test_the_command_prints_and_draws_the_price_of_a_single_tolerance(tmp_path, 
     scene, out = tmp_path / "mine.toml", tmp_path / "out"
     scene.write_text(scene_toml(with_scatter(SCENE, {"mass": 0.0, GRINDING: 0.0})))
     drawn = ["--cam", "polydyne", "--trains", "3", "--speeds", "2000", "--quiet", "--out", str(out)]
-    assert main(["yield", str(scene), *drawn, "--price"]) == 0
+    assert main(["yield", str(scene), *drawn, "--price", "--json", str(tmp_path / "yield.json")]) == 0
     printed = capsys.readouterr().out
     assert "1 % more of its numbers" in printed and "spring.preload_N" in printed
-    listed = json.loads((out / "yield.json").read_text())["prices"]
-    assert set(listed["halved"]) == set(listed["left_out"]) == {"spring.preload_N"}
+    summary = json.loads((out / "yield.json").read_text())
+    assert summary == json.loads((tmp_path / "yield.json").read_text()) and summary["speeds_rpm"] == [2000]
+    assert set(summary["prices"]["halved"]) == set(summary["prices"]["left_out"]) == {"spring.preload_N"}
     assert (out / "figures" / "prices.svg").is_file()

@@ -14,12 +14,10 @@ from camopt.optimizer.as_built.measured import used_limits
 from camopt.optimizer.as_built.search import free_program
 from camopt.optimizer.as_built.slopes_program import SHAPING, SlopesProgram, _by_pieces
 from camopt.optimizer.program.kinematic import lift_to_reach
-from camopt.scene import load_scene, parse_scene
+from camopt.scene import load_scene
 from camopt.storage.journal import StepFiles
-from tests.optimizer.as_built.test_yield_search import SCATTER
-from tests.scene.test_load import EXAMPLE
+from tests.optimizer.as_built.test_yield_search import SCENE
 
-SCENE = parse_scene(EXAMPLE + SCATTER, "mine.toml")
 WANTED, PRICE, KEPT_N = 0.9, 0.5, 10.0
 
 

@@ -30,11 +30,10 @@ from camopt.report.regenerated import differences
 from camopt.scene import load_scene, parse_scene
 from camopt.scene.errors import NoCamFound
 from camopt.storage.journal import Records
+from tests.optimizer.as_built.test_yield_search import SCENE
 from tests.scene.test_load import EXAMPLE
 from tests.test_docs import undocumented
 
-SCATTER = '\n[[tolerance]]\nof = "spring.preload_N"\nrelative = 0.05\n[grinding]\nerror_um = 2.0\nharmonics = [2, 40]\n'
-SCENE = parse_scene(EXAMPLE + SCATTER, "mine.toml")
 JOB = {"speeds": "band", "accuracy": "draft", "gradient": "none", "compare": False}
 SETTINGS = {"accuracy": "draft", "speeds": "band", "seed": 0}
 NOMINAL = SETTINGS | {"speeds": "nominal"}

@@ -1,6 +1,5 @@
 """Constraints along paths: their Lagrangian against its formula and differences, the metric, and what is refused."""
 
-import ast
 import re
 import shutil
 import time
@@ -168,35 +167,13 @@ def test_by_default_constraints_hold_at_nine_speeds_of_the_band():
     assert camopt.objective(MOTORI).speeds_rpm == MOTORI.operation.speeds_rpm
 
 
-PRINTED = """
-import camopt, optax
-objective = camopt.objective(camopt.load_scene("kodama"), constraints={"contact_force_N": 0.0, "seat_gap_mm": 0.03},
-                             path="smooth", width_um=1.0, tie=1.0)
-history = camopt.ascend(objective, start="calmest", optimiser=optax.lbfgs(), steps=200, metric=True)
-"""
-"""The lines of design.md, section 9."""
-
-
-def statements(text: str) -> list[str]:
-    """The calls of a program, without layout, its imports and where the scene stands."""
-    plain = text.replace('camopt.load_scene("kodama")', "scene")
-    kept = [one for one in ast.parse(plain).body if not isinstance(one, ast.Import)]
-    return [line for line in map(ast.unparse, kept) if line.startswith(("objective", "history"))]
-
-
-def test_the_page_has_the_printed_lines():
-    programs = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
-    (program,) = (one for one in programs if 'start="calmest"' in one)
-    program = program.replace('scene = camopt.load_scene("kodama")', "").replace("source=", "path=")  # its older name
-    assert statements(program) == statements(PRINTED)
-    assert len(statements(PRINTED)) == 2
-
-
 @pytest.mark.long
 @pytest.mark.timeout(1200)
 def test_from_the_calmest_cam_lbfgs_reaches_what_was_promised():
     """Area ratio 0.556 on `kodama`, confirmed, within 90 s of processor time from the first step on: what is compiled,
-    the settled start and the Jacobian come before that step ends."""
+    the settled start and the Jacobian come before that step ends. By the lines of the page, but for fewer steps."""
+    programs = re.findall(r"```python\n(.*?)```", PAGE.read_text("utf-8"), re.DOTALL)
+    (program,) = (one for one in programs if 'start="calmest"' in one and "steps=200" in one)
     ended = []
     step = climbing.AscentState.step
 
@@ -207,7 +184,7 @@ def test_from_the_calmest_cam_lbfgs_reaches_what_was_promised():
     names: dict = {}
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(climbing.AscentState, "step", timed)
-        exec(PRINTED.replace("steps=200", "steps=90"), names)
+        exec(program.replace("steps=200", "steps=90"), names)
     history = names["history"]
     assert history.best.area_ratio(9.4e-3) >= 0.556
     assert ended[-1] - ended[0] < 90.0

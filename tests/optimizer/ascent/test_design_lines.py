@@ -4,15 +4,9 @@ The design prints `design_speed_rpm=3000`. Speeds are crankshaft r/min, and at 3
 would rise to 13 mm; 3000 camshaft r/min, as MOTORI 2004 counts, are 6000.
 """
 
-import ast
-import re
-from pathlib import Path
-
 import pytest
 
 from camopt.scene import InputError
-
-PAGE = Path(__file__).parents[3] / "docs" / "ascent.md"
 
 LINES = """
 import camopt, optax
@@ -46,17 +40,6 @@ def run(text: str) -> dict:
 def test_the_printed_design_speed_is_refused_with_a_remedy():
     with pytest.raises(InputError, match=r"would rise to 13.24 mm .* try a higher speed_rpm"):
         run(LINES)
-
-
-def test_the_page_has_these_lines_from_another_start():
-    """So the tests that run the page's lines, by Adam and by L-BFGS on the exact path, run these but for the start,
-    from which fifty steps gain nothing."""
-    printed = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)[0]
-    statements = [ast.unparse(one) for one in ast.parse(printed).body if not isinstance(one, ast.Import)]
-    verify = "camopt.verify(scene, history.best, speeds_rpm=(4000, 5000), accuracy='draft')"
-    lines = with_changes(verify=f"print(history, {verify}.verdict)", path='source="smooth"')
-    promised = [ast.unparse(one) for one in ast.parse(lines.replace("objective, start,", "objective, 'calmest',")).body]
-    assert statements == [one for one in promised if not one.startswith(("import", "start ="))]
 
 
 def test_some_steps_from_the_promised_start():
