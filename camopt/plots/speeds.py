@@ -22,8 +22,6 @@ from camopt.plots.style import (
 from camopt.scene.design import Design
 from camopt.scene.quantities import QUANTITIES
 
-FINEST_MM = 0.01
-"""The axis is linear below this value and logarithmic above it, because a bounce or jump of zero must be seen."""
 NUMBER_WIDTH = 0.08
 """Width of a speed's number as a share of the axes."""
 NUMBER_HEIGHT = 1.3 * BASE
@@ -62,7 +60,7 @@ def bounce_against_speed(
             _mark_worst(axes, s, key, lines[s.cam]["color"])
         axes.set_ylabel(f"{quantity.label} [{quantity.unit}]")
         draw_limit(axes, limit, quoted("at most", limit, "mm"))
-        zero_and_decades(axes, limit, FINEST_MM)
+        zero_and_decades(axes, limit)
         axes.axvspan(*band_rpm, color=SHADE, zorder=0)
         mark = {"color": "#444444", "markersize": 6, "clip_on": False, "zorder": 5}
         axes.plot(list(speeds_rpm), [0] * len(speeds_rpm), "^", transform=axes.get_xaxis_transform(), **mark)
