@@ -9,7 +9,7 @@ import json
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -74,7 +74,7 @@ def motion_at(
     return shown, end_state(settled.response)
 
 
-def band_of(scene: Scene, train: Train, lift: Lift, wanted: Callable[[], bool] = lambda: True) -> dict[str, Any]:
+def band_of(scene: Scene, train: Train, lift: Lift, wanted: Callable[[], bool]) -> dict[str, Any]:
     """Every metric at speeds over the scene's band, and by limit on the motion the largest part used and where.
 
     Raises Cancelled between some of the speeds once it is not `wanted` any more.
@@ -130,7 +130,7 @@ class Session:
     def start(self) -> dict[str, Any]:
         """What a page needs once: the scene's name and title, and the controls."""
         title = self.scene.title or self.scene.name
-        listed = [control.as_dict() for control in self.controls.values()]
+        listed = [asdict(control) for control in self.controls.values()]
         return {"name": self.scene.name, "title": title, "controls": listed}
 
     def values(self) -> dict[str, Any]:
@@ -150,14 +150,14 @@ class Session:
             with watched(wanted):
                 design = self.design(values, part == "sketch")
         except Refused as refused:
-            return {"part": part, "state": "refused", "faults": refused.faults}
+            return {"state": "refused", "faults": refused.faults}
         except InputError as error:
-            return {"part": part, "state": "no cam", "says": str(error)}
+            return {"state": "no cam", "says": str(error)}
         if part == "band":
             content = band_of(design.scene, design.train, design.cam.lift, wanted)
         else:
             content = self._cam_answer(design, speed_rpm)
-        return {"part": part, "state": "ok", **plain(content)}
+        return {"state": "ok", **plain(content)}
 
     def edited(self, values: Mapping[str, Any]) -> Scene:
         """The scene with the values; raises Refused for values that are none."""
