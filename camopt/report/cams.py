@@ -49,8 +49,7 @@ def geometry(cams: RunCams) -> dict | None:
         for name, c in contacts.items()
     ]  # fmt: skip
     chosen = DESIGN if DESIGN in contacts else next(iter(contacts))
-    return {"columns": keys, "rows": rows, "drawing": _drawing(contacts[chosen], chosen), "cam": chosen,
-            "none": none}  # fmt: skip
+    return {"columns": keys, "rows": rows, "drawing": _drawing(contacts[chosen], chosen), "none": none}
 
 
 def tightest(c: Contact) -> int:
