@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from camopt.cam.lift import Lift
+from camopt.cam.lift import Lift, lift_table
 from camopt.cam.linear_limits import radii_held_near
 from camopt.designer.cams import CamFinder, Cancelled, FoundCam, program_speeds_rpm
 from camopt.designer.controls import NO_JUMP, Refused, controls, edited_scene, read_values
@@ -25,7 +25,7 @@ from camopt.highs import WATCH
 from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.measure.settling import decay_per_revolution, settle, settled_from_rest
 from camopt.plots.style import DESIGN
-from camopt.report.cams import LAWS
+from camopt.report.cams import LAW_STEP_DEG
 from camopt.report.motion import animated, cam_entry, last_revolution_numbers
 from camopt.scene import QUANTITIES, InputError, MotionRefused, Scene, Train, build_train, state_at_rest
 from camopt.scene.response import end_state
@@ -99,7 +99,6 @@ def band_of(scene: Scene, train: Train, lift: Lift, wanted: Callable[[], bool]) 
 
 QUICK = ("sketch", "cam", "band")
 """The parts of an answer that a session gives itself; the others are `camopt.designer.slow_parts`."""
-CURVE_STEP_DEG = 0.5
 THREADS = ThreadpoolController()  # to look for the libraries' threads takes milliseconds
 REMEMBERED = 4
 """Cams of the last values that are kept."""
@@ -226,9 +225,6 @@ def watched(wanted: Callable[[], bool]) -> Iterator[None]:
 
 def curves(lift: Lift) -> dict[str, np.ndarray]:
     """Lift and its derivatives by cam angle, from -180 to 180 deg."""
-    angle = np.linspace(-180.0, 180.0, round(360 / CURVE_STEP_DEG) + 1)
-    laws = {
-        key: np.round(lift(angle * DEG, order) / unit, DECIMALS[order])
-        for order, (key, _, _, unit, _) in enumerate(LAWS)
-    }
-    return {"angle_deg": angle, **laws}
+    angle, *laws = lift_table(lift, LAW_STEP_DEG).items()
+    rounded = {key: np.round(law, digits) for (key, law), digits in zip(laws, DECIMALS, strict=True)}
+    return {"angle_deg": angle[1], **rounded}

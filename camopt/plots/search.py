@@ -7,6 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
+from camopt.plots.speeds import zero_and_decades
 from camopt.plots.style import (
     DESIGN,
     INK,
@@ -17,7 +18,6 @@ from camopt.plots.style import (
     quoted,
     styled,
     write,
-    zero_and_decades,
 )
 
 SHOWN_SHARE = 3.0

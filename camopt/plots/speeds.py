@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from camopt.plots.style import (
     BASE,
@@ -17,11 +18,12 @@ from camopt.plots.style import (
     quoted,
     styled,
     write,
-    zero_and_decades,
 )
 from camopt.scene.design import Design
 from camopt.scene.quantities import QUANTITIES
 
+FINEST_MM = 0.01
+"""The axis is linear below this value and logarithmic above it, because a bounce or jump of zero must be seen."""
 NUMBER_WIDTH = 0.08
 """Width of a speed's number as a share of the axes."""
 NUMBER_HEIGHT = 1.3 * BASE
@@ -70,6 +72,15 @@ def bounce_against_speed(
     rows[1].set_xlabel("crankshaft speed [r/min]")
     legend_above(figure, rows[0])
     return figure
+
+
+def zero_and_decades(axes: Axes, limit: float | None) -> None:
+    """Scales a bounce or jump axis: linear from zero to `FINEST_MM`, logarithmic above; the limit is always inside."""
+    shown = [line.get_ydata() for line in axes.lines if line.get_transform() == axes.transData]
+    largest = max([np.nanmax(np.append(np.asarray(y, dtype=float), 0.0)) for y in shown], default=0.0)
+    axes.set_yscale("symlog", linthresh=FINEST_MM, linscale=0.5, subs=[2, 5])
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.set_ylim(0, 1.5 * max(largest, 3 * (limit or 0.0), 10 * FINEST_MM))
 
 
 def first_passed(speed_rpm: np.ndarray, values: np.ndarray, limit: float) -> float | None:

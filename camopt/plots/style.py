@@ -13,7 +13,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.textpath import TextPath
-from matplotlib.ticker import FuncFormatter
 
 from camopt.cam.families.registry import FAMILIES
 from camopt.storage import write_bytes
@@ -44,7 +43,6 @@ _BESIDE = _HANDLE + 0.8 + 2.0
 """What a column has beside its words: line, gap and distance from the next one, over the size of its letters."""
 LONGEST = 200
 """Letters of a label, of which no figure shows more."""
-FINEST_MM = 0.01
 
 RC: dict[Any, Any] = {
     "axes.axisbelow": True,
@@ -171,16 +169,6 @@ def write(
 def quoted(relation: str, value: float | None, unit: str) -> str:
     """The words of a limit, such as `at most 0.05 mm`, on two lines and with the minus sign that the axes have."""
     return "" if value is None else f"{relation}\n{value:g} {unit}".replace("-", "\u2212").strip()
-
-
-def zero_and_decades(axes: Axes, limit: float | None) -> None:
-    """Scales a bounce or jump axis: linear from zero, which must be seen, to `FINEST_MM`, logarithmic above; the limit
-    is always inside."""
-    shown = [line.get_ydata() for line in axes.lines if line.get_transform() == axes.transData]
-    largest = max([np.nanmax(np.append(np.asarray(y, dtype=float), 0.0)) for y in shown], default=0.0)
-    axes.set_yscale("symlog", linthresh=FINEST_MM, linscale=0.5, subs=[2, 5])
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.set_ylim(0, 1.5 * max(largest, 3 * (limit or 0.0), 10 * FINEST_MM))
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int = 5) -> None:

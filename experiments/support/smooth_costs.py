@@ -15,8 +15,7 @@ import numpy as np
 from camopt import exact
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.motion import TracedMotion
-from camopt.scene import MotionRefused, Response, Scene, Train
-from camopt.scene.rest import state_at_rest
+from camopt.scene import MotionRefused, Response, Scene, Train, state_at_rest
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.laws import Layer
 from camopt.smooth.metrics import revolution_metrics

@@ -32,7 +32,7 @@ MOST_VALUES = 4e7
 FEWEST_STEPS = 720
 """Steps per revolution at least where an accuracy chooses them, however slow the train: the cam has to be followed."""
 TOLERANCE_OF_WIDTH = 5e-3
-"""The smooth path's error per step over the width of its layer: that of its defaults."""
+"""The smooth path's error per step over the width of its layer, where an accuracy or a width chooses them."""
 LEAST_WIDTH = 2.5e-10
 """Finest layer [m] that an accuracy may choose."""
 FEWEST_CHORDS, MOST_CHORDS = 16, 128
