@@ -92,7 +92,7 @@ def test_every_command_with_a_progress_bar_can_be_quiet(verb):
 
 FREED = """
 import numpy as np
-from camopt.cli.process import prepare_process
+from camopt.cli.parser import prepare_process
 
 def resident_MB():
     with open("/proc/self/statm") as numbers:

@@ -77,7 +77,7 @@ class CamFinder:
             return self._kinematic(scene, coarse, f"No cam keeps contact, so this is the kinematic one: {error}.")
 
     def _kinematic(self, scene: Scene, coarse: bool, says: str = "") -> FoundCam:
-        design = _design(scene)
+        design = scene.required_design
         try:
             optimum = kinematic_optimum(design, free_cam(design, KNOT_DEG) if coarse else _cam(design), explain=False)
         except Infeasible:
@@ -87,7 +87,7 @@ class CamFinder:
 
     def _no_jump(self, scene: Scene, train: Train, margin_N: float, coarse: bool) -> FoundCam:
         shape = _shape(scene, train)
-        takes_a_sequence = bool(radii_held_near(_design(scene))) or not is_linear(train)
+        takes_a_sequence = bool(radii_held_near(scene.required_design)) or not is_linear(train)
         if coarse and self.kept.get(False, (None,))[0] == shape:  # all rows are there, so few are not needed
             coarse = takes_a_sequence
         program = self._program(scene, train, shape, coarse)
@@ -105,17 +105,13 @@ class CamFinder:
 
     def _program(self, scene: Scene, train: Train, shape: tuple, coarse: bool) -> NoJumpProgram:
         """The program of a scene, made from the last one: under other limits alone its rows stay."""
-        design, (last_shape, program) = _design(scene), self.kept.get(coarse, ((), None))
+        design, (last_shape, program) = scene.required_design, self.kept.get(coarse, ((), None))
         if program is not None and last_shape == shape and is_linear(train):
             held = program.cam.about.near is not None
             return replace(program, design=design, cam=_cam(design)) if held else program.under(design)
         speeds, window = program_speeds_rpm(scene), Window(step=COARSE_STEP) if coarse else None
         cam = free_cam(design, KNOT_DEG) if coarse else _cam(design)
         return no_jump_program(train, design, cam, [scene.cam_speed(s) for s in speeds], window=window)
-
-
-def _design(scene: Scene) -> Design:
-    return scene.required_design
 
 
 def _cam(design: Design) -> FreeCam:

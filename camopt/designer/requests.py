@@ -38,7 +38,7 @@ NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
 class RequestHandler:
     """Answers the messages of pages about one scene; with a `folder` it verifies, and saves there and nowhere else."""
 
-    def __init__(self, session: Session, folder: Path | None = None):
+    def __init__(self, session: Session, folder: Path | None):
         self.session, self.folder = session, folder
         self.slow, self.verification = SlowProcess(), Verification()
         self._one_at_a_time, self._newest_lock = Lock(), Lock()

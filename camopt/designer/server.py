@@ -9,7 +9,6 @@ import json
 import sys
 import traceback
 from collections.abc import Mapping
-from functools import cache
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from importlib import resources
 from typing import Any
@@ -41,13 +40,11 @@ SCRIPTS = ("fields.js", "panels.js", "verdict.js", "mark.js", "slow.js", "saving
 """Parts of the module in the order in which they stand in it, after the shared ones."""
 
 
-@cache
 def module_text() -> str:
     """The ES module: what the report shares, and the page's own scripts, one after the other."""
     return "\n".join([*_shared("js"), *map(_page, SCRIPTS)])
 
 
-@cache
 def style_text() -> str:
     """The style sheet: what the report shares, and the page's own."""
     return "\n".join([*_shared("css"), _page("live.css")])

@@ -9,13 +9,13 @@ import json
 from collections import OrderedDict
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 from threadpoolctl import ThreadpoolController
 
-from camopt.cam.lift import Lift
+from camopt.cam.lift import Lift, lift_table
 from camopt.cam.linear_limits import radii_held_near
 from camopt.designer.cams import CamFinder, Cancelled, FoundCam, program_speeds_rpm
 from camopt.designer.controls import NO_JUMP, Refused, controls, edited_scene, read_values
@@ -25,7 +25,7 @@ from camopt.highs import WATCH
 from camopt.measure.limits import broken_by_shape, motion_limits
 from camopt.measure.settling import decay_per_revolution, settle, settled_from_rest
 from camopt.plots.style import DESIGN
-from camopt.report.cams import LAWS
+from camopt.report.cams import LAW_STEP_DEG
 from camopt.report.motion import animated, cam_entry, last_revolution_numbers
 from camopt.scene import QUANTITIES, InputError, MotionRefused, Scene, Train, build_train, state_at_rest
 from camopt.scene.response import end_state
@@ -74,7 +74,7 @@ def motion_at(
     return shown, end_state(settled.response)
 
 
-def band_of(scene: Scene, train: Train, lift: Lift, wanted: Callable[[], bool] = lambda: True) -> dict[str, Any]:
+def band_of(scene: Scene, train: Train, lift: Lift, wanted: Callable[[], bool]) -> dict[str, Any]:
     """Every metric at speeds over the scene's band, and by limit on the motion the largest part used and where.
 
     Raises Cancelled between some of the speeds once it is not `wanted` any more.
@@ -99,7 +99,6 @@ def band_of(scene: Scene, train: Train, lift: Lift, wanted: Callable[[], bool] =
 
 QUICK = ("sketch", "cam", "band")
 """The parts of an answer that a session gives itself; the others are `camopt.designer.slow_parts`."""
-CURVE_STEP_DEG = 0.5
 THREADS = ThreadpoolController()  # to look for the libraries' threads takes milliseconds
 REMEMBERED = 4
 """Cams of the last values that are kept."""
@@ -130,7 +129,7 @@ class Session:
     def start(self) -> dict[str, Any]:
         """What a page needs once: the scene's name and title, and the controls."""
         title = self.scene.title or self.scene.name
-        listed = [control.as_dict() for control in self.controls.values()]
+        listed = [asdict(control) for control in self.controls.values()]
         return {"name": self.scene.name, "title": title, "controls": listed}
 
     def values(self) -> dict[str, Any]:
@@ -150,14 +149,14 @@ class Session:
             with watched(wanted):
                 design = self.design(values, part == "sketch")
         except Refused as refused:
-            return {"part": part, "state": "refused", "faults": refused.faults}
+            return {"state": "refused", "faults": refused.faults}
         except InputError as error:
-            return {"part": part, "state": "no cam", "says": str(error)}
+            return {"state": "no cam", "says": str(error)}
         if part == "band":
             content = band_of(design.scene, design.train, design.cam.lift, wanted)
         else:
             content = self._cam_answer(design, speed_rpm)
-        return {"part": part, "state": "ok", **plain(content)}
+        return {"state": "ok", **plain(content)}
 
     def edited(self, values: Mapping[str, Any]) -> Scene:
         """The scene with the values; raises Refused for values that are none."""
@@ -226,9 +225,6 @@ def watched(wanted: Callable[[], bool]) -> Iterator[None]:
 
 def curves(lift: Lift) -> dict[str, np.ndarray]:
     """Lift and its derivatives by cam angle, from -180 to 180 deg."""
-    angle = np.linspace(-180.0, 180.0, round(360 / CURVE_STEP_DEG) + 1)
-    laws = {
-        key: np.round(lift(angle * DEG, order) / unit, DECIMALS[order])
-        for order, (key, _, _, unit, _) in enumerate(LAWS)
-    }
-    return {"angle_deg": angle, **laws}
+    angle, *laws = lift_table(lift, LAW_STEP_DEG).items()
+    rounded = {key: np.round(law, digits) for (key, law), digits in zip(laws, DECIMALS, strict=True)}
+    return {"angle_deg": angle[1], **rounded}

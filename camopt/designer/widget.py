@@ -18,7 +18,7 @@ class LiveWidget(anywidget.AnyWidget):
     _esm = module_text()
     _css = style_text()
 
-    def __init__(self, scene: Scene, folder: Path | None = None):
+    def __init__(self, scene: Scene, folder: Path | None):
         super().__init__()
         if folder is not None:
             folder.mkdir(parents=True, exist_ok=True)

@@ -6,7 +6,6 @@ Both can be stopped at any time.
 import os
 import signal
 import time
-from dataclasses import dataclass, field
 from functools import partial
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
@@ -101,15 +100,13 @@ def answer_all(connection: Connection, niceness: int) -> None:
             return
 
 
-@dataclass
 class Verification:
     """The verdict of one designer: none, running, or ended; `subject` is what the page calls what is judged."""
 
-    worker: SlowProcess = field(default_factory=lambda: SlowProcess(niceness=0))  # a user waits for it
-    _lock: Lock = field(default_factory=Lock)
-    _state: dict[str, Any] = field(default_factory=lambda: {"state": "none"})
-    _begun: float = 0.0
-    _number: int = 0
+    def __init__(self) -> None:
+        self.worker = SlowProcess(niceness=0)  # a user waits for it
+        self._lock, self._begun, self._number = Lock(), 0.0, 0
+        self._state: dict[str, Any] = {"state": "none"}
 
     def start(self, scene: Scene, lift: Lift, subject: str) -> dict[str, Any]:
         """Begin a verdict; one that is running is stopped before."""

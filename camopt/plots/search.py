@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from camopt.plots.speeds import FINEST_MM
+from camopt.plots.speeds import zero_and_decades
 from camopt.plots.style import (
     DESIGN,
     INK,
@@ -18,7 +18,6 @@ from camopt.plots.style import (
     quoted,
     styled,
     write,
-    zero_and_decades,
 )
 
 SHOWN_SHARE = 3.0
@@ -75,7 +74,7 @@ def convergence(
     area.margins(y=0.12)
     area.legend(loc="best")
     if not of_yield:
-        zero_and_decades(lower, bounce_max_mm, FINEST_MM)
+        zero_and_decades(lower, bounce_max_mm)
         lower.set_ylabel("worst bounce [mm]")
         draw_limit(lower, bounce_max_mm, quoted("at most", bounce_max_mm, "mm"))
     else:

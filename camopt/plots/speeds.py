@@ -6,6 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.ticker import FuncFormatter
 
 from camopt.plots.style import (
     BASE,
@@ -17,7 +18,6 @@ from camopt.plots.style import (
     quoted,
     styled,
     write,
-    zero_and_decades,
 )
 from camopt.scene.design import Design
 from camopt.scene.quantities import QUANTITIES
@@ -62,7 +62,7 @@ def bounce_against_speed(
             _mark_worst(axes, s, key, lines[s.cam]["color"])
         axes.set_ylabel(f"{quantity.label} [{quantity.unit}]")
         draw_limit(axes, limit, quoted("at most", limit, "mm"))
-        zero_and_decades(axes, limit, FINEST_MM)
+        zero_and_decades(axes, limit)
         axes.axvspan(*band_rpm, color=SHADE, zorder=0)
         mark = {"color": "#444444", "markersize": 6, "clip_on": False, "zorder": 5}
         axes.plot(list(speeds_rpm), [0] * len(speeds_rpm), "^", transform=axes.get_xaxis_transform(), **mark)
@@ -72,6 +72,15 @@ def bounce_against_speed(
     rows[1].set_xlabel("crankshaft speed [r/min]")
     legend_above(figure, rows[0])
     return figure
+
+
+def zero_and_decades(axes: Axes, limit: float | None) -> None:
+    """Scales a bounce or jump axis: linear from zero to `FINEST_MM`, logarithmic above; the limit is always inside."""
+    shown = [line.get_ydata() for line in axes.lines if line.get_transform() == axes.transData]
+    largest = max([np.nanmax(np.append(np.asarray(y, dtype=float), 0.0)) for y in shown], default=0.0)
+    axes.set_yscale("symlog", linthresh=FINEST_MM, linscale=0.5, subs=[2, 5])
+    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axes.set_ylim(0, 1.5 * max(largest, 3 * (limit or 0.0), 10 * FINEST_MM))
 
 
 def first_passed(speed_rpm: np.ndarray, values: np.ndarray, limit: float) -> float | None:

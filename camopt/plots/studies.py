@@ -14,7 +14,7 @@ from camopt.plots.style import BASE, DESIGN, INK, LIMIT, OTHERS, cam_line, new_f
 if TYPE_CHECKING:
     import xarray as xr
 
-UNITS = {"mm": "mm", "mm_per_deg2": "mm/deg²", "mm_per_deg3": "mm/deg³", "m_per_s": "m/s", "N": "N"}
+UNITS = {"mm_per_deg2": "mm/deg²", "mm_per_deg3": "mm/deg³", "mm_per_deg4": "mm/deg⁴", "m_per_s": "m/s"}
 COLUMNS = (5, 4, 3)
 MOST = 15
 """Largest number of modes that are drawn; they are the lowest ones."""
@@ -29,7 +29,7 @@ VERDICTS = {
 
 
 @styled
-def front(against: str, limit: np.ndarray, area_ratio: np.ndarray, title: str = "") -> Figure:
+def front(against: str, limit: np.ndarray, area_ratio: np.ndarray, title: str) -> Figure:
     """Draws the area ratio (k) over the k values of a design limit; a value without a cam is a cross on the axis."""
     figure = new_figure(5.2, 3.4)
     axes = figure.subplots()
@@ -39,8 +39,9 @@ def front(against: str, limit: np.ndarray, area_ratio: np.ndarray, title: str = 
         lowest = np.full((~feasible).sum(), np.nanmin(area_ratio))
         axes.plot(limit[~feasible], lowest, "x", color=LIMIT, label="no cam")
         axes.legend()
-    name, unit = next((against.removesuffix(f"_{u}"), v) for u, v in list(UNITS.items())[::-1] if against.endswith(u))
-    axes.set(xlabel=f"{name.replace('_', ' ')} [{unit}]", ylabel="area ratio [-]")
+    ending = next((unit for unit in (*UNITS, "mm", "deg", "N") if against.endswith(f"_{unit}")), "")
+    name, unit = against.removesuffix(f"_{ending}").replace("_", " "), UNITS.get(ending, ending) or "-"
+    axes.set(xlabel=f"{name} [{unit}]", ylabel="area ratio [-]")
     axes.set_title(title)
     return figure
 

@@ -13,7 +13,6 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.textpath import TextPath
-from matplotlib.ticker import FuncFormatter
 
 from camopt.cam.families.registry import FAMILIES
 from camopt.storage import write_bytes
@@ -170,15 +169,6 @@ def write(
 def quoted(relation: str, value: float | None, unit: str) -> str:
     """The words of a limit, such as `at most 0.05 mm`, on two lines and with the minus sign that the axes have."""
     return "" if value is None else f"{relation}\n{value:g} {unit}".replace("-", "\u2212").strip()
-
-
-def zero_and_decades(axes: Axes, limit: float | None, finest: float) -> None:
-    """Scales a bounce or jump axis: linear from zero to `finest`, logarithmic above; the limit is always inside."""
-    shown = [line.get_ydata() for line in axes.lines if line.get_transform() == axes.transData]
-    largest = max([np.nanmax(np.append(np.asarray(y, dtype=float), 0.0)) for y in shown], default=0.0)
-    axes.set_yscale("symlog", linthresh=finest, linscale=0.5, subs=[2, 5])
-    axes.yaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axes.set_ylim(0, 1.5 * max(largest, 3 * (limit or 0.0), 10 * finest))
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int = 5) -> None:

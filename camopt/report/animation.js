@@ -9,12 +9,7 @@ function trainAnimation(page, first) { // page: what holds the elements; returns
   const state = { index: 0, playing: false, last: 0, rest: 0 };
   let cam, motion, masses, parts, rows;
 
-  function make(parent, name, attributes = {}, words) {
-    const node = document.createElementNS("http://www.w3.org/2000/svg", name);
-    for (const [key, value] of Object.entries(attributes)) node.setAttribute(key, value);
-    if (words !== undefined) node.textContent = words;
-    return parent.appendChild(node);
-  }
+  const make = (parent, ...what) => parent.appendChild(svgNode(...what));
   const number = (value, digits) => value.toFixed(digits).replace("-", "−");
   const angle = () => -180 + state.index * step;
   const shift = (mass) => (mass < 0 ? 0 : (scale * motion.position_um[mass][state.index]) / 1000);

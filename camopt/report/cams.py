@@ -11,7 +11,7 @@ from camopt.cam.card import LIFTS_MM, CamCard, cam_card
 from camopt.cam.contact import Contact
 from camopt.cam.geometry import contact
 from camopt.cam.hertz import HertzStress
-from camopt.cam.lift import Lift
+from camopt.cam.lift import Lift, angles_deg, lift_table
 from camopt.plots.style import DESIGN, cam_line, page_line
 from camopt.report.folder import RunFolder
 from camopt.report.motion import RunCams
@@ -19,7 +19,7 @@ from camopt.report.wording import shown
 from camopt.scene import InputError, MotionRefused, Scene
 from camopt.scene.design import Design
 from camopt.scene.quantities import QUANTITIES, is_number
-from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3
+from camopt.scene.units import DEG, MM
 from camopt.study.cam_sheet import dynamic_stress, share_borne, static_stress
 
 WIDTH = 320.0
@@ -49,8 +49,7 @@ def geometry(cams: RunCams) -> dict | None:
         for name, c in contacts.items()
     ]  # fmt: skip
     chosen = DESIGN if DESIGN in contacts else next(iter(contacts))
-    return {"columns": keys, "rows": rows, "drawing": _drawing(contacts[chosen], chosen), "cam": chosen,
-            "none": none}  # fmt: skip
+    return {"columns": keys, "rows": rows, "drawing": _drawing(contacts[chosen], chosen), "none": none}
 
 
 def tightest(c: Contact) -> int:
@@ -120,16 +119,16 @@ def _stress(scene: Scene, lift: Lift) -> tuple[list[list[str]], str]:
         return [], f"There is no Hertz stress: {error}."
 
 
-STEP_DEG = 0.5
+LAW_STEP_DEG = 0.5
 DIGITS = 5
 LAWS = (
-    ("lift_mm", "Cam lift", "mm", MM, ("max_lift_mm",)),
-    ("velocity_mm_per_deg", "Velocity", "mm/deg", MM_PER_DEG, ()),
-    ("acceleration_mm_per_deg2", "Acceleration", "mm/deg²", MM_PER_DEG2,
+    ("lift_mm", "Cam lift", "mm", ("max_lift_mm",)),
+    ("velocity_mm_per_deg", "Velocity", "mm/deg", ()),
+    ("acceleration_mm_per_deg2", "Acceleration", "mm/deg²",
      ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2")),
-    ("jerk_mm_per_deg3", "Jerk", "mm/deg³", MM_PER_DEG3, ("jerk_max_mm_per_deg3",)),
+    ("jerk_mm_per_deg3", "Jerk", "mm/deg³", ("jerk_max_mm_per_deg3",)),
 )  # fmt: skip
-"""The lift and its derivatives: key, title, unit, SI unit, and the limits that are drawn with them."""
+"""The lift and its derivatives: column of the lift table, title, unit, and the limits that are drawn with them."""
 OVER_BAND = ("bounce_mm", "jump_mm", "contact_force_max_N", "contact_force_min_N", "seating_velocity_m_per_s")
 SEARCHED = ("area_ratio", "worst_bounce_mm", "best_area_ratio")
 
@@ -141,15 +140,15 @@ def curves(run: RunFolder, cams: RunCams) -> dict[str, Any] | None:
     if scene is None or scene.design is None or not cams.lifts:
         return None
     end = min(180.0, np.ceil(max(_end_deg(lift) for lift in cams.lifts.values()) + 5))
-    theta = np.arange(-end, end + STEP_DEG / 2, STEP_DEG) * DEG
-    entries = [_cam(name, lift, theta, cams.verdicts.get(name, {})) for name, lift in cams.lifts.items()]
+    inside = np.abs(angles_deg(LAW_STEP_DEG)) <= end
+    entries = [_cam(name, lift, inside, cams.verdicts.get(name, {})) for name, lift in cams.lifts.items()]
     return {
         "from_deg": -float(end),
-        "step_deg": STEP_DEG,
+        "step_deg": LAW_STEP_DEG,
         "duration_deg": scene.design.duration_deg,
         "laws": [
             {"key": key, "title": title, "unit": unit, "limits": _limits(scene.design, limits)}
-            for key, title, unit, _, limits in LAWS
+            for key, title, unit, limits in LAWS
         ],
         "quantities": [
             {"key": q.name, "title": q.label.capitalize(), "unit": q.unit, "least": q.less_is_worse,
@@ -174,7 +173,8 @@ def _end_deg(lift: Lift) -> float:
     return float(np.abs(edges).max(initial=lift.half_duration)) / DEG
 
 
-def _cam(name: str, lift: Lift, theta: np.ndarray, verdict: dict) -> dict[str, Any]:
+def _cam(name: str, lift: Lift, inside: np.ndarray, verdict: dict) -> dict[str, Any]:
+    table = lift_table(lift, LAW_STEP_DEG)
     broken = [str(word) for word in verdict.get("broken") or []]
     lawful = all(" at " in word for word in broken)
     return {
@@ -182,9 +182,7 @@ def _cam(name: str, lift: Lift, theta: np.ndarray, verdict: dict) -> dict[str, A
         **page_line(name),
         "place": DESIGN if name == DESIGN else "within" if lawful else "beyond",
         "verdict": str(verdict.get("verdict", "not verified")),
-        **{
-            key: [*map(_short, (lift(theta, order) / unit).tolist())] for order, (key, _, _, unit, _) in enumerate(LAWS)
-        },
+        **{key: [*map(_short, table[key][inside].tolist())] for key, *_ in LAWS},
         "band": _band(verdict.get("band")),
     }
 

@@ -1,6 +1,4 @@
 // Charts as SVG: lines over an axis, limits, a marked place, the values under the pointer, and a closer look.
-const SVG = "http://www.w3.org/2000/svg";
-
 function h(name, attributes = {}, ...children) { // an HTML element
   const node = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
@@ -9,6 +7,12 @@ function h(name, attributes = {}, ...children) { // an HTML element
     else if (value !== false && value !== null && value !== undefined) node.setAttribute(key, value);
   }
   node.append(...children);
+  return node;
+}
+function svgNode(name, attributes = {}, words) { // an SVG element
+  const node = document.createElementNS("http://www.w3.org/2000/svg", name);
+  for (const [key, value] of Object.entries(attributes)) if (value !== undefined) node.setAttribute(key, value);
+  if (words !== undefined) node.textContent = words;
   return node;
 }
 function shown(value, digits = 4) { // a number as the page writes it
@@ -26,12 +30,10 @@ function ticks(low, high, most) { // round numbers in a range
 
 class Chart {
   // spec: x {label, low, high}, lines [{name, x, y, look or colour and dashes, dots}], limits [{value, name}],
-  // places [{x, name}], include (values that the axis shows), most and least (where the axis ends at the latest), says
+  // places [x], include (values that the axis shows), most and least (where the axis ends at the latest), says
   constructor(title, unit, height = 170) {
     Object.assign(this, { title, unit, height, spec: null, zoom: null, grip: null });
-    this.svg = document.createElementNS(SVG, "svg");
-    this.svg.setAttribute("role", "img");
-    this.svg.setAttribute("tabindex", "0");
+    this.svg = svgNode("svg", { role: "img", tabindex: "0" });
     this.words = h("span");
     this.whole = h("button", { type: "button", hidden: true, on: { click: () => this.unzoom() } }, "whole axis");
     this.values = h("p", { class: "values" });
@@ -57,10 +59,7 @@ class Chart {
     this.width = width;
   }
   make(name, attributes, words, inside = this.svg) {
-    const node = document.createElementNS(SVG, name);
-    for (const [key, value] of Object.entries(attributes)) if (value !== undefined) node.setAttribute(key, value);
-    if (words !== undefined) node.textContent = words;
-    return inside.appendChild(node);
+    return inside.appendChild(svgNode(name, attributes, words));
   }
   draw(space = this.width ?? this.node.clientWidth) { // a width that is known costs no layout of the page
     const { spec, height } = this, width = Math.max(240, space || 300);
@@ -76,8 +75,8 @@ class Chart {
     this.words.replaceChildren(h("b", {}, `${this.title} [${this.unit}] `), h("span", {}, spec.says));
     this.axes(spec, box, low, high, height);
     spec.limits.filter((l) => l.value >= low && l.value <= high).forEach((limit) => this.limit(limit, box));
-    for (const place of (spec.places ?? []).filter((p) => p.x >= this.x.low && p.x <= this.x.high)) {
-      this.make("path", { class: "place", d: `M${this.across(place.x)} ${box.top}V${box.bottom}` });
+    for (const x of (spec.places ?? []).filter((x) => x >= this.x.low && x <= this.x.high)) {
+      this.make("path", { class: "place", d: `M${this.across(x)} ${box.top}V${box.bottom}` });
     }
     const frame = { x: box.left, y: box.top, width: box.right - box.left, height: box.bottom - box.top };
     const port = this.make("svg", { ...frame, viewBox: Object.values(frame).join(" "), class: "port" });

@@ -22,10 +22,12 @@ class ReportCharts {
     }
   }
   shown() { return this.data.cams.filter((c) => this.on.has(c.name)); }
-  leading(cams) { // those that the axes are made for: what a rejected cam does would flatten them
-    const found = cams.filter((c) => c.place === "design" || (c.place === "within" && c.verdict === "confirmed"));
-    return found.length ? found : cams;
+  leading() { // names of the cams that the axes are made for: what a rejected cam does would flatten them
+    const cams = this.shown(), found = cams.filter((c) => c.place === "design" || (c.place === "within" && c.verdict === "confirmed"));
+    return new Set((found.length ? found : cams).map((c) => c.name));
   }
+  limits(key) { return this.data.quantities.find((q) => q.key === key).limits; }
+  speeds() { return [...new Set(this.moving.cams.flatMap((c) => c.motions.map((m) => m.speed_rpm)))].sort((a, b) => a - b); }
   at(id) { return this.root.getElementById(id); }
   place(id, title, unit, spec) { // a chart that is made again whenever cams or speed change
     const chart = new Chart(title, unit, CHART_HEIGHT);
@@ -47,12 +49,8 @@ class ReportCharts {
     }
   }
   switch(cam) {
-    const swatch = this.root.createElementNS(SVG, "svg"), line = this.root.createElementNS(SVG, "path");
-    swatch.setAttribute("viewBox", "0 0 34 8");
-    swatch.setAttribute("aria-hidden", "true");
-    const look = { d: "M0 4H34", stroke: cam.colour, "stroke-width": 2.5, "stroke-dasharray": cam.dashes.join(" ") };
-    for (const [key, value] of Object.entries(look)) line.setAttribute(key, value);
-    swatch.append(line);
+    const swatch = svgNode("svg", { viewBox: "0 0 34 8", "aria-hidden": "true" });
+    swatch.append(svgNode("path", { d: "M0 4H34", stroke: cam.colour, "stroke-width": 2.5, "stroke-dasharray": cam.dashes.join(" ") }));
     const box = h("input", { type: "checkbox", on: { change: () => this.toggle(cam.name, box.checked) } });
     box.checked = this.on.has(cam.name);
     const verdict = cam.verdict === "confirmed" ? "" : ` (${cam.verdict})`;
@@ -71,8 +69,7 @@ class ReportCharts {
   spec(axis, lines, limits, { include = [0], sign = false, far = 3 } = {}) {
     if (!lines.length) return null;
     const top = (line) => Math.max(...line.y.filter((v) => v !== null));
-    const leading = new Set(this.leading(this.shown()).map((c) => c.name));
-    const led = lines.filter((l) => leading.has(l.name)), largest = Math.max(...(led.length ? led : lines).map(top));
+    const leading = this.leading(), led = lines.filter((l) => leading.has(l.name)), largest = Math.max(...(led.length ? led : lines).map(top));
     const near = limits.filter((v) => v <= far * largest || largest <= 0), most = 1.15 * Math.max(largest, ...near, ...include);
     const beyond = lines.filter((l) => top(l) > most).map((l) => `${l.name} to ${shown(top(l), 3)}`);
     const own = lines.find((l) => l.name === "design") ?? lines[0];
@@ -85,7 +82,7 @@ class ReportCharts {
     const { data } = this;
     const n = data.cams[0].lift_mm.length, angles = Array.from({ length: n }, (_, i) => data.from_deg + i * data.step_deg);
     const x = { label: "cam angle [deg]", low: angles[0], high: angles.at(-1) };
-    const places = [-1, 1].map((s) => ({ x: (s * data.duration_deg) / 2, name: "duration" }));
+    const places = [-1, 1].map((s) => (s * data.duration_deg) / 2);
     for (const law of data.laws) {
       this.place("charts-cams", law.title, law.unit, () => {
         const spec = this.spec(x, this.lines(angles, (c) => c[law.key]), law.limits, { sign: law.key !== "lift_mm" });
@@ -96,21 +93,21 @@ class ReportCharts {
 
   // ---- the motion at one speed
   motion() {
-    const speeds = [...new Set(this.moving.cams.flatMap((c) => c.motions.map((m) => m.speed_rpm)))].sort((a, b) => a - b);
+    const speeds = this.speeds();
     const chosen = h("select", { on: { change: () => this.show() } }, ...speeds.map((s) => h("option", { value: s }, `${s} r/min`)));
     chosen.value = speeds.at(-1);
     this.at("motion-speed").append(h("label", {}, "speed ", chosen));
     const of = (cam) => this.moving.cams.find((c) => c.name === cam.name)?.motions.find((m) => String(m.speed_rpm) === chosen.value);
     const n = Math.round(360 / this.moving.step_deg) + 1, angles = Array.from({ length: n }, (_, i) => -180 + i * this.moving.step_deg);
     const x = { label: "cam angle [deg]", low: this.data.from_deg, high: -this.data.from_deg }, half = this.data.duration_deg / 2;
-    const places = [-half, half].map((at) => ({ x: at, name: "duration" }));
+    const places = [-half, half];
     const valve = (cam) => of(cam)?.separation_um[this.moving.seat].map((um) => um / 1000);
     const chart = (title, unit, axis, values, limits, settings) => this.place("charts-motion", title, unit, () => {
       const spec = this.spec(axis, this.lines(angles, values), limits, settings);
       return spec && { ...spec, places };
     });
     chart("Valve lift", "mm", x, valve, []);
-    const bounce = this.data.quantities.find((q) => q.key === "bounce_mm").limits;
+    const bounce = this.limits("bounce_mm");
     const closing = { label: "cam angle [deg], closing", low: half - 8, high: Math.min(180, half + 40) };
     this.place("charts-motion", "Valve above its seat, closing", "mm", () => {
       const top = 4 * (bounce[0] || 0.02), lines = this.lines(angles, valve);
@@ -118,7 +115,7 @@ class ReportCharts {
         limits: bounce.map((value) => ({ value, name: `bounce limit ${shown(value)}` })) } : null;
     });
     this.phasePlane(of, bounce[0]);
-    const force = this.data.quantities.find((q) => q.key === "contact_force_max_N").limits;
+    const force = this.limits("contact_force_max_N");
     this.moving.contacts.forEach((e, k) => {
       if (k !== this.moving.seat) chart(`Force of ${this.moving.drawing.elements[e].name}`, "N", x, (c) => of(c)?.force_N[k], force);
     });
@@ -127,7 +124,7 @@ class ReportCharts {
   // ---- phases of the motion: its phase plane at one speed, and where they change from speed to speed
   led({ x, lines, says, ...spec }) { // the axis made for the leading cams; which others are cut there is said
     if (!lines.length) return null;
-    const leading = new Set(this.leading(this.shown()).map((c) => c.name));
+    const leading = this.leading();
     const inside = (line) => line.y.filter((v, i) => v !== null && line.x[i] >= x.low && line.x[i] <= x.high);
     const levels = lines.filter((l) => leading.has(l.cam)).flatMap(inside), least = Math.min(...levels), most = Math.max(...levels);
     if (!levels.length) return { x, lines, limits: [], says, ...spec };
@@ -165,7 +162,7 @@ class ReportCharts {
     const x_of = (c) => c.band.speed_rpm, all = this.data.cams.filter((c) => c.band).flatMap(x_of);
     if (!all.length) return;
     const x = { label: "crankshaft speed [r/min]", low: Math.min(...all), high: Math.max(...all) };
-    const places = [...new Set(this.moving.cams.flatMap((c) => c.motions.map((m) => m.speed_rpm)))].map((s) => ({ x: s, name: "listed" }));
+    const places = this.speeds();
     for (const q of this.data.quantities) {
       this.place("charts-band", q.title, q.unit, () => {
         const spec = this.spec(x, this.lines(null, (c) => c.band?.[q.key], x_of), q.limits, { far: q.unit === "mm" ? Infinity : 3, sign: q.least });
@@ -179,13 +176,13 @@ class ReportCharts {
     const { search } = this.data, steps = search.area_ratio.map((_, i) => i + 1);
     if (steps.length < 2) return;
     const x = { label: "step of the search", low: 0.5, high: steps.length + 0.5 };
-    const places = steps.filter((i) => i > 1 && search.stage[i - 1] !== search.stage[i - 2]).map((i) => ({ x: i - 0.5, name: search.stage[i - 1] }));
+    const places = steps.filter((i) => i > 1 && search.stage[i - 1] !== search.stage[i - 2]).map((i) => i - 0.5);
     const line = (y, more = {}) => ({ x: steps, y, colour: "#0072B2", ...more });
     const stages = [...new Set(search.stage)].join(", ");
     this.place("charts-search", "Area ratio", "–", () => ({ x, places, limits: [],
       lines: [line(search.area_ratio, { name: "step", dots: search.confirmed, dashes: [2, 3] }), line(search.best_area_ratio, { name: "best that holds" })],
       says: `delivered ${shown(search.delivered)}${search.bound === null ? "" : `; certified bound ${shown(search.bound)}, beyond this axis`}; stages: ${stages}` }));
-    const bounce = this.data.quantities.find((q) => q.key === "bounce_mm").limits;
+    const bounce = this.limits("bounce_mm");
     this.place("charts-search", "Worst bounce", "mm", () => ({ x, places, include: [0, ...bounce], limits: bounce.map((value) => ({ value, name: `limit ${shown(value)}` })),
       lines: [line(search.worst_bounce_mm, { name: "step", dots: search.confirmed, dashes: [2, 3] })], says: "filled: every limit holds at the searched speeds" }));
   }

@@ -151,11 +151,9 @@ def drawing(train: Train, x: np.ndarray, room: FollowerRoom) -> dict:
 
 def _kinds(train: Train) -> list[str]:
     """The valve, the hub that carries the cam, small masses (a spring's coils) and the others."""
-    named = [*_hubs(train), train.valve]
-    small = 0.5 * train.mass[train.valve]
-    path = _path(train)
+    hubs, path, small = _hubs(train), _path(train), 0.5 * train.mass[train.valve]
     return [
-        "valve" if i == train.valve else "hub" if i in named else "small" if m < small and i not in path else "mass"
+        "valve" if i == train.valve else "hub" if i in hubs else "small" if m < small and i not in path else "mass"
         for i, m in enumerate(train.mass)
     ]
 

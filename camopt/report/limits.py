@@ -122,8 +122,7 @@ def share_of(limit: float, least: bool, value: float | None) -> float | None:
 
 def disagreements(run: RunFolder, rows: Iterable[dict]) -> list[str]:
     """Sentences where the verdict and the figures beside it do not go together, whatever the verdict is."""
-    rows, verification, named = list(rows), run.verification, _broken(run)
-    verdict = verification.get("verdict")
+    rows, verdict, named = list(rows), run.verdict, _broken(run)
     if verdict not in ORDER:
         return []
     passed = [row["label"] for row in rows if row["held"] is False]
@@ -132,7 +131,7 @@ def disagreements(run: RunFolder, rows: Iterable[dict]) -> list[str]:
         sentences.append(f"The verdict is confirmed, yet by the figures below it breaks: {', '.join(passed)}.")
     sentences += [
         f"The verdict is {verdict}, yet at {shown(s.get('speed_rpm'))} r/min it is {shown(s.get('verdict'))}."
-        for s in verification.judged
+        for s in run.verification.judged
         if s.get("verdict") not in ORDER or ORDER.index(s["verdict"]) > ORDER.index(verdict)
     ]
     sentences += [

@@ -68,12 +68,12 @@ def banner(run: RunFolder) -> dict[str, Any]:
     It is green only where both hold what was asked, which is not known of the trains as built where the scene does not
     say how they differ.
     """
-    verdict = run.verdict
-    kind, mark, meaning = VERDICTS.get(verdict, NO_VERDICT) if isinstance(verdict, str) else NO_VERDICT
-    designed = {"which": "as designed", "kind": kind, "mark": mark, "word": verdict or "not verified"}
-    lines = [designed | {"meaning": meaning}, *_as_built(run)]
+    word = run.verdict or "not verified"
+    kind, mark, meaning = VERDICTS.get(word, NO_VERDICT)
+    designed = {"which": "as designed", "kind": kind, "mark": mark, "word": word, "meaning": meaning}
+    lines = [designed, *_as_built(run)]
     worst = max((line["kind"] for line in lines), key=KINDS.index)
-    return {"kind": worst, "lines": lines, "title": verdict or "not verified"}
+    return {"kind": worst, "lines": lines, "title": word}
 
 
 def _as_built(run: RunFolder) -> list[dict[str, str]]:

@@ -113,7 +113,7 @@ def in_words(values: list) -> str:
     return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
 
 
-def cell(text: str, digits: int = 4) -> str:
+def cell(text: str) -> str:
     """A table file's cell: as a rounded number where it is one, else as it stands."""
     value = as_number(text)
-    return shown(value if value is not None else text, digits)
+    return shown(value if value is not None else text)

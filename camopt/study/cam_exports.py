@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 
-from camopt.cam.exports import table_error, write_contour, write_crank_table, write_dxf, write_rounded_table
+from camopt.cam import exports
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.measure.rounded import moving_average
@@ -13,6 +13,7 @@ from camopt.scene import Scene, build_train
 from camopt.scene.geometry import BELONGS
 from camopt.scene.units import DEG, MM, UM
 from camopt.storage import write_bytes
+from camopt.study.cam_force import settled_revolution
 
 OF_THE_CONTOUR = ("base_radius_mm", "rocker_ratio", *BELONGS, "valve_arm_deg")
 """Keys of [geometry] that the contour hangs on."""
@@ -33,14 +34,14 @@ def export(scene: Scene, lift: Lift, files: Namespace) -> list[str]:
     digits = USUAL_DIGITS if files.digits is None else files.digits
     if files.contour:
         geometry = scene.required_geometry
-        write_contour(files.contour, law, geometry, files.step_deg, digits)
+        exports.write_contour(files.contour, law, geometry, files.step_deg, digits)
         said.append(
             f"contour: for a {geometry.follower} follower on a base circle of radius {geometry.base_radius_mm:g} mm; "
             "with x to the right and y up the cam turns clockwise, its opening flank below: for the other sense of "
             "rotation change the sign of y"
         )
     if files.dxf:
-        arcs, missed = write_dxf(files.dxf, law, scene.required_geometry, files.dxf_tolerance_um * UM)
+        arcs, missed = exports.write_dxf(files.dxf, law, scene.required_geometry, files.dxf_tolerance_um * UM)
         said.append(f"drawing: {arcs} arcs without a corner, which the contour misses by at most {missed / UM:.2g} um")
     guessed = [key for key in geometry.assumed if key in OF_THE_CONTOUR] if geometry else []
     if guessed and (files.contour or files.dxf):
@@ -56,24 +57,20 @@ def export(scene: Scene, lift: Lift, files: Namespace) -> list[str]:
 
 def _valve_lifts(scene: Scene, lift: Lift, files: Namespace, digits: int) -> list[str]:
     """Writes the valve's static lift, and its lift at a speed, by crank degrees; where their rows begin."""
-    from camopt.cam.exports import crank_rows, static_lift, write_valve_lift
-
     per_crank, lash = scene.required_operation.cam_per_crank, build_train(scene).lash
-    crank = crank_rows(lift, lash, per_crank)
+    crank = exports.crank_rows(lift, lash, per_crank)
     said = []
     if files.valve_lift:
-        write_valve_lift(files.valve_lift, static_lift(lift, lash, crank * per_crank * DEG), digits)
+        exports.write_valve_lift(files.valve_lift, exports.static_lift(lift, lash, crank * per_crank * DEG), digits)
         said.append(
             f"valve lift: {_crank_degrees(crank)}; it is the cam's lift less the lash of {lash / MM:g} mm, in mm"
         )
     if files.dynamic_lift:
-        from camopt.study.cam_force import settled_revolution
-
         motion, method = settled_revolution(scene, lift, files.speed)
         turn = np.arange(crank[0], 180.0 / per_crank + 1)  # a valve that bounces closes for good after the cam
         there = np.interp(turn * per_crank * DEG, motion.angle, np.maximum(motion.seat_separation(), 0.0))
         rows = int(np.flatnonzero(there)[-1]) + 2
-        write_valve_lift(files.dynamic_lift, there[:rows], digits)
+        exports.write_valve_lift(files.dynamic_lift, there[:rows], digits)
         said.append(
             f"valve lift at {files.speed:g} r/min: {_crank_degrees(turn[:rows])}; it is the valve's way from its "
             f"seat in a settled revolution, by {method}, in mm"
@@ -92,13 +89,14 @@ def _table(scene: Scene, lift: Lift, files: Namespace) -> list[str]:
     if files.step_crank_deg is not None:
         digits, unit = USUAL_DIGITS if digits is None else digits, "crank"
         step = files.step_crank_deg * scene.operation.cam_per_crank
-        write_crank_table(files.csv, lift, files.step_crank_deg, digits, scene.operation.cam_per_crank)
+        exports.write_crank_table(files.csv, lift, files.step_crank_deg, digits, scene.operation.cam_per_crank)
     elif digits is None:
         write_lift_table(files.csv, lift, step)
         return []
     else:
-        write_rounded_table(files.csv, lift, step, digits, scene.geometry.rocker_ratio if scene.geometry else 1.0)
-    off = table_error(lift, step, digits)
+        ratio = scene.geometry.rocker_ratio if scene.geometry else 1.0
+        exports.write_rounded_table(files.csv, lift, step, digits, ratio)
+    off = exports.table_error(lift, step, digits)
     every = f"a row every {files.step_crank_deg or step:g} {unit} deg, {digits} decimals"
     return [
         f"lift table: {every}: off by at most {off.rows:.1e} mm at its rows; between them by {off.spline:.1e} mm along "

@@ -25,7 +25,6 @@ VALUES = {
     "yield": (0.99, 0.95, 0.9, 0.8, 0.5),
 }
 """Values tried where none are given."""
-YIELD = "yield"
 
 
 @dataclass(frozen=True)
@@ -69,7 +68,7 @@ def pareto(
     bounce costs. With `out` each point is stored as it is found, and a second call goes on from there.
     Raises InputError for an unknown limit or accuracy, or an unusable `out`. A value without a confirmed cam is NaN.
     """
-    of_yield = against == YIELD
+    of_yield = against == "yield"
     is_limit = of_yield or (scene.design is not None and against in type(scene.design).model_fields)
     if scene.design is None or not is_limit or (against not in VALUES and not values):
         raise InputError(f"pareto: {against!r}: expected a limit of [design] such as {', '.join(VALUES)}, with values")

@@ -35,7 +35,7 @@ class DwellRise:
     derivative: np.ndarray
 
 
-def least_peak(order: int, intervals: int = PEAK_INTERVALS) -> DwellRise:
+def least_peak(order: int) -> DwellRise:
     """The rise whose derivative of `order` m, 2 or more, has the least peak, with all lower ones zero at both ends.
 
     The program asks how high a control u = s^(m) of size one rises: s^(k) at the end is the integral of
@@ -44,11 +44,11 @@ def least_peak(order: int, intervals: int = PEAK_INTERVALS) -> DwellRise:
     """
     if order < 2:
         raise InputError(f"order {order}: 2, which is the acceleration, or more is needed")
-    left = 1.0 - np.linspace(0.0, 1.0, intervals + 1)  # what is left of the time
+    left = 1.0 - np.linspace(0.0, 1.0, PEAK_INTERVALS + 1)  # what is left of the time
     ends = np.stack([-np.diff(left ** (order - k)) / factorial(order - k) for k in range(order)])
     size = ends.max(axis=1)
     rows = ends[1:] / size[1:, None]
-    found = minimise(-ends[0] / size[0], rows, 0.0, 0.0, np.tile([-1.0, 1.0], (intervals, 1)))
+    found = minimise(-ends[0] / size[0], rows, 0.0, 0.0, np.tile([-1.0, 1.0], (PEAK_INTERVALS, 1)))
     multipliers = np.append(1.0, found.row_duals * size[0] / size[1:])
     left = np.polynomial.Polynomial([1.0, -1.0])
     terms = (m * left ** (order - 1 - k) / factorial(order - 1 - k) for k, m in enumerate(multipliers))

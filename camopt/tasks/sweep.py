@@ -31,7 +31,7 @@ class SweptTasks:
     """The rows of a store, read anew whenever they are asked for, one at a time; in the order of the plan."""
 
     def __init__(self, store: Path):
-        self.store = Path(store)
+        self.store = store
 
     def _open(self) -> TaskStore:
         return TaskStore(self.store, version("camopt"))

@@ -15,8 +15,7 @@ import numpy as np
 from camopt import exact
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.motion import TracedMotion
-from camopt.scene import MotionRefused, Response, Scene, Train
-from camopt.scene.rest import state_at_rest
+from camopt.scene import MotionRefused, Response, Scene, Train, state_at_rest
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.laws import Layer
 from camopt.smooth.metrics import revolution_metrics
@@ -25,7 +24,8 @@ from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import LIFT_SAMPLES, lift_samples, response_arrays
 from camopt.smooth.system import SystemState, build_system, stacked
 from camopt.study.measurements import REFERENCE, Measurement, fastest, timed
-from camopt.study.tradeoff.methods import REFERENCE_STEPS, TOLERANCE_OF_EPS, RevolutionCase, valve_lift
+from camopt.study.simulate.motion import TOLERANCE_OF_WIDTH
+from camopt.study.tradeoff.methods import REFERENCE_STEPS, RevolutionCase, valve_lift
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import METHOD_NAMES, rkg
 from experiments.support.smooth_batch import batch_motion, stage_lifts, tsit5_states
@@ -122,7 +122,7 @@ def _gradient(case: RevolutionCase, eps: float) -> dict:
     def gradient(factors):
         def value(factors):
             changed = eqx.tree_at(lambda s: s.stiffness, system, system.stiffness * factors)
-            driven, tolerance = DrivenSystem(changed, samples, case.cam_speed), eps * TOLERANCE_OF_EPS
+            driven, tolerance = DrivenSystem(changed, samples, case.cam_speed), eps * TOLERANCE_OF_WIDTH
             motion = response_arrays(driven, rest, Layer(eps), tolerance, revolutions=2, steps=GRADIENT_STEPS)
             metrics = revolution_metrics(changed, motion, case.cam_speed, half, foot, layer=Layer(eps).half_width)
             return metrics["seating_velocity_m_per_s"]

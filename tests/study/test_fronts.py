@@ -30,7 +30,8 @@ def test_a_looser_jerk_limit_never_costs_area_and_points_are_kept(tmp_path, monk
     assert np.array_equal(pareto(KODAMA, **asked).table["area_ratio"].values, area)
     with pytest.raises(InputError, match="belongs to other work"):
         pareto(KODAMA, **(asked | {"speeds": "band"}))
-    assert front.plot().axes[0].get_xlabel() == "jerk max [mm/deg³]"
+    labels = {front.against: "jerk max [mm/deg³]", "jump_max_deg": "jump max [deg]", "yield": "yield [-]"}
+    assert {key: replace(front, against=key).plot().axes[0].get_xlabel() for key in labels} == labels
     assert "area_ratio" in front._repr_html_()
 
 

@@ -81,7 +81,8 @@ class Field {
 class Fields {
   constructor(controls, changed) {
     this.byKey = Object.fromEntries(controls.map((c) => [c.key, new Field(c, changed)]));
-    const groups = Map.groupBy ? Map.groupBy(controls, (c) => c.group) : grouped(controls);
+    const groups = new Map();
+    for (const c of controls) groups.set(c.group, [...(groups.get(c.group) ?? []), c]);
     this.node = h("form", { class: "fields", "aria-label": "Numbers of the scene", autocomplete: "off" });
     this.node.addEventListener("submit", (event) => event.preventDefault());
     for (const [name, members] of groups) {
@@ -114,9 +115,4 @@ class Fields {
       field.node.classList.toggle("active", Math.abs(worth ?? 0) > 1e-6);
     }
   }
-}
-function grouped(controls) {
-  const found = new Map();
-  for (const c of controls) found.set(c.group, [...(found.get(c.group) ?? []), c]);
-  return found;
 }

@@ -4,6 +4,7 @@ const FORCE_LOOKS = ["first", "second", "third", "fourth"];
 
 function trainMarkup() { // what trainAnimation fills
   const option = (value, words, selected) => h("option", { value, selected }, words);
+  const drawing = (id, label) => svgNode("svg", { id, role: "img", "aria-label": label });
   return h("section", { id: "train", "aria-label": "Animation of the valve train" },
     h("div", { class: "controls" },
       h("label", { hidden: true }, "cam ", h("select", { id: "train-cam" })),
@@ -14,19 +15,12 @@ function trainMarkup() { // what trainAnimation fills
         option(60, "60 deg/s"))),
       h("button", { type: "button", id: "train-play", "aria-pressed": "false" }, "Play")),
     h("p", { id: "train-caption" }),
-    h("div", { class: "stage" }, svgWith("train-drawing", "Cam, masses, springs and contacts at the chosen angle"),
-      h("div", {}, svgWith("train-chart", "Valve lift against cam angle, and where each contact is open"),
+    h("div", { class: "stage" }, drawing("train-drawing", "Cam, masses, springs and contacts at the chosen angle"),
+      h("div", {}, drawing("train-chart", "Valve lift against cam angle, and where each contact is open"),
         h("input", { type: "range", id: "train-angle", min: 0, max: 360, step: 1, "aria-label": "cam angle" }),
         h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Contacts at the chosen angle" },
           h("table", { id: "train-numbers" }, h("tr", {}, h("th", { scope: "col" }, "contact"), h("th", { scope: "col" }, "state"),
             h("th", { scope: "col" }, "force [N]"), h("th", { scope: "col" }, "separation [mm]")))))));
-}
-function svgWith(id, label) {
-  const svg = document.createElementNS(SVG, "svg");
-  svg.id = id;
-  svg.setAttribute("role", "img");
-  svg.setAttribute("aria-label", label);
-  return svg;
 }
 
 class Panels {
@@ -112,7 +106,7 @@ class Panels {
   }
   band(band, values, pinned) {
     const x = { label: "crankshaft speed [r/min]", low: band.speeds_rpm[0], high: band.speeds_rpm.at(-1) };
-    const places = [{ x: Math.min(x.high, Math.max(x.low, values.speed_rpm)), name: "speed shown" }];
+    const places = [Math.min(x.high, Math.max(x.low, values.speed_rpm))];
     for (const [key, chart, limit] of [["bounce_mm", "bounce", values.bounce_max_mm], ["jump_mm", "jump", values.jump_max_mm]]) {
       const y = band.curves[key], most = Math.max(...y.filter((v) => v !== null)), at = band.speeds_rpm[y.indexOf(most)];
       const never = y.some((v) => v === null) ? "; does not seat at some speeds" : "";
@@ -130,12 +124,8 @@ class Panels {
     const most = Math.max(...rows.map((r) => r.area ?? 0));
     this.areas.replaceChildren(h("table", {}, h("tr", {}, h("th", { scope: "col" }, "cam"), h("th", { scope: "col" }, "area ratio"), h("td")),
       ...rows.map((r) => {
-        const bar = document.createElementNS(SVG, "svg");
-        bar.setAttribute("viewBox", "0 0 100 8");
-        bar.setAttribute("aria-hidden", "true");
-        const rect = document.createElementNS(SVG, "rect");
-        for (const [k, v] of Object.entries({ class: r.look, width: (100 * (r.area ?? 0)) / most, height: 8 })) rect.setAttribute(k, v);
-        bar.append(rect);
+        const bar = svgNode("svg", { viewBox: "0 0 100 8", "aria-hidden": "true" });
+        bar.append(svgNode("rect", { class: r.look, width: (100 * (r.area ?? 0)) / most, height: 8 }));
         const words = r.area === undefined ? "…" : shown(r.area, 5);
         return h("tr", {}, h("th", { scope: "row", title: r.says ?? "" }, r.label + (r.says ? " *" : "")), h("td", {}, words), h("td", { class: "bar" }, bar));
       })), h("p", { class: "note" }, "The bound and the literature's cams know nothing of the motion; the no-jump design keeps contact at the program's speeds."),

@@ -10,8 +10,7 @@ from camopt.scene import Scene, build_train
 from camopt.scene.parameters import RATE, SceneNumber, matching, with_numbers
 
 HEAVY = 30.0
-"""Factor of every damping constant in the case of heavy damping: the seats of the built-in scenes are over-damped then.
-"""
+"""Factor of every damping constant in the case of heavy damping, which over-damps the seats of the built-in scenes."""
 AS_IT_IS = "as it is"
 COMBINED = "kodama"
 """The scene on which every two changes of different kinds are combined."""

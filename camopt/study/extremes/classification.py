@@ -79,9 +79,9 @@ def truth(prepare: Prepare, train: Train, lift: Lift, cam_speed: float) -> Truth
             f"the reference refuses the motion at its finest step, {answer.steps_per_revolution} a revolution"
         )
     revolve = prepare(train, lift, cam_speed, count)
-    start, n = state_at_rest(train), len(train.mass)
-    rng = np.random.default_rng(0)
-    figures = {name: answer.worst[name] for name in Tolerances(TOLERANCE_UM).absolute}
+    start, n, rng = state_at_rest(train), len(train.mass), np.random.default_rng(0)
+    absolute = Tolerances(TOLERANCE_UM).absolute
+    figures = {name: answer.worst[name] for name in absolute}
     still = first_revolution(revolve, start).metrics(lift)
     spread = dict.fromkeys(figures, 0.0)
     for _ in range(DISTURBED):
@@ -89,9 +89,7 @@ def truth(prepare: Prepare, train: Train, lift: Lift, cam_speed: float) -> Truth
         moved[:n] += DISTURBANCE * rng.choice([-1.0, 1.0], n)
         moved = first_revolution(revolve, moved).metrics(lift)
         spread = {name: max(spread[name], apart(moved.worst(name), still.worst(name))) for name in figures}
-    allowed = {
-        name: t + RELATIVE * abs(np.nan_to_num(figures[name])) for name, t in Tolerances(TOLERANCE_UM).absolute.items()
-    }
+    allowed = {name: t + RELATIVE * abs(np.nan_to_num(figures[name])) for name, t in absolute.items()}
     return Truth(figures, allowed, spread, answer)
 
 

@@ -12,6 +12,7 @@ from functools import partial
 import jax
 import jax.numpy as jnp
 import numpy as np
+from scipy.interpolate import BSpline, PPoly
 
 from camopt.cam.lift import Lift
 from camopt.cam.polynomials import recentred
@@ -61,8 +62,6 @@ def moved(lift: Lift, directions: Float[np.ndarray, "m p q"], heights: Float[np.
 
 def _bump(flat: Lift, i: int) -> Lift:
     """The i-th bump on the pieces of `flat`, whose first and last lie outside the knots."""
-    from scipy.interpolate import BSpline, PPoly
-
     knots = flat.borders[1 + i : 3 + i + DEGREE]
     spline = BSpline.basis_element(knots)
     pieces = PPoly.from_spline(spline.tck)

@@ -6,7 +6,7 @@ the paths of the closed periodic response of trains whose laws are straight, wit
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, NamedTuple
 
@@ -54,7 +54,7 @@ class LinearisedCase:
 
     nominal: TrainAndCam
     steps: np.ndarray  # (f), in the keys' units
-    beside: list[tuple[TrainAndCam, TrainAndCam]] = field(default_factory=list)
+    beside: list[tuple[TrainAndCam, TrainAndCam]]
 
 
 class LinearPaths(NamedTuple):

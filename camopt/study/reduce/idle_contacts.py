@@ -4,7 +4,7 @@ They are watched in every revolution, and a run in which one of them would switc
 between cam and valve are never left out, because the metrics read them.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -66,18 +66,13 @@ class LeftOut:
                 )
 
 
-def idle_contacts(responses: Iterable[Response]) -> tuple[frozenset[str], frozenset[str]]:
-    """Names of the contacts that carry no force in any of the records, and of those that always carry some."""
-    force = None
-    for response in responses:
-        t = response.train
-        least, most = response.force.min(axis=0), response.force.max(axis=0)
-        force = (least, most) if force is None else (np.minimum(force[0], least), np.maximum(force[1], most))
-    if force is None:
-        return frozenset(), frozenset()
+def idle_contacts(responses: Sequence[Response]) -> tuple[frozenset[str], frozenset[str]]:
+    """Names of the contacts that carry no force in any of the records, one or more, and of those that always carry
+    some."""
+    t, force = responses[0].train, np.concatenate([response.force for response in responses])
     other = [e for e in np.flatnonzero(t.contact) if e != t.seat and e not in t.cam_side]
-    never = frozenset(t.element_names[e] for e in other if force[1][e] <= 0.0)
-    always = frozenset(t.element_names[e] for e in other if force[0][e] > 0.0)
+    never = frozenset(t.element_names[e] for e in other if force[:, e].max() <= 0.0)
+    always = frozenset(t.element_names[e] for e in other if force[:, e].min() > 0.0)
     return never, always
 
 
@@ -96,8 +91,8 @@ def leave_out(scene: Scene, never_closed: frozenset[str], never_open: frozenset[
     )
     idle = tuple(e for e in scene.element if e.name in never_closed | never_open)
     watched = build_train(scene.model_copy(update={"element": idle, "valve": None, "seat": None}))
-    names = sorted(never_closed), sorted(never_open)
-    return LeftOut(scene.model_copy(update={"element": elements}), tuple(names[0]), tuple(names[1]), watched)
+    without = scene.model_copy(update={"element": elements})
+    return LeftOut(without, tuple(sorted(never_closed)), tuple(sorted(never_open)), watched)
 
 
 def _first_above(response: Response, height: np.ndarray, rate: np.ndarray) -> int | None:

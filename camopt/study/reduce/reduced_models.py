@@ -197,15 +197,13 @@ def _shared(scene: Scene, name: str, first: Element, second: Element) -> tuple[M
 
 def _stiffest(scene: Scene, candidates: set[str]) -> str | None:
     """The mass that can be condensed and vibrates fastest between its two elements."""
-    best, fastest = None, 0.0
+    squares = {}
     for mass in scene.mass:
         pair = _in_series(scene, mass.name) if mass.name in candidates else None
         if pair is None or (mass.name == scene.valve and pair[0].between[0] == pair[1].between[1]):
             continue
-        square = (_stiffness(pair[0]) + _stiffness(pair[1])) / mass.mass_kg
-        if square > fastest:
-            best, fastest = mass.name, square
-    return best
+        squares[mass.name] = (_stiffness(pair[0]) + _stiffness(pair[1])) / mass.mass_kg
+    return max(squares, key=lambda name: squares[name], default=None)
 
 
 def _in_series(scene: Scene, name: str) -> tuple[Element, Element] | None:

@@ -29,7 +29,6 @@ WITHIN = ("bounce_mm", "jump_mm", "lift_mm")
 """Errors that the tolerance is about."""
 GRID = np.arange(-180.0, 180.0, 0.1) * DEG
 REPEATS = 5
-PATHS = ("event", "rkg", "tmm")
 
 
 @dataclass(frozen=True)
@@ -130,7 +129,7 @@ def reduce(
         cam = polydyne(scene)
     full = LeftOut(scene)
     truth = _settled(full, cam, speeds, workers)
-    idle = idle_contacts(t.response for t in truth)
+    idle = idle_contacts([t.response for t in truth])
     watched = {end for e in scene.element if e.name in idle[0] | idle[1] for end in e.between} - {"ground"}
     rows = [_candidate(m, idle, cam, speeds, truth, workers) for m in smaller_models(scene, frozenset(watched))]
     ranges = {s: t.metrics(cam).range("bounce_mm") for s, t in zip(speeds, truth, strict=True) if not t.periodic}
@@ -208,9 +207,9 @@ def path_times(model: LeftOut, train: Train, cam: Lift, cam_speed: float) -> dic
     steps, rest = first_steps(train, cam_speed), state_at_rest(train)
     paths: dict[str, Revolve] = {"rkg": model.prepare(rkg.prepare, train, cam, cam_speed, steps)}
     if train.straight:
-        paths["event"] = model.prepare(engine.prepare, train, cam, cam_speed)
+        paths = {"event": model.prepare(engine.prepare, train, cam, cam_speed)} | paths
         paths["tmm"] = model.prepare(tmm.prepare, train, cam, cam_speed, steps)
-    return {name: milliseconds(lambda r=paths[name]: r(rest)) for name in PATHS if name in paths}
+    return {name: milliseconds(lambda r=revolve: r(rest)) for name, revolve in paths.items()}
 
 
 def milliseconds(run: Callable, repeats: int = REPEATS) -> float:

@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 
 SMOOTH = "camopt.smooth.simulate"
 """The smooth path's module, which imports JAX; every other method is one that a verdict can ask."""
-DIFFERENTIABLE = {"smooth": "camopt.smooth.simulate", "event": "camopt.smooth.exact_rule"}
+DIFFERENTIABLE = {"smooth": SMOOTH, "event": "camopt.smooth.exact_rule"}
 """Modules with a `differentiable_motion`, by the method that `simulate(parameters=...)` takes."""
 LARGEST_PHASE = 0.3
 """Step times the train's highest rate [rad]: MOTORI 2004's rule for explicit steps (0.31), and for drawn curves."""
@@ -32,7 +32,7 @@ MOST_VALUES = 4e7
 FEWEST_STEPS = 720
 """Steps per revolution at least where an accuracy chooses them, however slow the train: the cam has to be followed."""
 TOLERANCE_OF_WIDTH = 5e-3
-"""The smooth path's error per step over the width of its layer: that of its defaults."""
+"""The smooth path's error per step over the width of its layer, where an accuracy or a width chooses them."""
 LEAST_WIDTH = 2.5e-10
 """Finest layer [m] that an accuracy may choose."""
 FEWEST_CHORDS, MOST_CHORDS = 16, 128
@@ -112,7 +112,7 @@ def _smoothing(method: str, width_um, tie, steps, parameters, accuracy) -> Smoot
     return how
 
 
-def recorded(scene: Scene, cam: Lift, speed_rpm: float, method: str = "event", *, revolutions: int = 2) -> Response:
+def recorded(scene: Scene, cam: Lift, speed_rpm: float, method: str, *, revolutions: int) -> Response:
     """The motion that `simulate` labels by default, as plain arrays; InputError as of `simulate`."""
     train, cam_speed, steps, finer = _planned(scene, speed_rpm, method, revolutions, 0.1)
     return resampled(_motion(train, cam, cam_speed, method, revolutions, steps * finer), steps * revolutions)

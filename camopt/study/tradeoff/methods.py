@@ -32,6 +32,7 @@ from camopt.study.measurements import REFERENCE, Measurement, timed
 from camopt.study.reduce.reduced_models import smaller_models
 from camopt.study.reduce.reduction import Candidate, reduce
 from camopt.study.simulate.accuracy_control import valve_position
+from camopt.study.simulate.motion import TOLERANCE_OF_WIDTH
 from camopt.verifier import ACCURACY_NAMES, DRAFT
 from camopt.verifier.at_speed import LIFT_NEIGHBOUR, SPEED_NEIGHBOUR, STATE_NEIGHBOUR
 from camopt.verifier.methods import METHOD_NAMES, dop853, houbolt, rkg, tmm
@@ -50,7 +51,6 @@ REFERENCE_STEPS = 20_000
 LOCATED = "DOP853, located"
 SMOOTH_EPS = {"small": (), "full": (1e-6, 1e-7, 1e-8, 2e-9)}
 """Widths of the contact's layer [m], for the smooth path on its refined grid."""
-TOLERANCE_OF_EPS = 5e-3
 SETTLING_UM = {"small": (1.0, 1e-3), "full": (100.0, 10.0, 1.0, 0.1, 1e-3)}
 BAND_STEPS = {"small": (200, 100), "full": (200, 100, 50, 20, 10, 5)}
 SAMPLES = {"small": (2, 4), "full": (2, 6, 20, 100)}
@@ -131,7 +131,7 @@ def prepared_methods(case: RevolutionCase, size: str) -> Iterator[tuple[str, str
         yield LOCATED, f"{steps} samples", partial(dop853.prepare, case.train, *motion, steps)
 
     for eps in SMOOTH_EPS[size]:
-        dials = {"eps": eps, "tolerance": eps * TOLERANCE_OF_EPS}
+        dials = {"eps": eps, "tolerance": eps * TOLERANCE_OF_WIDTH}
         prepare = import_module("camopt.smooth.simulate").prepare
         yield "smooth, refined grid", f"eps {eps:g} m", partial(prepare, case.train, *motion, **dials)
 
