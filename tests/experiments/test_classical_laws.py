@@ -36,3 +36,10 @@ def test_the_shorter_of_a_rise_and_its_return_has_the_peak(back, height, least):
     found = least_peak_through(conditions, 2, 600)
     assert (found.peak, found.bound) == pytest.approx((least, least), rel=1e-4)
     assert len(found.derivative) == 600 and np.abs(found.derivative).max() == pytest.approx(least)
+
+
+def test_the_least_jerk_of_a_rise_is_the_closed_form_of_the_same_conditions():
+    found = least_peak_through([(1.0, 0, 1.0), (1.0, 1, 0.0), (1.0, 2, 0.0)], 3, 400)
+    assert found.peak == pytest.approx(32.0, rel=1e-9)
+    assert found.bound == pytest.approx(32.0, rel=1e-4)
+    assert found.bound <= found.peak

@@ -9,11 +9,12 @@ from camopt.cam.read import read_cam
 from camopt.exact import settled_metrics
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.sweep import at_speeds
-from camopt.scene import InputError, build_train, load_scene, parse_scene
+from camopt.scene import InputError, build_train, load_scene, parse_scene, rest_position
 from camopt.scene.as_built import scatter_labels, with_scatter
 from camopt.study.extremes.classification import REFUSED, WITHIN
+from camopt.study.modes import modes
 from camopt.verifier.convergence import first_steps
-from experiments import architectures, linear_programs, outside_judges
+from experiments import architectures, cost_scaling, linear_programs, outside_judges
 from experiments.random_scenes import REAL, judged
 from experiments.support.drawn_designs import drawn_design, scaled
 from experiments.support.drawn_scenes import LARGEST, REAL_BASES, SPEED_RPM, chain, drawn
@@ -135,3 +136,15 @@ def test_twice_the_tolerance_scatters_twice_as_far(width):
     plain, wider = (trains_as_built(made, 30, seed=3) for made in (scene, wider_scene))
     masses = [[one.train.mass[0] for one in trains] for trains in (plain, wider)]
     assert np.std(masses[1]) / np.std(masses[0]) == pytest.approx(width, rel=1e-6)
+
+
+def test_a_finer_spring_is_the_same_spring():
+    """Mass, rate and rest stay; the first surge is that of twenty masses between fixed ends."""
+    scene = load_scene("kodama")
+    finer = cost_scaling.with_coils(scene, 20)
+    assert len(finer.mass) == 25
+    assert sum(m.mass_kg for m in finer.mass) == pytest.approx(sum(m.mass_kg for m in scene.mass))
+    assert rest_position(build_train(finer))[2] == pytest.approx(rest_position(build_train(scene))[2], rel=1e-9)
+    rate, mass = 152000.0 / 6, 5 * 0.00833
+    chain = np.sqrt(rate * 21 / (mass / 20)) * np.sin(np.pi / 42) / np.pi  # both ends held
+    assert modes(finer).frequency_Hz[0] == pytest.approx(chain, rel=1e-3)  # the train at its end is not quite still

@@ -12,10 +12,11 @@ from camopt.highs import FEASIBILITY
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest
-from experiments import chords, sweep_scaling, table5
+from camopt.scene.units import DEG, MM
+from experiments import chords, drawing_limits, modes, sweep_scaling, table5
 from experiments.linear_programs import decided, programs
 from experiments.near_limit import scene_of
-from experiments.support.dormand_prince import dormand_prince, right_hand_side
+from experiments.support.dormand_prince import DENSE, ERROR, A, dormand_prince, right_hand_side
 from experiments.support.near_limit_cams import band
 from experiments.support.near_limit_truth import from_rest, truth
 from experiments.work_precision import Case
@@ -83,3 +84,44 @@ def test_dormand_prince_follows_scipy_where_nothing_switches():
     assert np.abs(ours - theirs)[:, :10].max() < 1e-10
     assert np.ptp(theirs[:, 1]) > 1e-4
     assert tried > 100
+
+
+def test_dormand_prince_coefficients_have_order_five():
+    """Order conditions on the bushy and tall trees, and the error estimate's order four."""
+    b, c = A[6], A.sum(axis=1)[:6]
+    for k in range(1, 6):
+        assert b @ c ** (k - 1) == pytest.approx(1 / k, abs=1e-14)
+    assert b @ (A[:6] @ (A[:6] @ (A[:6] @ c))) == pytest.approx(1 / 120, abs=1e-14)
+    for k in range(4):
+        assert ERROR @ A.sum(axis=1) ** k == pytest.approx(0.0, abs=1e-14)
+    assert abs(DENSE.sum()) < 1e-12
+
+
+def test_the_values_of_limits_are_those_of_formulas_written_again():
+    scene = load_scene("kodama").model_copy(update={"geometry": drawing_limits.GEOMETRY["kodama"]})
+    lift = kinematic_optimum(scene.design, free_cam(scene.design, 4.0)).lift
+    t = np.arange(-72.0, 72.0005, 0.001)
+    s, v, a = (lift(t * DEG, k) / MM for k in range(3))
+    phi = np.deg2rad(108.0 + 2.0 * t)
+    piston = 43.0 * (1 - np.cos(phi)) + 143.0 - np.sqrt(143.0**2 - (43.0 * np.sin(phi)) ** 2)
+    open_at = t[s >= 5.0]
+    expected = {
+        "lift_at": s[18_000],
+        "duration_at": open_at[-1] - open_at[0],
+        "piston": (4.0 + piston - s).min(),
+        "nose_radius_min_mm": (22.0 + s + a).min(),
+        "face_width_mm": 2 * np.abs(v).max(),
+        "entrainment_min_m_per_s": 5000 * np.pi / 60 * ((22.0 + s) / 2 + a).min() * 1e-3,
+    }
+    jerk = np.diff(a)
+    expected["snap_max_mm_per_deg4"] = np.abs(np.diff(jerk)[1:-1]).max() / 0.001**2 * DEG**2
+    expected["waves_max"] = np.count_nonzero(np.diff(np.sign(jerk[np.abs(jerk) > 1e-5 * np.abs(jerk).max()])))
+    found = {key: drawing_limits.value_of(key, lift, scene) for key in drawing_limits.LIMITS}
+    assert found == pytest.approx(expected, rel=3e-5)
+
+
+def test_surge_is_that_of_a_uniform_chain_between_fixed_ends():
+    found = modes.surge_frequencies(load_scene("kodama"))
+    # five masses between six springs: omega_n = 2 sqrt(k / m) sin(n pi / 12)
+    expected = 2 * np.sqrt(152000.0 / 0.00833) * np.sin(np.arange(1, 6) * np.pi / 12) / (2 * np.pi)
+    np.testing.assert_allclose(found, expected, rtol=1e-9)

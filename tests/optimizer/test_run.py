@@ -26,6 +26,7 @@ from camopt.optimizer.search.judge import Judge
 from camopt.optimizer.stage_clock import StageClock
 from camopt.report import write_report
 from camopt.scene import InputError, build_train, load_scene
+from camopt.scene.errors import NoCamFound
 from camopt.scene.units import MM
 from camopt.storage.journal import StepFiles
 from camopt.verifier.methods import rkg
@@ -255,3 +256,27 @@ def test_a_draft_alone_draws_the_motion_at_both_ends_too(accuracy, listed, tmp_p
     job = module._OpenRun(scene, {}, ACCURACIES[accuracy], StageClock(), compare=False)
     job.compared(tmp_path, polydyne(scene), verdict, None)
     assert drawn == [listed]
+
+
+def test_verdict_is_confirmed_and_compared(plain):
+    assert plain.exit_code == 0 and plain.verdict.verdict == "confirmed"
+    found = json.loads((plain.folder / "verification.json").read_text())
+    for speed in found["speeds"]:
+        assert speed["bounce_mm"] <= 0.05 and speed["jump_mm"] <= 0.05
+        assert all(method["converged"] for method in speed["methods"].values())
+    with open(plain.folder / "comparison.csv", encoding="utf-8") as file:
+        rows = list(csv.DictReader(file))
+    assert {row["cam"] for row in rows} == {"design", "polydyne"}
+    assert len(rows) == len(load_scene("motori-1").operation.speeds_rpm) + 1
+    assert (rows[-1]["cam"], rows[-1]["verdict"]) == ("polydyne", "failed")
+    assert "breaks acceleration_max_mm_per_deg2 by up to 123%" in rows[-1]["broken"]  # too stiff a train for the family
+
+
+def test_a_search_without_a_cam_leaves_no_folder_behind(tmp_path, monkeypatch):
+    def none(*_, **__):
+        raise NoCamFound("no cam of the no-jump program holds")
+
+    monkeypatch.setattr(module, "find_cam", none)
+    with pytest.raises(NoCamFound, match="no cam of the no-jump program"):
+        optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run")
+    assert not (tmp_path / "run").exists()

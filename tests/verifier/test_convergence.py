@@ -84,8 +84,9 @@ def test_the_range_of_a_wandering_motion_is_that_of_many_revolutions_where_it_is
 
 
 def test_the_range_of_a_wandering_motion_is_the_same_with_samples_and_without(monkeypatch):
-    """To a tenth of its width, since both follow a motion that multiplies their roundings."""
-    monkeypatch.setattr(module, "RANGED", 40)
+    """To a tenth of its width, since both follow a motion that multiplies their roundings. Ranges of 40 revolutions
+    differ by an eighth on some processors, those of 160 by a hundredth."""
+    monkeypatch.setattr(module, "RANGED", 160)
     scene = load_scene("kodama")
     wanders, lift, tolerances = build_train(scene), polydyne(scene), Tolerances(5.0, 1, stands=1, certain=True)
     case = wanders, lift, scene.cam_speed(5800.0), state_at_rest(wanders), tolerances
