@@ -36,8 +36,7 @@ ACCURACIES = {
     STANDARD: Accuracy(1.75, 17, 373, 8, 24, EFFORTS[STANDARD], True, 300, 1500, 1500, 1000, 40, 11, (0.15, 0.5)),
     FINE: Accuracy(1.5, 33, 745, 16, 40, EFFORTS[FINE], True, 600, 3000, 4000, 4000, 80, 21, (0.15, 0.5)),
 }
-"""By name. 40 failing trains
-of 4000 tell a loss of one per cent to a sixth of itself."""
+"""By name. 40 failing trains of 4000 tell a loss of one per cent to a sixth of itself."""
 
 BEYOND = 1e-3
 """The judged band exceeds the scene's by this share of a speed, to include the verdict's neighbouring speeds."""

@@ -106,9 +106,8 @@ def yield_search(
     search.along()
     if not search.held:
         smaller_cams(search, largest, level, z)
-        if (
-            not plain.design.reach_max_lift
-        ):  # cams of the two programs may reach it at different angles, their mean nowhere
+        # where a lift is to be reached, each of two programs reaches it at an angle of its own, and the mean nowhere
+        if not plain.design.reach_max_lift:
             search.narrow()
     return search
 
