@@ -23,7 +23,7 @@ from camopt.tasks.compute import Outcome, failed
 
 MOST_DEATHS = 3
 """Workers that may die of a task before it is given up."""
-MOST_FALSE_STARTS = 8
+MOST_FALSE_STARTS = 3
 """Processes of one worker in a row that may end before they have begun."""
 
 
@@ -35,6 +35,8 @@ class LocalProcesses(ThreadPoolExecutor):
     """
 
     def __init__(self, workers: int):
+        if getattr(multiprocessing.current_process(), "_inheriting", False):
+            raise SystemExit(1)  # a worker that reads the script which sweeps: `_begun` says why none begins
         super().__init__(workers)
         self._own, self._pids, self._stopped = threading.local(), set[int](), False
 

@@ -87,6 +87,7 @@ class TestWorkers:
         assert done.returncode == 1
         assert done.stderr.rstrip().splitlines()[-1].startswith("camopt.scene.errors.InputError: sweep: worker proc")
         assert '`if __name__ == "__main__":`' in done.stderr
+        assert "bootstrapping" not in done.stderr, "workers that read the script say nothing of their own"
 
 
 PARENT = """

@@ -33,7 +33,7 @@ FEWEST_FAILING, MOST_FAILING = 0.5, 3.0
 that are far too large have slopes that lead nowhere."""
 FORETOLD, SLOPES = "foretold openings", "slopes of motions"
 """What the history calls the steps."""
-STEPS, JUDGED = 8, 8
+STEPS, JUDGED = 8, 16
 """Steps along slopes whose price the trains that shape the cam decide, and at most so many whose mean cam unseen ones
 judge; those between a cam that holds and one that does not are further ones."""
 FIRST_PRICE, BY_FAILING, MOST_AT_ONCE, LEAST_JUDGED = 0.012, 0.25, 2.0, 1.25
