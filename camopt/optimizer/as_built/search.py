@@ -19,7 +19,14 @@ from camopt.optimizer.as_built.drawn import FOLDER, TrainEnsemble
 from camopt.optimizer.as_built.exact_forces import ExactForces
 from camopt.optimizer.as_built.openings_program import OpeningsProgram
 from camopt.optimizer.as_built.slopes_program import SHAPING, SlopesProgram
-from camopt.optimizer.as_built.steps import FIRST_LEVEL, NEWTONS, YieldSearch, first_level, smaller_cams
+from camopt.optimizer.as_built.steps import (
+    FIRST_LEVEL,
+    NEWTONS,
+    LargestCam,
+    YieldSearch,
+    first_level,
+    smaller_cams,
+)
 from camopt.optimizer.program.force_rows import Box
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
@@ -86,30 +93,44 @@ def yield_search(
     JAX. Raises NoCamFound where no cam holds.
     """
     plain, z = free_program(scene)
-    foretold = min(effort.foretold_trains, FILLING_TRAINS) if plain.train.memory else effort.foretold_trains
-    cam_speeds, trains = band_speeds(scene), trains_as_built(scene, foretold, seed=seed + DRAWS_SEED)
-    source = _source(gradient, trains, plain, cam_speeds)
-    program = OpeningsProgram(plain, source.theta, cam_speeds, source.about(z))
-    limits, lost = opening_limits(scene, cam_speeds), int((1.0 - wanted) * foretold + 1e-9)
-    z, box = _about_its_own_cam(program, source, z, FIRST_LEVEL * limits, lost)
     journal = journal or StepFiles(None, FOLDER)
     shaping, unseen = (TrainEnsemble(scene, seed + of) for of in (DRAWS_SEED, UNSEEN_SEED))
     slopes = SlopesProgram(plain, shaping, effort.shaping_trains, journal.beside(SHAPING))
     search = YieldSearch(wanted, slopes, unseen, effort.unseen_trains, journal, show)
 
-    def largest(level: float, z: np.ndarray) -> NoJumpOptimum:
-        program.keep(max(-level, 0.0) * NEWTONS)
-        return program.largest(z, max(level, 0.0) * limits, lost, box)
+    def foretold() -> tuple[LargestCam, np.ndarray]:
+        return _by_openings(scene, wanted, effort.foretold_trains, gradient, seed, (plain, z))
 
-    level = first_level(search, largest, z)
+    level = first_level(search, *foretold())  # whose forces are forgotten here: they take 0.3 GB
     slopes.begin(1.0 - wanted)
     search.along()
     if not search.held:
+        largest, z = foretold()
         smaller_cams(search, largest, level, z)
         # where a lift is to be reached, each of two programs reaches it at an angle of its own, and the mean nowhere
         if not plain.design.reach_max_lift:
             search.narrow()
     return search
+
+
+def _by_openings(
+    scene: Scene, wanted: float, trains: int, gradient: str, seed: int, about: tuple[NoJumpProgram, np.ndarray]
+) -> tuple[LargestCam, np.ndarray]:
+    """The largest cam by the level of the limits on the foretold openings of so many drawn `trains`, and the
+    coefficients (m) from which its search begins; `about` has the program of the shape and the cam to begin with."""
+    plain, z = about
+    count = min(trains, FILLING_TRAINS) if plain.train.memory else trains
+    cam_speeds, drawn = band_speeds(scene), trains_as_built(scene, count, seed=seed + DRAWS_SEED)
+    source = _source(gradient, drawn, plain, cam_speeds)
+    program = OpeningsProgram(plain, source.theta, cam_speeds, source.about(z))
+    limits, lost = opening_limits(scene, cam_speeds), int((1.0 - wanted) * count + 1e-9)
+    z, box = _about_its_own_cam(program, source, z, FIRST_LEVEL * limits, lost)
+
+    def largest(level: float, z: np.ndarray) -> NoJumpOptimum:
+        program.keep(max(-level, 0.0) * NEWTONS)
+        return program.largest(z, max(level, 0.0) * limits, lost, box)
+
+    return largest, z
 
 
 def free_program(scene: Scene) -> tuple[NoJumpProgram, np.ndarray]:

@@ -40,6 +40,8 @@ FIRST_PRICE, BY_FAILING, MOST_AT_ONCE, LEAST_JUDGED = 0.012, 0.25, 2.0, 1.25
 """The first price times the share of trains that may fail, the power of the number of failing trains by which it
 changes from one step to the next, the most by which it does, and the least once unseen trains judge: then a cam on the
 other side of the one that just holds is all that is looked for."""
+IDLE = 3
+"""Judged cams in a row that hold no larger one, after which no price leads farther: limits on the shape bind alone."""
 SHAPED = 0.7
 """How many times as many of the trains that shape a cam may fail as of others: the cam suits them better."""
 NEAR_ENOUGH = 1e-3
@@ -105,7 +107,7 @@ class YieldSearch:
 
         Where a program is not solved, the cams that hold so far stand.
         """
-        price, slopes = FIRST_PRICE / (1.0 - self.wanted), self.slopes
+        price, slopes, idle = FIRST_PRICE / (1.0 - self.wanted), self.slopes, 0
         for step in range(STEPS + JUDGED):
             try:
                 slopes.step(price)
@@ -115,9 +117,12 @@ class YieldSearch:
                 drawn, fewer, failing = slopes.drawn, SHAPED, slopes.drawn.failing
                 self.report(slopes.cam, SLOPES, drawn, failing)
             else:
-                drawn, fewer, failing = self.unseen, 1.0, self.evaluate(slopes.mean, SLOPES)
+                best, drawn, fewer, failing = self.best, self.unseen, 1.0, self.evaluate(slopes.mean, SLOPES)
                 if self.best and self.refused:
                     return self.narrow()
+                idle = idle + 1 if best and self.best is best else 0
+                if idle == IDLE:
+                    return
             may_fail, least = fewer * self.allowed(len(drawn.trains)), 1.0 if step < STEPS else LEAST_JUDGED
             change = BY_FAILING * abs(np.log((failing + 1) / (may_fail + 1)))
             change = float(np.exp(np.clip(change, np.log(least), np.log(MOST_AT_ONCE))))
