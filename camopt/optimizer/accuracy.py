@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from camopt.scene.design import Operation
 from camopt.scene.errors import InputError
-from camopt.scene.schema import Operation
 from camopt.verifier import DRAFT, FINE, STANDARD
 from camopt.verifier.accuracy import EFFORTS, Effort
 

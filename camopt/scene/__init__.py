@@ -5,8 +5,7 @@ one. The valve axis is its only axis: coordinates are positive in the opening di
 position, so masses and stiffnesses that move with a rocker are reduced to the valve first. Every fault of a file is
 reported at once, with its key. At rest on the base circle every mass must be held; a scene where that fails is refused
 with a sentence. What is unusual but runs, as a mass of 125 kg or a lash above the ramps, is noted and not refused:
-`camopt.scene.notes` gives the sentences, which every command prints on standard error, and `camopt.scene.notes` the
-ranges.
+`camopt.scene.notes` has the usual ranges and the sentences, which every command prints on standard error.
 """
 
 from camopt.scene.errors import InputError as InputError

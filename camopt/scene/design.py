@@ -1,16 +1,13 @@
-"""The design conditions and limits of a cam, as [design] of a scene states them."""
+"""The design conditions and limits of a cam and the speeds that it is for, as [design] and [operation] of a scene
+state them."""
 
-from typing import TYPE_CHECKING, Annotated, Self
+from typing import Annotated, Self
 
 from pydantic import Field, PrivateAttr, ValidationInfo, field_validator, model_validator
 
-from camopt.scene.geometry import SWINGING
+from camopt.scene.geometry import SWINGING, Geometry
 from camopt.scene.table import NonNegative, Positive, Table, Usable
 from camopt.scene.units import RPM
-
-if TYPE_CHECKING:
-    from camopt.scene.geometry import Geometry
-    from camopt.scene.schema import Operation
 
 MOST_WINDOWS = 20
 """Rows of a table of windows."""
@@ -36,6 +33,28 @@ FROM_DURATION_AT = "from duration_at"
 """What duration_deg says in a scene's text where camopt is to choose it."""
 Window = tuple[float, float, float]
 Windows = Annotated[tuple[Window, ...], Field(max_length=MOST_WINDOWS)]
+
+
+class Operation(Table, frozen=True):
+    """Speeds of the crankshaft [r/min]; the cam turns at `cam_per_crank` times these speeds."""
+
+    speeds_rpm: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=1000)]
+    band_rpm: tuple[Positive, Positive]
+    cam_per_crank: Positive = 0.5
+
+    @field_validator("speeds_rpm")
+    @classmethod
+    def _ascending(cls, speeds):
+        if list(speeds) != sorted(set(speeds)):
+            raise ValueError("must be ascending without repeats")
+        return speeds
+
+    @field_validator("band_rpm")
+    @classmethod
+    def _lower_first(cls, band):
+        if band[0] >= band[1]:
+            raise ValueError("must be [lower, upper] with lower < upper")
+        return band
 
 
 class Piston(Table, frozen=True):
@@ -105,12 +124,12 @@ class Design(Table, frozen=True):
     seating_velocity_max_m_per_s: Positive | None = None
     contact_force_min_N: Positive | None = None
     contact_force_max_N: Positive | None = None
-    _geometry: "Geometry | None" = PrivateAttr(None)
-    _operation: "Operation | None" = PrivateAttr(None)
+    _geometry: Geometry | None = PrivateAttr(None)
+    _operation: Operation | None = PrivateAttr(None)
     _chosen: bool = PrivateAttr(False)
 
     @property
-    def geometry(self) -> "Geometry | None":
+    def geometry(self) -> Geometry | None:
         """Cam body and follower of the scene, to which radii and widths refer."""
         return self._geometry
 
@@ -137,7 +156,7 @@ class Design(Table, frozen=True):
         design._chosen = True  # pyright: ignore[reportAttributeAccessIssue]  # private, so not frozen
         return design
 
-    def within(self, geometry: "Geometry | None", operation: "Operation | None") -> Self:
+    def within(self, geometry: Geometry | None, operation: Operation | None) -> Self:
         """The design as part of a scene with these tables."""
         design = self.model_copy()
         design._geometry, design._operation = geometry, operation  # pyright: ignore[reportAttributeAccessIssue]

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal, Self, TypeVar
 
 from pydantic import AfterValidator, BeforeValidator, Field, ValidationInfo, field_validator
 
-from camopt.scene.design import Design
+from camopt.scene.design import Design, Operation
 from camopt.scene.element import Element
 from camopt.scene.errors import InputError
 from camopt.scene.geometry import Geometry as Geometry
@@ -143,28 +143,6 @@ class Force(Table, frozen=True):
                 "must begin at -180 and end at 180 cam degrees with the same force, because it repeats every revolution"
             )
         return table
-
-
-class Operation(Table, frozen=True):
-    """Speeds of the crankshaft [r/min]; the cam turns at `cam_per_crank` times these speeds."""
-
-    speeds_rpm: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=1000)]
-    band_rpm: tuple[Positive, Positive]
-    cam_per_crank: Positive = 0.5
-
-    @field_validator("speeds_rpm")
-    @classmethod
-    def _ascending(cls, speeds):
-        if list(speeds) != sorted(set(speeds)):
-            raise ValueError("must be ascending without repeats")
-        return speeds
-
-    @field_validator("band_rpm")
-    @classmethod
-    def _lower_first(cls, band):
-        if band[0] >= band[1]:
-            raise ValueError("must be [lower, upper] with lower < upper")
-        return band
 
 
 class Scene(Table, frozen=True):

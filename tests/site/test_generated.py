@@ -4,10 +4,10 @@ import re
 
 import camopt
 from camopt.cli.parser import parser
-from camopt.scene.design import Design, Piston
+from camopt.scene.design import Design, Operation, Piston
 from camopt.scene.element import Element
 from camopt.scene.geometry import Geometry
-from camopt.scene.schema import Force, Grinding, Mass, Operation, Scene, Tolerance
+from camopt.scene.schema import Force, Grinding, Mass, Scene, Tolerance
 from docs.generators.commands import commands
 from docs.generators.python_names import python_names
 from docs.generators.questions import PAGES as QUESTIONS

@@ -1,31 +1,27 @@
 """Paths of tied contacts along a revolution with their derivatives, labelled: rows for programs of one's own.
 
-Here stand the trains of which paths are taken, with the derivatives of their numbers and cams by each free number, and
-the paths of the closed periodic response of trains whose laws are straight, without JAX; those of other trains are in
-`camopt.study.linearised.smooth_source`.
+The paths of the closed periodic response of trains whose laws are straight stand here and need no JAX; those of other
+trains are in `camopt.study.linearised.smooth_source`.
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from importlib import import_module
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
-from camopt.cam.families.free import FreeCam, free_cam_of
+from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
-from camopt.measure.as_built import trains_as_built
-from camopt.optimizer.free_numbers import FreeNumber, free_number
 from camopt.optimizer.program.force_rows import damped_response
 from camopt.optimizer.program.periodic import SAMPLE, sample_cam
 from camopt.optimizer.program.phases import Angles, phase_contacts
 from camopt.optimizer.program.relocation import NoLoadTransfer, located_angles, settled_revolution
-from camopt.scene import InputError, Scene, Train, build_train
+from camopt.scene import InputError, Scene
 from camopt.scene.laws import FRICTION
 from camopt.scene.rest import is_linear
 from camopt.scene.smoothing import Smoothing, smoothing
 from camopt.scene.units import DEG, MM, RPM, UM
+from camopt.study.linearised.cases import LinearisedCase, LinearPaths, TrainAndCam, cases_of, free_cam_in
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -36,35 +32,9 @@ LABELS = {
     "gap_mm": ("mm", "gap between cam and valve"),
     "seat_gap_mm": ("mm", "gap at the seat"),
 }
-STEP = 1e-4
-"""Share by which a number moves to either side, of itself, or of one unit of its key where it is zero. A train's arrays
-are in proportion to it, so that their differences are right to round-off; those of ramps are right to STEP squared."""
-SAME_LIFT = 1e-9
-"""Difference of lift [m] within which a cam is one of the scene's free cams."""
 WHAT = "linearised with source 'exact'"
 SETTLING = 40
 """Revolutions of event-exact from rest to the motion at whose angles contacts change."""
-TrainAndCam = tuple[Train, Lift]
-"""A train with the cam that is ground for it."""
-
-
-@dataclass(frozen=True)
-class LinearisedCase:
-    """A train, and beside it by free number what it is a step below and a step above."""
-
-    nominal: TrainAndCam
-    steps: np.ndarray  # (f), in the keys' units
-    beside: list[tuple[TrainAndCam, TrainAndCam]]
-
-
-class LinearPaths(NamedTuple):
-    """Of one train at s speeds, at k angles: column 0 the values, then their derivatives by m coefficients [mm/deg^2]
-    and f numbers [the key's unit]."""
-
-    force: np.ndarray  # (s, k, c, 1 + m + f) N
-    gap: np.ndarray  # (s, k, c, 1 + m + f) m
-    seat_gap: np.ndarray  # (s, k, 1 + m + f) m
-    moved: np.ndarray  # (s) m, change of the positions over the revolution
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # the matrices are small: threads would wait for each other
@@ -124,8 +94,9 @@ def linearised(
     if source == "exact":
         paths = exact_paths(cases, free_cam, cam_speeds, angle)
     else:
-        smooth = import_module("camopt.study.linearised.smooth_source")  # the one source that loads JAX
-        paths = smooth.smooth_paths(cases, free_cam, cam_speeds, how)
+        from camopt.study.linearised.smooth_source import smooth_paths  # the one source that loads JAX
+
+        paths = smooth_paths(cases, free_cam, cam_speeds, how)
     train, _ = cases[0].nominal
     contacts = [train.element_names[e] for e in train.cam_side]
     coords = {"speed_rpm": list(speeds), "cam_angle_deg": angle / DEG, "contact": contacts}
@@ -172,49 +143,6 @@ def _checked(scene: Scene, speeds_rpm, trains, seed, source) -> tuple[float, ...
     if not all(isinstance(number, (int, np.integer)) and number >= 0 for number in (trains, seed)):
         raise InputError(f"linearised: trains {trains!r} of seed {seed!r}: expected integers from 0 on")
     return speeds
-
-
-def free_cam_in(scene: Scene, cam: Lift) -> tuple[FreeCam, np.ndarray]:
-    """The free cam of a scene and the coefficients z (m) at which it is `cam`; raises InputError where there are
-    none."""
-    nearest = "by camopt.nearest_free_cam or one of camopt.free_cam(scene.design)"
-    if cam.family != "free":
-        raise InputError(f"linearised: the cam is of the family {cam.family!r}: take the nearest free one {nearest}")
-    theta = np.linspace(-np.pi, np.pi, 721)
-    try:
-        free, z = free_cam_of(scene.required_design, cam)
-        apart = np.abs(free.lift(z)(theta) - cam(theta)).max()
-    except ValueError:  # as many coefficients as the scene's duration and these knots do not have
-        apart = np.inf
-    if not apart < SAME_LIFT:
-        raise InputError(
-            f"linearised: the cam has not the duration and ramps of scene {scene.name}: take the nearest one {nearest}"
-        )
-    return free, z
-
-
-def cases_of(
-    scene: Scene, cam: Lift, z: np.ndarray, trains: int, seed: int, free: Sequence[str]
-) -> tuple[list[LinearisedCase], list[FreeNumber]]:
-    """The train as designed, or so many drawn ones, with the free numbers of the names; z (m) is the cam's."""
-    numbers = [free_number(scene, name) for name in free]
-    if not trains:
-        return [_case(scene, cam, z, numbers, lambda lift: lift)], numbers
-    built = trains_as_built(scene, trains, seed=seed)
-    return [_case(one.scene, cam, z, numbers, one.cam) for one in built], numbers
-
-
-def _case(scene: Scene, cam: Lift, z: np.ndarray, numbers: Sequence[FreeNumber], ground) -> LinearisedCase:
-    def built(moved: Scene) -> TrainAndCam:
-        return build_train(moved), ground(free_cam_of(moved.required_design, cam)[0].lift(z))
-
-    at = [number.of(scene) for number in numbers]
-    steps = np.array([STEP * (abs(value) or 1.0) for value in at])
-    sides = [
-        (built(number.put(scene, value - step)), built(number.put(scene, value + step)))
-        for number, value, step in zip(numbers, at, steps, strict=True)
-    ]
-    return LinearisedCase((build_train(scene), ground(cam)), steps, sides)
 
 
 def exact_paths(

@@ -15,7 +15,7 @@ from camopt.smooth.grid import equal_grid
 from camopt.smooth.periodic_slopes import Directions, TiedMotions
 from camopt.smooth.simulate import lift_samples
 from camopt.smooth.tied import TiedSystem, tied_system
-from camopt.study.linearised.linearised import LinearisedCase, LinearPaths
+from camopt.study.linearised.cases import LinearisedCase, LinearPaths
 
 
 def smooth_paths(
