@@ -16,6 +16,7 @@ ROOT = Path(camopt.__file__).parent
 SUPPORT = {"scene", "storage", "plots"}
 MAY_IMPORT = {
     "cache": set(),
+    "memory": set(),
     "programs": {"cache"},
     "highs": set(),
     "storage": {"scene"},
@@ -24,7 +25,7 @@ MAY_IMPORT = {
     "cam": {"highs", "scene", "storage"},
     "measure": {"cam", "programs"} | SUPPORT,
     "smooth": {"cam", "exact", "scene", "cache"},
-    "exact": {"cam", "programs"} | SUPPORT,
+    "exact": {"cam", "programs", "memory"} | SUPPORT,
     "verifier": {"cam", "measure", "programs"} | SUPPORT,
     "optimizer": {"highs", "cam", "measure", "smooth", "exact", "verifier", "programs"} | SUPPORT,
     "tasks": {"cam", "optimizer", "scene", "storage"},

@@ -20,6 +20,7 @@ from camopt.exact.kernel.arrays import TrainArrays, train_arrays
 from camopt.exact.kernel.building import linear_system
 from camopt.exact.kernel.leap import leap_of
 from camopt.exact.kernel.tables import Sizes, Tables, empty_tables
+from camopt.memory import give_memory_back
 from camopt.scene.errors import InputError
 from camopt.scene.rest import rest_position
 from camopt.scene.train import KEPT_TRAINS, Train
@@ -56,6 +57,7 @@ class Propagators:
     """
 
     def __init__(self, train: Train, step: float, width: int, at_once: int):
+        give_memory_back()
         self.step, self.arrays = step, train_arrays(train)
         arrays, sizes = self.arrays, Sizes(len(train.mass), train.state_size, width, len(train.forcing))
         watches = np.maximum.reduceat(np.diff(arrays.watched), arrays.first[:-1])
