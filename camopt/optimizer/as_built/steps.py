@@ -41,8 +41,8 @@ FIRST_PRICE, BY_FAILING, MOST_AT_ONCE, LEAST_JUDGED = 0.012, 0.25, 2.0, 1.25
 changes from one step to the next, the most by which it does, and the least once unseen trains judge: then a cam on the
 other side of the one that just holds is all that is looked for."""
 IDLE = 6
-"""Judged cams in a row of which none is the largest that holds, after which no price leads farther, as where limits on the
-shape bind alone. The mean of the last cams follows the price a few steps later."""
+"""Judged cams in a row of which none is the largest that holds, after which no price leads farther, as where limits on
+the shape bind alone. The mean of the last cams follows the price a few steps later."""
 SHAPED = 0.7
 """How many times as many of the trains that shape a cam may fail as of others: the cam suits them better."""
 NEAR_ENOUGH = 1e-3
