@@ -46,7 +46,8 @@ STEEP = 10.0
 REVOLUTIONS = 2
 """Revolutions that a train goes on with each cam: its motion settles while the cam does."""
 FIRST_WIDTH, NARROWER = 0.1, 0.93
-"""First width of the box about a cam, as a part of that of the forces' program, and its factor from one to the next."""
+"""First width of the box about a cam, as a part of that of the forces' program, and its factor from one to the next, by
+which it is divided where the cams are to go farther."""
 FIRST = 200
 """Trains that are followed at all speeds with the first cam. The others are followed at the speeds at which these come
 near to their limits."""
@@ -127,11 +128,12 @@ class SlopesProgram:
         angles = np.linspace(-4, 4, 401) * PEAK_STEP
         self._top = float(angles[np.argmax(self.cam.lift(angles))])
 
-    def step(self, price: float) -> None:
-        """Goes on to the program's cam at a `price`, about which the next program is."""
+    def step(self, price: float, farther: bool = False) -> None:
+        """Goes on to the program's cam at a `price`, about which the next program is, in a narrower box, or in a wider
+        one where the cams are to go `farther`."""
         self.cam = self.cam_of(self._optimum(price))
         self._last.append(self.cam.z)
-        self._width *= NARROWER
+        self._width *= 1.0 / NARROWER if farther else NARROWER
         self._rows.append(self._trace())
 
     def cam_of(self, z: np.ndarray) -> CamOfSlopes:

@@ -79,7 +79,7 @@ class YieldSearch:
     journal: StepFiles = field(default_factory=lambda: StepFiles(None, FOLDER))
     show: Callable[[dict], None] = lambda line: None
     held: list[CamOfSlopes | NoJumpOptimum] = field(default_factory=list)  # each larger than the one before
-    turned_down: list[CamOfSlopes | NoJumpOptimum] = field(default_factory=list)  # cams that too few of them hold
+    turned_down: list[tuple[int, CamOfSlopes | NoJumpOptimum]] = field(default_factory=list)  # with which too many fail
     steps: int = 0
 
     @property
@@ -89,9 +89,11 @@ class YieldSearch:
 
     @property
     def refused(self) -> CamOfSlopes | NoJumpOptimum | None:
-        """The smallest of the larger cams that do not hold; a smaller one says nothing of larger ones."""
+        """Of the larger cams that do not hold the one with which fewest trains fail, of several the smallest; a smaller
+        cam says nothing of larger ones."""
         least = self.best.area_ratio if self.best else 0.0
-        return min((c for c in self.turned_down if c.area_ratio > least), key=lambda c: c.area_ratio, default=None)
+        larger = [(failing, cam.area_ratio, cam) for failing, cam in self.turned_down if cam.area_ratio > least]
+        return min(larger, key=lambda one: one[:2], default=(0, 0.0, None))[2]
 
     def allowed(self, count: int) -> int:
         """Of so many trains those that may fail with a cam."""
@@ -111,7 +113,7 @@ class YieldSearch:
         price, slopes, idle = FIRST_PRICE / (1.0 - self.wanted), self.slopes, 0
         for step in range(STEPS + JUDGED):
             try:
-                slopes.step(price)
+                slopes.step(price, farther=step >= STEPS)  # until there are cams on both sides of the largest
             except (Infeasible, ArithmeticError):
                 return
             if step < STEPS:
@@ -132,8 +134,11 @@ class YieldSearch:
     def narrow(self) -> None:
         """Judges cams between the largest that holds and a larger one that does not, whose means keep all limits on the
         shape, until they are next to each other."""
-        while self.best and self.refused and self.refused.area_ratio > self.best.area_ratio + NEAR_ENOUGH:
-            self.evaluate(self.slopes.cam_of(0.5 * (self.best.z + self.refused.z)), SLOPES)
+        refused = self.refused
+        while self.best and refused and refused.area_ratio > self.best.area_ratio + NEAR_ENOUGH:
+            middle = self.slopes.cam_of(0.5 * (self.best.z + refused.z))
+            self.evaluate(middle, SLOPES)
+            refused = refused if self.best is middle else middle
 
     def evaluate(self, cam: CamOfSlopes | NoJumpOptimum, stage: str) -> int:
         """Judges a cam, keeps it if it is the largest that enough trains hold, reports the step, and returns how many
@@ -153,7 +158,7 @@ class YieldSearch:
                 self.journal.store(step, cam.z, drawn.met(judged))
         failing = self._failing(int(speeds.min(initial=drawn.used.shape[2] - 1)))
         if failing > self.allowed(len(drawn.trains)):
-            self.turned_down.append(cam)
+            self.turned_down.append((failing, cam))
         elif self.best is None or cam.area_ratio > self.best.area_ratio + RESOLUTION:
             self.held.append(cam)
         self.report(cam, stage, drawn, failing)

@@ -94,6 +94,18 @@ def test_the_mean_is_that_of_the_last_cams_and_within_the_limits():
     assert np.all(limits.matrix @ mean.z <= limits.bound + 1e-9 * np.abs(limits.matrix).max(axis=1))
 
 
+def test_cams_move_within_a_box_that_narrows_and_widens():
+    """At a price that drives every cam to its border."""
+    program, moved = begun(), []
+    for farther in (False, False, True, True):
+        before = program.cam.z
+        program.step(1e6 * PRICE, farther=farther)
+        moved.append(np.abs(program.cam.z - before).max())
+    assert np.array(moved[1:]) / moved[:-1] == pytest.approx(
+        [slopes_program.NARROWER, slopes_program.NARROWER, 1.0 / slopes_program.NARROWER], rel=1e-6
+    )
+
+
 def test_another_cam_is_followed_anew():
     """What the first trains used with a cam that is far too large says nothing of a smaller one."""
     plain, _ = free_program(SCENE)

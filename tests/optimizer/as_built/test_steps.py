@@ -19,12 +19,13 @@ class Priced:
     """A program whose cams are the larger the lower the price, and of whose trains the more fail the larger the cam."""
 
     def __init__(self, trains: int, error: Exception | None = None):
-        self.drawn, self.prices, self._error = Failing(trains), [], error
+        self.drawn, self.prices, self.farther, self._error = Failing(trains), [], [], error
 
-    def step(self, price):
+    def step(self, price, farther):
         if self._error:
             raise self._error
         self.prices.append(price)
+        self.farther.append(farther)
         self.cam = self.mean = self.cam_of((0.5 - 0.05 * np.log10(price)) * ONE)
         self.drawn.judge_area(self.cam.area_ratio)
 
@@ -64,6 +65,7 @@ def test_the_price_leads_to_the_largest_cam_that_holds(monkeypatch):
     most = 0.51 + search.allowed(100) / 1000.0
     assert most - steps.NEAR_ENOUGH < search.best.area_ratio <= most < search.refused.area_ratio
     assert steps.STEPS < len(slopes.prices) < steps.STEPS + steps.JUDGED
+    assert slopes.farther == [*[False] * steps.STEPS, *[True] * (len(slopes.prices) - steps.STEPS)]
 
 
 @pytest.mark.parametrize("failing, change", [(100, 2.0), (50, 1.77), (5, 1.037), (0, 0.663)])
@@ -103,7 +105,7 @@ def in_turn(monkeypatch, areas: list[float]) -> YieldSearch:
     slopes = Priced(100)
     search, sizes = priced(monkeypatch, slopes), iter([*[0.5] * steps.STEPS, *areas])
 
-    def step(price):
+    def step(price, farther):
         slopes.cam = slopes.mean = slopes.cam_of(next(sizes) * ONE)
 
     monkeypatch.setattr(slopes, "step", step)
@@ -133,6 +135,17 @@ def test_between_a_cam_that_holds_and_a_larger_one_that_does_not_their_means_are
     assert search.steps == steps.STEPS + 2 + 6  # 0.05 is halved six times
     assert steps.NEAR_ENOUGH / 2.0 < search.refused.area_ratio - search.best.area_ratio < steps.NEAR_ENOUGH
     assert search.best.area_ratio <= 0.51 + search.allowed(100) / 1000.0 < search.refused.area_ratio
+
+
+def test_the_way_leads_to_the_cam_with_which_fewest_trains_fail(monkeypatch):
+    """Of cams of two programs a much larger one may nearly hold, and smaller ones of the other not at all."""
+    search = priced(monkeypatch, Priced(100))
+    small, near, far = (search.slopes.cam_of(area * ONE) for area in (0.4, 0.45, 0.54))
+    search.held, search.turned_down = [small], [(30, near), (9, far)]
+    assert search.refused is far
+    search.narrow()
+    most = 0.51 + search.allowed(100) / 1000.0
+    assert most - steps.NEAR_ENOUGH < search.best.area_ratio <= most
 
 
 def test_where_slopes_lead_to_no_cam_smaller_openings_do(monkeypatch):
