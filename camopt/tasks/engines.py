@@ -23,7 +23,7 @@ from camopt.tasks.compute import Outcome, failed
 
 MOST_DEATHS = 3
 """Workers that may die of a task before it is given up."""
-MOST_FALSE_STARTS = 3
+MOST_FALSE_STARTS = 8
 """Processes of one worker in a row that may end before they have begun."""
 
 
