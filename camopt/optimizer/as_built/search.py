@@ -8,6 +8,7 @@ of the final statement are others again. The draws are the same for every cam (c
 """
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -98,9 +99,7 @@ def yield_search(
     slopes = SlopesProgram(plain, shaping, effort.shaping_trains, journal.beside(SHAPING))
     search = YieldSearch(wanted, slopes, unseen, effort.unseen_trains, journal, show)
 
-    def foretold() -> tuple[LargestCam, np.ndarray]:
-        return _by_openings(scene, wanted, effort.foretold_trains, gradient, seed, (plain, z))
-
+    foretold = partial(_by_openings, scene, plain, z, wanted, effort.foretold_trains, gradient, seed)
     level = first_level(search, *foretold())  # whose forces are forgotten here: they take 0.3 GB
     slopes.begin(1.0 - wanted)
     search.along()
@@ -114,11 +113,10 @@ def yield_search(
 
 
 def _by_openings(
-    scene: Scene, wanted: float, trains: int, gradient: str, seed: int, about: tuple[NoJumpProgram, np.ndarray]
+    scene: Scene, plain: NoJumpProgram, z: np.ndarray, wanted: float, trains: int, gradient: str, seed: int
 ) -> tuple[LargestCam, np.ndarray]:
     """The largest cam by the level of the limits on the foretold openings of so many drawn `trains`, and the
-    coefficients (m) from which its search begins; `about` has the program of the shape and the cam to begin with."""
-    plain, z = about
+    coefficients (m) from which its search begins; `plain` has the limits on the shape, z (m) is a first cam."""
     count = min(trains, FILLING_TRAINS) if plain.train.memory else trains
     cam_speeds, drawn = band_speeds(scene), trains_as_built(scene, count, seed=seed + DRAWS_SEED)
     source = _source(gradient, drawn, plain, cam_speeds)

@@ -92,8 +92,8 @@ class YieldSearch:
         """Of the larger cams that do not hold the one with which fewest trains fail, of several the smallest; a smaller
         cam says nothing of larger ones."""
         least = self.best.area_ratio if self.best else 0.0
-        larger = [(failing, cam.area_ratio, cam) for failing, cam in self.turned_down if cam.area_ratio > least]
-        return min(larger, key=lambda one: one[:2], default=(0, 0.0, None))[2]
+        larger = [one for one in self.turned_down if one[1].area_ratio > least]
+        return min(larger, key=lambda one: (one[0], one[1].area_ratio))[1] if larger else None
 
     def allowed(self, count: int) -> int:
         """Of so many trains those that may fail with a cam."""
