@@ -58,6 +58,7 @@ def settled_metrics(
     most: int = settled.PLAIN_REVOLUTIONS,
     measured: int = settled.MEASURED,
     aperiodic: int = settled.APERIODIC,
+    tolerance: float = 1.0,
     workers: int = 2,
     kept: bool = True,
 ) -> SettledMetrics:
@@ -69,9 +70,10 @@ def settled_metrics(
     from each train's slowest mode or leak. A motion without slow modes settles for at most `most` revolutions, more
     only while they change it by less than the tolerances, and `measured` of them are measured where it is periodic,
     else at least `aperiodic`. What is called periodic is seen to settle (`camopt.scene.settled`); fewer than MEASURED
-    revolutions do not show it, and the last change decides. A wandering motion's range holds after RANGED. `workers`
-    threads share the work. The propagators of a single train are `kept` for its next motions. Raises InputError for a
-    train without valve, seat or contact between cam and valve.
+    revolutions do not show it, and the last change decides. A wandering motion's range holds after RANGED. A settled
+    motion may be `tolerance` times as far from periodic as elsewhere. `workers` threads share the work. The propagators
+    of a single train are `kept` for its next motions. Raises InputError for a train without valve, seat or contact
+    between cam and valve.
     """
     speeds = np.asarray(cam_speeds, dtype=float)
     cams = {forcing: _cams(lifts, forcing) for forcing in {train.forcing for train in trains}}
@@ -79,7 +81,7 @@ def settled_metrics(
     begin = None if starts is None else np.broadcast_to(starts, metrics.states.shape)
 
     def run_job(job: Job) -> None:
-        _run(job, cams[trains[job.t].forcing], (measured, aperiodic))
+        _run(job, cams[trains[job.t].forcing], (measured, aperiodic), tolerance)
         job.write(metrics)
 
     def run_train(t: int, by: Callable) -> None:
@@ -183,13 +185,13 @@ def _motions(
     )
 
 
-def _run(job: Job, cams: stages.Cams, turns: tuple[int, int]) -> None:
+def _run(job: Job, cams: stages.Cams, turns: tuple[int, int], tolerance: float) -> None:
     """Runs all motions of a job; tables and room in the trace are made where they are missing. `turns` are the
     revolutions that are measured of a periodic motion and of one that wanders."""
     cam = CamArrays(cams.borders, cams.pieces, 0.0)
     plan = stages.Plan(
-        settled.SETTLED_POSITION,
-        settled.SETTLED_VELOCITY,
+        tolerance * settled.SETTLED_POSITION,
+        tolerance * settled.SETTLED_VELOCITY,
         settled.UNBOUND,
         *turns,
         settled.APERIODIC,

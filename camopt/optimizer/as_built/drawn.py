@@ -17,7 +17,7 @@ from camopt.exact import with_chords
 from camopt.exact.settled import settled_metrics
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.measure.limits import MotionLimit, motion_limits
-from camopt.optimizer.as_built.measured import WORKERS, used_limits
+from camopt.optimizer.as_built.measured import WORKERS, first_look, used_by_looks, used_limits
 from camopt.optimizer.search.judge import MEASURES, most_to_settle, next_starts
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
@@ -129,19 +129,12 @@ class TrainEnsemble:
 
     def _one(self, lift: Lift, t: int, at: np.ndarray) -> None:
         one, starts = self.trains[t], self.states[t, at]
-        found = settled_metrics(
-            [one.train],
-            [one.cam(lift)],
-            self.speeds(t)[at].tolist(),
-            starts=starts,
-            decay=np.inf,
-            most=most_to_settle(one.train),
-            measured=MEASURES,
-            workers=1,
-            kept=False,
+        how = {"decay": np.inf, "most": most_to_settle(one.train), "measured": MEASURES}
+        rough = () if one.train.memory else (first_look(self.limits) | how,)
+        self.used[t][:, at], ends = used_by_looks(
+            self.limits, one.train, one.cam(lift), self.speeds(t)[at], starts, (*rough, how)
         )
-        self.used[t][:, at] = used = used_limits(self.limits, found)
-        self.states[t, at] = next_starts(found.states[0, 0], used, self._nominal[t % STAGGER, at])
+        self.states[t, at] = next_starts(ends, self.used[t][:, at], self._nominal[t % STAGGER, at])
 
     def met(self, judged: np.ndarray) -> dict[str, np.ndarray]:
         """What the trains met with a cam, for a file, at the speeds at which they were `judged` (t, s: bool)."""

@@ -8,31 +8,66 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from hashlib import sha256
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.exact.settled import settled_metrics
+from camopt.exact.settled import ERRORS, settled_metrics
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.measure.limits import MotionLimit, motion_limits
 from camopt.optimizer.search.judge import IRREGULAR, MEASURES, SETTLES
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.settled import SettledMetrics
-from camopt.scene.train import build_train
+from camopt.scene.train import Train, build_train
 from camopt.storage.journal import Records
 
 CHUNK = 20
 """Trains that are measured between two entries in the journal."""
 WORKERS = 2
 """Threads, each with a train of its own."""
-SHORT = {"most": SETTLES, "measured": MEASURES}
-"""How long the motions are by which a train is judged first, since most are far from its limits, on either side."""
+ROUGH, PART = 10.0, 0.2
+"""A train is judged first by short motions, since most are far from its limits, on either side: they settle to ROUGH
+times the tolerances of others, or to less where that may change what is used of a limit by more than PART of it."""
+
+
+def first_look(limits: Iterable[MotionLimit]) -> dict[str, Any]:
+    """How the motions settle by which a train is judged first, as arguments of `settled_metrics`."""
+    room = min((limit.value / ERRORS[limit.metric] for limit in limits), default=np.inf)
+    return {"most": SETTLES, "measured": MEASURES, "tolerance": float(np.clip(PART * room, 1.0, ROUGH))}
 
 
 def used_limits(limits: Iterable[MotionLimit], found: SettledMetrics) -> np.ndarray:
     """How much of each limit (l) the settled motions of one train and cam use (s), the worst measured revolutions."""
     return np.array([limit.share(found.worst(limit.metric)[0, 0]) for limit in limits])
+
+
+def used_by_looks(
+    limits: Sequence[MotionLimit],
+    train: Train,
+    cam: Lift,
+    cam_speeds: np.ndarray,
+    starts: np.ndarray,
+    looks: Iterable[Mapping[str, Any]],
+) -> tuple[np.ndarray, np.ndarray]:
+    """How much of each limit (l) a train with its cam uses at each of the cam speeds (s) [rad/s], and the states
+    (s, 2n + r) in which the motions end that begin in `starts`.
+
+    Each of the `looks`, arguments of `settled_metrics`, follows the motions on at the speeds at which the ones before
+    leave open on which side of its limits the train is.
+    """
+    used, states, at = np.zeros((len(limits), len(cam_speeds))), starts.copy(), np.arange(len(cam_speeds))
+    for look in looks:
+        found = settled_metrics(
+            [train], [cam], cam_speeds[at].tolist(), starts=states[at], workers=1, kept=False, **look
+        )
+        used[:, at], states[at] = used_limits(limits, found), found.states[0, 0]
+        worst = used.max(axis=0)
+        at = at[(worst[at] > 1.0 / IRREGULAR) & (worst[at] < IRREGULAR)]
+        if not len(at):
+            break
+    return used, states
 
 
 @dataclass(frozen=True)
@@ -46,24 +81,16 @@ class Track:
     limits: Mapping[str, MotionLimit]
 
     def used(self, trains: Sequence[TrainAsBuilt]) -> np.ndarray:
-        """How much of each limit (l) each train (t) uses at each speed (s), the worst of the measured revolutions."""
-        with ThreadPoolExecutor(WORKERS) as pool:
-            return np.array(list(pool.map(self._used_by, trains)))
+        """How much of each limit (l) each train (t) uses at each speed (s), the worst of the measured revolutions, by
+        short motions and, where these leave it open, by full ones."""
+        limits, speeds = tuple(self.limits.values()), np.array(self.cam_speeds)
+        looks = first_look(limits), {}
 
-    def _used_by(self, one: TrainAsBuilt) -> np.ndarray:
-        """The used parts (l, s) of one train by motions as short as the search's and, at the speeds at which these
-        leave open on which side of its limits it is, by ones of full length."""
-        cam, speeds, starts = one.cam(self.lift), np.array(self.cam_speeds), self.starts
-        used, at, short = np.zeros((len(self.limits), len(speeds))), np.arange(len(speeds)), SHORT
-        while len(at):
-            found = settled_metrics(
-                [one.train], [cam], speeds[at].tolist(), starts=starts, workers=1, kept=False, **short
-            )
-            used[:, at] = used_limits(self.limits.values(), found)
-            worst, states = used[:, at].max(axis=0), found.states[0, 0]
-            unsure = (worst > 1.0 / IRREGULAR) & (worst < IRREGULAR) & bool(short)
-            at, starts, short = at[unsure], states[unsure], {}
-        return used
+        def of_train(one: TrainAsBuilt) -> np.ndarray:
+            return used_by_looks(limits, one.train, one.cam(self.lift), speeds, self.starts, looks)[0]
+
+        with ThreadPoolExecutor(WORKERS) as pool:
+            return np.array(list(pool.map(of_train, trains)))
 
 
 def track(scene: Scene, lift: Lift, speeds_rpm: Sequence[float] | np.ndarray) -> Track:

@@ -65,13 +65,6 @@ def opening_rows(train: Train, contact: int, cam_speed: float, count: int) -> np
     return -STEP / cam_speed * rows
 
 
-def contact_openings(train: Train, cam_speeds: np.ndarray, count: int) -> np.ndarray:
-    """Rows (s, c, w * k, k) of the openings [m] of the contacts between cam and valve (c) at cam speeds (s) [rad/s], by
-    their forces [N] at `count` angles (k) STEP apart."""
-    found = [[opening_rows(train, e, w, count) for e in train.cam_side] for w in cam_speeds]
-    return np.array(found).reshape(len(cam_speeds), len(train.cam_side), -1, count)
-
-
 UM = 1e-6
 """The program's openings are in micrometres: as large as margins in newtons are."""
 BROKEN = 1.0 * UM
@@ -106,7 +99,10 @@ class OpeningsProgram:
 
     def __post_init__(self) -> None:
         train, count = self.plain.train, len(self.theta)
-        self._openings = [contact_openings(train, speeds, count).astype(np.float32) for speeds in self.cam_speeds]
+        # rows (classes, s, c, w * k, k) of the contacts' openings [m] by their forces [N] at the angles
+        rows = [opening_rows(train, e, w, count) for w in self.cam_speeds.ravel() for e in train.cam_side]
+        shape = *self.cam_speeds.shape, len(train.cam_side), -1, count
+        self._openings = np.array(rows, dtype=np.float32).reshape(shape)
         self._limits = self.plain.limits
         self._margin_N = 0.0
         self.about(self.forces)
@@ -135,7 +131,7 @@ class OpeningsProgram:
         found = np.empty((len(t), forces.shape[1], len(LONG) * len(self.theta)), dtype=np.float32)
         for same, speed in np.ndindex(self.cam_speeds.shape):
             at = np.flatnonzero((t % len(self.cam_speeds) == same) & (s == speed))
-            for c, rows in enumerate(self._openings[same][speed]):  # as products of matrices
+            for c, rows in enumerate(self._openings[same, speed]):  # as products of matrices
                 found[at, c] = forces[at, c] @ rows.T
         return found
 
@@ -194,7 +190,7 @@ class OpeningsProgram:
         """The opening [um] of a row, at z = 0 and per coefficient (1 + m)."""
         if key not in self._rows:
             t, s, c, q = key
-            row, forces = self._openings[t % len(self.cam_speeds)][s, c, q], self.forces[t, s, c].astype(float)
+            row, forces = self._openings[t % len(self.cam_speeds), s, c, q], self.forces[t, s, c].astype(float)
             forces[:, 0] -= self._margin_N
             self._rows[key] = row.astype(float) @ forces / UM
         return self._rows[key]

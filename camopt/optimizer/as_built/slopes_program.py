@@ -195,15 +195,10 @@ class SlopesProgram:
         if not near:
             return []
         found = motion.gradient([limits[i].metric for i in near], REVOLUTIONS - 2).by_coefficients
-        slopes = [
-            limits[i].share_slope * self._by_free(rows, cam.borders, plain) for i, rows in zip(near, found, strict=True)
-        ]
+        by_pieces = [_by_pieces(rows, cam.borders, plain)[:, : self._basis.shape[1]] for rows in found]
+        by_free = [np.einsum("pq,pqm->m", pieces, self._basis) for pieces in by_pieces]
+        slopes = [limits[i].share_slope * slope for i, slope in zip(near, by_free, strict=True)]
         return [(t, i, use[i], slope) for i, slope in zip(near, slopes, strict=True) if np.isfinite(slope).all()]
-
-    def _by_free(self, by_ground: np.ndarray, borders: np.ndarray, plain: np.ndarray) -> np.ndarray:
-        """The gradient by the free coefficients (m) of one by those of a ground cam's pieces (g, q)."""
-        by_pieces = _by_pieces(by_ground, borders, plain)[:, : self._basis.shape[1]]
-        return np.einsum("pq,pqm->m", by_pieces, self._basis)
 
     @cached_property
     def _basis(self) -> np.ndarray:
