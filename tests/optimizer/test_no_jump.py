@@ -8,8 +8,16 @@ from scipy.integrate import solve_ivp
 
 from camopt.cam.families.free import free_cam
 from camopt.optimizer.program import periodic
-from camopt.optimizer.program.force_rows import OPENING, PEAK, SEAT, Margins, Window
-from camopt.optimizer.program.kinematic import kinematic_optimum
+from camopt.optimizer.program.force_rows import OPENING, PEAK, SEAT, Box, Margins, Window
+from camopt.optimizer.program.kinematic import (
+    PEAK_STEP,
+    area_ratio_row,
+    kinematic_optimum,
+    peak_angle,
+    spline_rows,
+    with_lift_reached,
+)
+from camopt.optimizer.program.linear_program import maximise
 from camopt.optimizer.program.no_jump import NoCamHoldsContact, no_jump_program
 from camopt.optimizer.program.periodic import periodic_response, sample_cam
 from camopt.optimizer.program.phases import Angles, phase_contacts, static_angles
@@ -228,6 +236,19 @@ def test_full_lift_is_reached_where_the_design_wants_it():
     found = p.solve()
     assert found.lift.max_lift / MM == pytest.approx(9.4, abs=1e-4)
     assert found.area_ratio == pytest.approx(0.5673, abs=2e-3)  # known for angles once re-located
+
+
+def test_within_a_box_the_lift_may_be_reached_where_its_own_cam_reaches_it():
+    """No cam keeps such a margin; how far it is missed is told with the lift reached beside the middle."""
+    design = DESIGN.model_copy(update={"reach_max_lift": True})
+    p = no_jump_program(TRAIN, design, free_cam(design), SPEEDS)
+    none = np.full((3, len(SPEEDS)), -1e5)
+    rows, bound = with_lift_reached(p.cam, design, p.rows.matrix, p.bound(none), 3 * PEAK_STEP)
+    beside = maximise(area_ratio_row(design, p.cam)[0], spline_rows(rows), bound, p.first_working()).z
+    assert peak_angle(p.cam.lift(beside)) > 2 * PEAK_STEP
+    with pytest.raises(NoCamHoldsContact) as short:
+        p.within(Box(beside, 1e-9)).solve(Margins(1e4, 1e4, 1e4))
+    assert np.isfinite(short.value.shortfall_N)
 
 
 def test_relocated_angles_are_those_of_the_motion_and_the_program_moves_with_them():

@@ -9,21 +9,24 @@ import pytest
 
 from camopt import load_scene, optimize, polydyne
 from camopt.optimizer.accuracy import ACCURACIES
+from camopt.optimizer.program.phases import force_unit
 from camopt.optimizer.search.cams import APART, USES_LESS, Search
 from camopt.optimizer.search.margins import AIM, FIRST_STEP_N, LARGEST_N, LEAST_STEP_N, FedBack
 from camopt.optimizer.search.search import FLOWN, _between, find_cam
+from camopt.scene.load import builtin_scenes
+from camopt.scene.train import build_train
 
 EFFORT = replace(ACCURACIES["draft"], knot_deg=6.0, feedback_rounds=6)
 
 
 def test_a_margin_rises_where_more_than_the_aim_is_used_and_falls_where_less():
-    fed = FedBack(np.zeros((3, 2)))
+    fed = FedBack(np.zeros((3, 2)), 1.0)
     fed.follow(np.array([[2 * AIM, 0.0], [AIM, AIM], [0.5 * AIM, AIM]]))
     assert fed.margins == pytest.approx(FIRST_STEP_N * np.array([[1.0, -1.0], [0.0, 0.0], [-0.5, 0.0]]))
 
 
 def test_a_step_is_halved_where_its_sign_changes_and_tension_has_an_end():
-    fed = FedBack(np.zeros((3, 1)))
+    fed = FedBack(np.zeros((3, 1)), 1.0)
     for used in (0.0, 2.0, 0.0, 2.0, 0.0, 2.0):
         fed.follow(np.full((3, 1), used))
     assert fed.step == pytest.approx(np.full((3, 1), LEAST_STEP_N), abs=0.5)
@@ -33,7 +36,7 @@ def test_a_step_is_halved_where_its_sign_changes_and_tension_has_an_end():
 
 
 def test_margins_go_half_way_back_and_step_less():
-    fed = FedBack(np.array([[-30.0], [10.0], [0.0]]))
+    fed = FedBack(np.array([[-30.0], [10.0], [0.0]]), 1.0)
     fed.go_back(np.array([[10.0], [0.0], [0.0]]))
     assert fed.margins.ravel() == pytest.approx([-10.0, 5.0, 0.0])
     assert fed.step == pytest.approx(np.full((3, 1), FIRST_STEP_N / 2))
@@ -128,3 +131,28 @@ def test_a_job_on_paths_is_confirmed_and_says_how_it_searched(undrawn, tmp_path)
     assert run.exit_code == 0
     assert run.record["search"].items() >= {"source": "smooth", "start": "polydyne"}.items()
     assert run.record["search"]["jacobians"] >= 1
+
+
+def in_other_forces(scene, factor):
+    """The scene with all masses, stiffnesses, dampings and forces times a factor: its motions are the same."""
+
+    def scaled(part):
+        names = (name for name in type(part).model_fields if name.endswith(("_kg", "_N", "_N_per_m", "_N_s_per_m")))
+        values = {name: getattr(part, name) for name in names}
+        return part.model_copy(update={n: factor * value for n, value in values.items() if value is not None})
+
+    return scene.model_copy(update={key: tuple(map(scaled, getattr(scene, key))) for key in ("mass", "element")})
+
+
+def test_a_train_of_other_forces_has_the_same_cam(found):
+    """A hundredth of all forces, as of a small engine: margins, steps and costs of the search follow them."""
+    scene = in_other_forces(load_scene("motori-1"), 0.01)
+    assert force_unit(build_train(scene)) == 0.01
+    for start, source in (("calmest", "smooth"), ("exact", "exact")):
+        other = find_cam(scene, "nominal", EFFORT, source)
+        assert other.confirmed[-1].area_ratio == pytest.approx(found[start].confirmed[-1].area_ratio, abs=1e-4)
+
+
+def test_forces_of_the_built_in_trains_are_those_for_which_the_search_is_stated():
+    scenes = [scene for scene in map(load_scene, builtin_scenes()) if scene.design]
+    assert len(scenes) > 5 and {force_unit(build_train(scene)) for scene in scenes} == {1.0}

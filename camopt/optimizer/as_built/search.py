@@ -30,6 +30,7 @@ from camopt.optimizer.as_built.steps import (
 )
 from camopt.optimizer.program.force_rows import Box
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
+from camopt.optimizer.program.phases import force_unit
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import converge_tangents
 from camopt.optimizer.search.region import first_region
@@ -123,9 +124,10 @@ def _by_openings(
     program = OpeningsProgram(plain, source.theta, cam_speeds, source.about(z))
     limits, lost = opening_limits(scene, cam_speeds), int((1.0 - wanted) * count + 1e-9)
     z, box = _about_its_own_cam(program, source, z, FIRST_LEVEL * limits, lost)
+    unit = force_unit(plain.train)
 
     def largest(level: float, z: np.ndarray) -> NoJumpOptimum:
-        program.keep(max(-level, 0.0) * NEWTONS)
+        program.keep(max(-level, 0.0) * NEWTONS * unit)
         return program.largest(z, max(level, 0.0) * limits, lost, box)
 
     return largest, z
@@ -137,7 +139,8 @@ def free_program(scene: Scene) -> tuple[NoJumpProgram, np.ndarray]:
     design, operation = scene.required_design, scene.required_operation
     speeds = [scene.cam_speed(rpm) for rpm in operation.band_rpm]
     program = converge_tangents(no_jump_program(build_train(scene), design, program_cam(design, KNOT_DEG), speeds))
-    z = program.solve_below(np.full((3, len(speeds)), FIRST_MARGIN_N)).z
+    margin = FIRST_MARGIN_N * force_unit(program.train)
+    z = program.solve_below(np.full((3, len(speeds)), margin)).z
     return program, np.zeros_like(z) if program.train.memory else z
 
 
@@ -181,7 +184,7 @@ def _about_its_own_cam(
     if source.for_every_cam:
         return z, None
     region, fills = first_region(program.plain.design), bool(program.plain.train.memory)
-    program.keep(KEPT_N if fills else 0.0)
+    program.keep(KEPT_N * force_unit(program.plain.train) if fills else 0.0)
     for _ in range(FILLING_ROUNDS if fills else ROUNDS):
         found = program.largest(z, 0.0 * limits if fills else limits, lost, Box(z, region.width))
         before, foretold = program.tied(z), program.tied(found.z)

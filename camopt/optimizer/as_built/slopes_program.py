@@ -24,7 +24,7 @@ from camopt.exact.settled.lift_pieces import lift_between
 from camopt.highs import minimise
 from camopt.optimizer.as_built.drawn import MET, TrainEnsemble
 from camopt.optimizer.as_built.measured import WORKERS
-from camopt.optimizer.program.kinematic import PEAK_STEP, area_ratio_row, spline_rows, with_lift_reached
+from camopt.optimizer.program.kinematic import area_ratio_row, peak_angle, spline_rows, with_lift_reached
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram
 from camopt.optimizer.search.region import first_region
 from camopt.scene.errors import MotionRefused
@@ -125,8 +125,7 @@ class SlopesProgram:
         apart = np.maximum(1.0 - SPREADS * (most - tail), np.median(worst, axis=0))
         self.targets = np.clip(apart, *TARGETS)
         self._rows.append(self._trace())
-        angles = np.linspace(-4, 4, 401) * PEAK_STEP
-        self._top = float(angles[np.argmax(self.cam.lift(angles))])
+        self._top = peak_angle(self.cam.lift)
 
     def step(self, price: float, farther: bool = False) -> None:
         """Goes on to the program's cam at a `price`, about which the next program is, in a narrower box, or in a wider

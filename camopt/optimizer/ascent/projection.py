@@ -73,12 +73,11 @@ class Polyhedron:
 
         It begins without any row, so that an answer hangs on no earlier one, to the last digit.
         """
-        level = BROKEN * max(float(np.abs(x).max()), 1e-300)
         far = float((self.matrix @ x - self.bound).max())  # unit of the steps: how far the point is, as known so far
         moved, rows, holding = x, np.zeros(0, dtype=int), np.zeros(0, dtype=int)
         for _ in range(MOST_ROUNDS):
-            excess = self.matrix @ moved - self.bound
-            broken = np.flatnonzero(excess > level)
+            excess, size = self.matrix @ moved - self.bound, float(np.abs(x).max() or np.abs(moved).max())
+            broken = np.flatnonzero(excess > BROKEN * size)
             if not len(broken):
                 return moved, holding
             worst = broken[np.argsort(-excess[broken])[:ADDED_PER_ROUND]]

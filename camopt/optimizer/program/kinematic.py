@@ -242,6 +242,12 @@ def with_lift_reached(cam: FreeCam, design: Design, matrix, bound, angle: float 
     return np.vstack([matrix, -row @ cam.Z]), np.append(bound, level)
 
 
+def peak_angle(lift: Lift) -> float:
+    """The angle [rad] at which a lift is largest, of those that are tried as peaks and of more between them."""
+    angles = np.linspace(-4, 4, 401) * PEAK_STEP
+    return float(angles[np.argmax(lift(angles))])
+
+
 def elastic_shape(
     design: Design, cam: FreeCam, names: Iterable[str], cost: float, size: float
 ) -> tuple[ElasticProgram, np.ndarray]:

@@ -21,13 +21,14 @@ from camopt.optimizer.program.kinematic import (
     TYPICAL_FORCE,
     area_ratio_row,
     first_working,
+    peak_angle,
     solve_over_peak_angles,
     spline_rows,
     with_lift_reached,
 )
 from camopt.optimizer.program.linear_program import ElasticProgram, Optimum, Rows, least_relaxation
 from camopt.optimizer.program.periodic import CamSamples, sample_cam
-from camopt.optimizer.program.phases import Angles, static_angles
+from camopt.optimizer.program.phases import Angles, force_unit, static_angles
 from camopt.scene.design import Design
 from camopt.scene.errors import NoCamFound
 from camopt.scene.train import Train
@@ -204,9 +205,11 @@ class NoJumpProgram:
         return np.union1d(first_working(self.limits), np.arange(first, first + len(self.kind), 40))
 
     def relaxable(self, margins: np.ndarray) -> tuple[Rows, np.ndarray, np.ndarray, np.ndarray]:
-        """The rows, with a maximum lift reached in the middle, and their right sides (r) for margins (3, s) [N]; what
-        each gives where all margins fall by one (r) [1/N], and the first working set."""
-        matrix, bound = with_lift_reached(self.cam, self.design, self.rows.matrix, self.bound(margins))
+        """The rows, with a maximum lift reached in the middle, or where the box's own cam is highest, and their right
+        sides (r) for margins (3, s) [N]; what each gives where all margins fall by one (r) [1/N], and the first working
+        set."""
+        top = peak_angle(self.cam.lift(self.box.centre)) if self.box else 0.0
+        matrix, bound = with_lift_reached(self.cam, self.design, self.rows.matrix, self.bound(margins), top)
         give = np.zeros(len(bound))
         give[len(self.limits.bound) :][: len(self.kind)] = self.kind != PEAK
         working = np.union1d(self.first_working(), np.arange(len(self.rows.norm), len(bound)))
@@ -216,12 +219,13 @@ class NoJumpProgram:
         """The program that may miss margins (3, s) [N] at the cost SHORT_OF_FORCE, and its right sides."""
         rows, bound, give, working = self.relaxable(margins)
         row, _ = area_ratio_row(self.design, self.cam)
-        return ElasticProgram.of(rows, give, row, SHORT_OF_FORCE, TYPICAL_FORCE, working), bound
+        unit = force_unit(self.train)
+        return ElasticProgram.of(rows, give, row, SHORT_OF_FORCE / unit, TYPICAL_FORCE * unit, working), bound
 
     def _shortfall(self, margins: np.ndarray) -> NoCamHoldsContact:
         """Why no cam keeps margins (3, s) [N]."""
         rows, bound, give, working = self.relaxable(margins)
-        needed = least_relaxation(rows, bound, give, TYPICAL_FORCE, working)
+        needed = least_relaxation(rows, bound, give, TYPICAL_FORCE * force_unit(self.train), working)
         if needed is None:
             return NoCamHoldsContact(
                 "no free cam keeps the limits of the design and its largest contact force, whatever the margins: raise "

@@ -40,6 +40,11 @@ class Tried:
         """The cam's lift law."""
         return self.free.lift(self.z)
 
+    @property
+    def seats(self) -> bool:
+        """Whether its valve seats at every speed."""
+        return bool(np.all(np.isfinite(self.judged.share)))
+
 
 @dataclass
 class Search:

@@ -40,17 +40,20 @@ JUMPS = ("jump_mm", "jump_deg", "contact_force_min_N")
 SEATINGS = ("bounce_mm", "seating_velocity_m_per_s", "impact_velocity_m_per_s")
 
 
-def first_margins(design: Design, speeds: int) -> np.ndarray:
-    """The margins (3, s) [N] to begin with: those, or a little more than the least force that the design asks for."""
+def first_margins(design: Design, speeds: int, unit: float) -> np.ndarray:
+    """The margins (3, s) [N] to begin with: those times the `unit` of force (`force_unit`), or a little more than the
+    least force that the design asks for."""
     asked = ASKED_TIMES * (design.contact_force_min_N or 0.0)
-    return np.tile(np.maximum(FIRST_MARGINS_N, [asked, asked, 0.0])[:, None], speeds)
+    return np.tile(np.maximum(unit * FIRST_MARGINS_N, [asked, asked, 0.0])[:, None], speeds)
 
 
 @dataclass
 class FedBack:
-    """The margins (3, s) [N] of a search, opening flank, closing flank and seat by speed, with their last steps."""
+    """The margins (3, s) [N] of a search, opening flank, closing flank and seat by speed, with their last steps in
+    `unit` newtons."""
 
     margins: np.ndarray
+    unit: float
     step: np.ndarray = field(init=False)
     sign: np.ndarray = field(init=False)
 
@@ -65,7 +68,7 @@ class FedBack:
         turned, short = self.sign * sign < 0, (self.sign > 0) & (used > 1.0)
         factor = np.where(turned, 0.5, np.where(short, GROWTH, 1.0))
         self.step, self.sign = np.clip(self.step * factor, LEAST_STEP_N, LARGEST_STEP_N), sign
-        self.margins = np.maximum(self.margins + self.step * error, -LARGEST_N)
+        self.margins = np.maximum(self.margins + self.unit * self.step * error, -self.unit * LARGEST_N)
 
     def go_back(self, held: np.ndarray) -> None:
         """Moves the margins half way back to those of a cam that holds (3, s) [N], and halves the steps."""

@@ -13,6 +13,8 @@ from camopt.scene.design import Design
 FIRST, USUAL_ACCELERATION = 1e-2, 0.015
 """First width of the box [mm/deg^2], and the largest acceleration of the cam for which it is meant [mm/deg^2]: it is in
 proportion to that of the scene."""
+USUAL_TIMES = 33.0
+"""What stands for a largest acceleration that the design leaves out, over its lift by the square of its duration."""
 NARROWEST, WIDEST = 1 / 256, 4.0
 """Limits of the width, as parts of the first one."""
 AIMED, BADLY = 0.25, 0.5
@@ -78,7 +80,8 @@ class Region:
 
 def first_region(design: Design) -> Region:
     """The box to begin with."""
-    return Region(FIRST * (design.acceleration_max_mm_per_deg2 or USUAL_ACCELERATION) / USUAL_ACCELERATION)
+    usual = USUAL_TIMES * design.max_lift_mm / design.duration_deg**2
+    return Region(FIRST * (design.acceleration_max_mm_per_deg2 or usual) / USUAL_ACCELERATION)
 
 
 def stepped(

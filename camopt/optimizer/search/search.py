@@ -20,7 +20,7 @@ from camopt.optimizer.ascent.projection import ShapeLimits
 from camopt.optimizer.program.force_rows import Margins, SpeedRows, Window
 from camopt.optimizer.program.kinematic import area_ratio_row
 from camopt.optimizer.program.no_jump import NoCamHoldsContact, NoJumpProgram
-from camopt.optimizer.program.phases import Angles
+from camopt.optimizer.program.phases import Angles, force_unit
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.search.cams import BETWEEN_SHARE, FOLDER, RESOLUTION, Search, Tried
 from camopt.optimizer.search.judge import Judge, Judged
@@ -97,7 +97,8 @@ def find_cam(
         source = _source(smooth, program, smoothing)
         began = start.family if start else "calmest"
         search = Search(Judge(scene, searched), between, source, began, journal, show, clock)
-        nearest = ShapeLimits(cam, design).nearest_to(start) if start else np.zeros(cam.Z.shape[1])
+        limits = ShapeLimits(cam, design)
+        nearest = limits.nearest_to(start) if start else limits.nearest(np.zeros(cam.Z.shape[1]))
         program, z = source.first(program, nearest)
         _programs(search, source, program, z, 0 if gradient == "none" else effort.feedback_rounds)
         _blend(search)
@@ -131,19 +132,20 @@ def _programs(search: Search, source: ExactRows, program: NoJumpProgram, z: np.n
 
     The errors of the foretold forces rule the box: on the way to the limits that of the speed in the middle, and where
     margins are fed back the largest one, since there the motion breaks its limits first. A cam whose valve does not
-    seat is the centre of no program where others held; on the way to the limits the next centre lies between. Where a
+    seat is the centre of no program where others did; on the way to the limits the next centre lies between. Where a
     motion flies off although its valve seats, by margins that may have fallen at other speeds than its own, all of them
     go half way back to those of the largest cam that holds.
     """
     row, constant = area_ratio_row(program.design, program.cam)
-    region, fed = first_region(program.design), FedBack(first_margins(program.design, len(program.blocks)))
+    region, unit = first_region(program.design), force_unit(program.train)
+    fed = FedBack(first_margins(program.design, len(program.blocks), unit), unit)
     renewed, held = _due(is_linear(program.train), rounds), fed.margins
     settled, left = False, rounds
     while left or not settled:
         found = stepped(source, program, z, region, fed.margins, np.max if settled else np.median)
         stage = "margins fed back" if settled else "path constraints"
         tried = search.evaluate(stage, found.program.cam, found.z, found.area_ratio)
-        seats = bool(np.all(np.isfinite(tried.judged.share))) or not search.held
+        seats = tried.seats or not any(other.seats for other in search.seen)
         gain = abs(found.area_ratio - float(row @ z + constant))
         if not settled:
             search.first, due = tried, True

@@ -15,7 +15,7 @@ from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
 from camopt.optimizer.program.force_rows import CLOSING, OPENING, PEAK, SEAT, SpeedRows, Window
 from camopt.optimizer.program.no_jump import NoJumpProgram
-from camopt.optimizer.program.phases import HELD_N, static_angles
+from camopt.optimizer.program.phases import HELD_N, force_unit, static_angles
 from camopt.optimizer.program.program_cam import near, with_radii, with_switches
 from camopt.optimizer.search.region import ExactRows
 from camopt.scene.errors import NoCamFound
@@ -60,6 +60,7 @@ class SmoothRows(ExactRows):
         train, cam = program.train, program.cam
         self._theta = path_angles(smoothing.steps)
         self._basis, self._offset = cam.samples(equal_grid(smoothing.steps))
+        self._unit = force_unit(train)
         self._tied_in = -float(cam.breaks[-1]), end_of_contact(train, cam, program.window)
         self._motions = TiedMotions(train, program.speeds, self._tied_in, smoothing)
         self._known: _Known | None = None  # about which the rows are
@@ -75,7 +76,8 @@ class SmoothRows(ExactRows):
                 break
         self._paths = settled and settled[1]
         program = self.about(program, share * z)
-        return with_radii(with_switches(program, HELD_N), HELD_N), share * z
+        held = HELD_N * self._unit
+        return with_radii(with_switches(program, held), held), share * z
 
     def errors_at(self, program: NoJumpProgram, z: np.ndarray) -> np.ndarray:
         """The errors (s) of the forces that the rows foretold for the cam of z (m), as parts of their change.
@@ -142,7 +144,7 @@ class SmoothRows(ExactRows):
         where it does not repeat itself.
         """
         memory = self._motions.tied.system.topology.memory
-        if bool(_open_ends(paths).any()) or float(paths.force.min()) <= (-SMALL_N if memory else TAME_N):
+        if bool(_open_ends(paths).any()) or float(paths.force.min()) <= self._unit * (-SMALL_N if memory else TAME_N):
             return False
         return not memory or float(jnp.abs(paths.end - start)[0].max()) < REPEATS
 
@@ -152,7 +154,7 @@ class SmoothRows(ExactRows):
         of_force, of_gap = known.slopes.force, known.slopes.seat_gap
         inside = self._event(program)
         bounce = (design.bounce_max_mm or BOUNCE / MM) * MM
-        to_newtons = NEWTONS_PER_LIMIT / bounce
+        to_newtons = NEWTONS_PER_LIMIT * self._unit / bounce
         kind = np.where(theta[inside] < 0, OPENING, CLOSING)
         blocks = []
         for s, cam_speed in enumerate(program.speeds):

@@ -64,6 +64,15 @@ def test_the_nearest_coefficients_hold_and_are_the_nearest(size):
     assert (x - p) @ (inside - p) <= 1e-9 * np.linalg.norm(x - p)  # nothing within lies on the far side
 
 
+def test_the_calmest_cam_that_reaches_a_lift_is_the_nearest_to_zero():
+    """The size of the answer, not that of the point, says what counts as broken."""
+    design = MOTORI.design.model_copy(update={"reach_max_lift": True})
+    cam = free_cam(design)
+    lift = cam.lift(ShapeLimits(cam, design).nearest(np.zeros(cam.Z.shape[1])))
+    assert lift.max_lift == pytest.approx(design.max_lift_mm * 1e-3, rel=1e-5)
+    assert not broken_by_shape(lift, design)
+
+
 def test_least_squares_that_stop_early_are_noticed(monkeypatch):
     """SciPy's non-negative least squares may return a point that is not the least, without a word (scipy #25389)."""
     monkeypatch.setattr("camopt.optimizer.ascent.projection.nnls", lambda a, b, maxiter: (np.zeros(a.shape[1]), 1.0))
