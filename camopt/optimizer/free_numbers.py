@@ -17,6 +17,7 @@ from tqdm import tqdm
 from camopt.optimizer.accuracy import Accuracy
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.no_jump import NoCamHoldsContact, NoJumpOptimum, NoJumpProgram, no_jump_program
+from camopt.optimizer.program.phases import usual_margin
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.scene.as_built import moved_together
 from camopt.scene.errors import InputError
@@ -26,8 +27,6 @@ from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 
 RAMP = ("design.ramp_height_mm", "design.ramp_velocity_mm_per_deg")
-MARGIN_N = 20.0
-"""The margin under which values are compared, that of the no-jump program where nothing else is asked."""
 BAND_SPEEDS = 9
 """Speeds of the program over a band."""
 EVALUATIONS = 30
@@ -93,9 +92,10 @@ def with_best_values(
     """The scene with the best values of its free numbers, and `free` of design.json: by name the value beside the given
     one and the range."""
     given, ranges = [one.of(scene) for one in free], [(one.low, one.high) for one in free]
+    margin_N = usual_margin(build_train(scene))
     with tqdm(total=EVALUATIONS, desc="free numbers", disable=None if progress else True, leave=False) as bar:
         best = maximise_over_parameters(
-            lambda x: with_values(scene, free, x), given, ranges, speeds, effort, show=lambda _: bar.update()
+            lambda x: with_values(scene, free, x), given, ranges, speeds, effort, margin_N, show=lambda _: bar.update()
         )
     pairs = zip(free, best.values, given, strict=True)
     return with_values(scene, free, best.values), {
@@ -121,7 +121,7 @@ def maximise_over_parameters(
     ranges: Sequence[tuple[float, float]],
     speeds: str,
     effort: Accuracy,
-    margin_N: float = MARGIN_N,
+    margin_N: float,
     evaluations: int = EVALUATIONS,
     show: Callable[[float], object] = lambda area: None,
 ) -> LargestOverParameters:

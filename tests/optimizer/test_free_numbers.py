@@ -51,10 +51,10 @@ def test_the_best_values_are_no_worse_than_those_of_a_grid():
 
     def area(values) -> float:
         return maximise_over_parameters(
-            lambda x: with_values(MOTORI, free, x), values, ranges, "nominal", COARSE, evaluations=2
+            lambda x: with_values(MOTORI, free, x), values, ranges, "nominal", COARSE, 20.0, evaluations=2
         ).at_start
 
-    best = maximise_over_parameters(lambda x: with_values(MOTORI, free, x), start, ranges, "nominal", COARSE)
+    best = maximise_over_parameters(lambda x: with_values(MOTORI, free, x), start, ranges, "nominal", COARSE, 20.0)
     assert best.area_ratio == pytest.approx(area(best.values), abs=1e-9)
     grid = [area((rate, height)) for rate in np.linspace(*ranges[0], 3) for height in np.linspace(*ranges[1], 3)]
     assert best.area_ratio >= max(grid) - 1e-4 and best.area_ratio > best.at_start
@@ -85,7 +85,9 @@ def test_the_best_preload_lies_between_too_weak_and_too_strong():
     free = free_numbers(scene, {"spring.preload_N": ends})
 
     def widest_from(start: float):
-        return maximise_over_parameters(lambda x: with_values(scene, free, x), (start,), (ends,), "nominal", COARSE)
+        return maximise_over_parameters(
+            lambda x: with_values(scene, free, x), (start,), (ends,), "nominal", COARSE, 20.0
+        )
 
     weak, strong = widest_from(100.0), widest_from(600.0)
     assert min(weak.at_start, strong.at_start) < weak.area_ratio - 1e-3

@@ -30,6 +30,7 @@ from camopt.optimizer.program.force_rows import PEAK, SEAT, Margins, SpeedRows, 
 from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities
 from camopt.optimizer.program.no_jump import NoJumpProgram, no_jump_program
 from camopt.optimizer.program.periodic import exact_steps, sample_cam, velocity_scale
+from camopt.optimizer.program.phases import HELD_N, usual_margin
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import converge_tangents
 from camopt.scene.errors import InputError
@@ -169,8 +170,6 @@ def _periodic_adjoint(moves: np.ndarray, kind: np.ndarray, readings: np.ndarray)
 
 
 KNOT_DEG = 2.0
-MARGIN_N = 20.0
-"""Least force on a contact [N] where nothing else is asked for."""
 LEAST_WORTH = 5e-5
 """Per cent of area that would show as zero."""
 
@@ -188,8 +187,8 @@ def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float | None 
       switching angles. Where the first bound is smaller it stands here, as both hold.
     - `no_jump_says`: why one of these two is not there, null where both are.
     - `speeds_rpm` (k), `margins_N` and `seat_margin_N`: the speeds and the forces of these two. The forces are
-      `margin_N`, by default the design's contact_force_min_N, and MARGIN_N where it has none; the seat, which that
-      limit leaves out, keeps MARGIN_N at most.
+      `margin_N`, by default the design's contact_force_min_N, and `usual_margin` where it has none; the seat, which
+      that limit leaves out, keeps that margin at most.
     - `worth_percent`: what 1 % more of each limit buys.
 
     Raises InputError for contradictory limits.
@@ -200,10 +199,16 @@ def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float | None 
     speeds = [scene.cam_speed(s) for s in operation.speeds_rpm]
     bound = float(area_ratio_bound(design).bound)
     no_jump = no_jump_bounded = says = None
-    force = (design.contact_force_min_N or MARGIN_N) if margin_N is None else margin_N
-    seat = min(force, MARGIN_N) if margin_N is None else margin_N
+
+    def kept(usual: float) -> tuple[float, float]:
+        force = (design.contact_force_min_N or usual) if margin_N is None else margin_N
+        return force, min(force, usual) if margin_N is None else margin_N
+
+    force, seat = kept(HELD_N)
     try:
-        program = converge_tangents(no_jump_program(train := build_train(scene), design, cam, speeds), force)
+        train = build_train(scene)
+        force, seat = kept(usual_margin(train))
+        program = converge_tangents(no_jump_program(train, design, cam, speeds), force)
         no_jump = program.solve(margins := Margins(force, force, seat)).area_ratio
         if is_linear(train):
             certificate = no_jump_bound(program, margins)

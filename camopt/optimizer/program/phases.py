@@ -25,9 +25,9 @@ from camopt.scene.units import MM
 SEAT_LOAD_N = 250.0
 """Force on the seat at rest in a train for which the forces of searches are stated."""
 HELD_N = 20.0
-"""Contact force that the program's cam keeps while its tangents are looked for. No tangent of a law of contacts is
-softer than there: along a motion that parts, tangents without stiffness would let the motion of closed contacts
-grow."""
+"""Force that contacts keep in such a train where nothing else is asked for, as while tangents are looked for. No
+tangent of a law of contacts is softer than there: along a motion that parts, tangents without stiffness would let the
+motion of closed contacts grow."""
 LEVELS = 20
 """Tangents of curved laws are rounded to so many levels in each factor of e, so that steps share their exponentials."""
 
@@ -36,8 +36,13 @@ LEVELS = 20
 def force_unit(train: Train) -> float:
     """What the forces of searches [N] are multiplied by in a train: its load on the seat over SEAT_LOAD_N, in steps of
     half a power of ten, since only the order of magnitude matters."""
-    load = float(static_forces(train, np.zeros(1))[0, train.seat])
+    load = float(static_forces(train, np.zeros(1))[0, train.seat]) if train.seat >= 0 else 0.0
     return 10.0 ** (round(2.0 * np.log10(load / SEAT_LOAD_N)) / 2.0) if load > 0.0 else 1.0
+
+
+def usual_margin(train: Train) -> float:
+    """The force [N] that contacts are to keep where nothing else is asked for: HELD_N, in the train's own forces."""
+    return HELD_N * force_unit(train)
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +91,7 @@ def _lines(train: Train, response: Response, e: int, d: np.ndarray) -> tuple[np.
     force, stiffness = laws.along(e, d, train.preload[e])
     if laws.kind[e] in OF_CONTACTS:  # it has no stiffness where it only just touches
         law = laws.contact_law(e)
-        stiffness = np.maximum(stiffness, law.slope(law.depth(HELD_N * force_unit(train))))
+        stiffness = np.maximum(stiffness, law.slope(law.depth(usual_margin(train))))
     if (
         laws.dissipation[e] > 0.0
     ):  # what the law damps is a load along this motion; where the program stands, it is exact

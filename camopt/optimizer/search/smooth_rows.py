@@ -15,7 +15,7 @@ from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
 from camopt.optimizer.program.force_rows import CLOSING, OPENING, PEAK, SEAT, SpeedRows, Window
 from camopt.optimizer.program.no_jump import NoJumpProgram
-from camopt.optimizer.program.phases import HELD_N, force_unit, static_angles
+from camopt.optimizer.program.phases import force_unit, static_angles, usual_margin
 from camopt.optimizer.program.program_cam import near, with_radii, with_switches
 from camopt.optimizer.search.region import ExactRows
 from camopt.scene.errors import NoCamFound
@@ -76,7 +76,7 @@ class SmoothRows(ExactRows):
                 break
         self._paths = settled and settled[1]
         program = self.about(program, share * z)
-        held = HELD_N * self._unit
+        held = usual_margin(program.train)
         return with_radii(with_switches(program, held), held), share * z
 
     def errors_at(self, program: NoJumpProgram, z: np.ndarray) -> np.ndarray:
