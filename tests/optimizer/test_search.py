@@ -10,6 +10,8 @@ import pytest
 from camopt import load_scene, optimize, polydyne
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.program.phases import force_unit
+from camopt.optimizer.program.program_cam import program_cam
+from camopt.optimizer.search import search as module
 from camopt.optimizer.search.cams import APART, USES_LESS, Search
 from camopt.optimizer.search.margins import AIM, FIRST_STEP_N, LARGEST_N, LEAST_STEP_N, FedBack
 from camopt.optimizer.search.search import FLOWN, _between, find_cam
@@ -73,6 +75,39 @@ def test_the_next_centre_lies_before_a_cam_whose_valve_does_not_seat(most, centr
 
 def test_the_centre_stays_where_no_cam_on_the_way_seats():
     assert _between(Fills(0.0), "before", np.array([0.0]), np.array([1.0])) == ("before", [0.0])
+
+
+class Seats:
+    """A search whose cams, one after the other, seat or do not; none of them holds."""
+
+    def __init__(self, seats):
+        self.seats, self.seen, self.steps, self.best, self.first = seats, [], 0, None, None
+
+    def evaluate(self, stage, free, z, area_ratio):
+        self.seen.append(SimpleNamespace(seats=self.seats[self.steps], judged=SimpleNamespace(used=2.0), lift=None))
+        self.steps += 1
+        return self.seen[-1]
+
+
+@pytest.mark.parametrize(
+    ("seats", "centres"), [((True, False, True), [0.0, 1.0, 1.25]), ((False, True, False), [0.0, 1.0, 2.0])]
+)
+def test_a_cam_whose_valve_does_not_seat_is_a_centre_only_before_others_seat(monkeypatch, seats, centres):
+    scene, met = load_scene("motori-1"), []
+    train, cam = build_train(scene), program_cam(scene.design, 6.0)
+    program = module.without_rows(train, scene.design, cam, [scene.cam_speed(5000.0)])
+
+    def stepped(source, program, z, region, margins, of_speeds):
+        met.append(z[0])
+        return SimpleNamespace(program=program, z=z + 1.0, area_ratio=1e3, margins=margins)
+
+    monkeypatch.setattr(module, "MOST_FIRST", len(seats))
+    monkeypatch.setattr(module, "stepped", stepped)
+    monkeypatch.setattr(module, "used_by_kind", lambda *of: np.zeros((3, 1)))
+    monkeypatch.setattr(module, "_between", lambda source, program, z, beyond: (program, z + 0.25 * (beyond - z)))
+    source = SimpleNamespace(about=lambda program, z: program)
+    module._programs(Seats(seats), source, program, np.zeros(cam.Z.shape[1]), 0)
+    assert met == centres
 
 
 @pytest.fixture(scope="module")
