@@ -34,10 +34,11 @@ LEVELS = 20
 
 @lru_cache(maxsize=KEPT_TRAINS)
 def force_unit(train: Train) -> float:
-    """What the forces of searches [N] are multiplied by in a train: its load on the seat over SEAT_LOAD_N, in steps of
-    half a power of ten, since only the order of magnitude matters."""
+    """What the forces of searches [N] are multiplied by in a train: its load on the seat over SEAT_LOAD_N, as 1, 3, 10
+    and so on, since only the order of magnitude matters."""
     load = float(static_forces(train, np.zeros(1))[0, train.seat]) if train.seat >= 0 else 0.0
-    return 10.0 ** (round(2.0 * np.log10(load / SEAT_LOAD_N)) / 2.0) if load > 0.0 else 1.0
+    powers, half = divmod(round(2.0 * np.log10(load / SEAT_LOAD_N)), 2) if load > 0.0 else (0, 0)
+    return 10.0**powers * (3.0 if half else 1.0)
 
 
 def usual_margin(train: Train) -> float:
