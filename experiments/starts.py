@@ -21,7 +21,7 @@ from camopt.optimizer.accuracy import ACCURACIES, Accuracy
 from camopt.optimizer.ascent.projection import ShapeLimits
 from camopt.optimizer.candidates import largest_confirmed
 from camopt.optimizer.program.program_cam import program_cam
-from camopt.optimizer.search.region import USUAL_ACCELERATION
+from camopt.optimizer.search.region import largest_acceleration
 from camopt.optimizer.search.search import find_cam
 from camopt.plots.style import new_figure, styled
 from camopt.scene import InputError, Scene, load_scene
@@ -102,8 +102,7 @@ def random_cam(scene: Scene, seed: int, effort: Accuracy) -> Lift:
     largest acceleration that the scene allows for their standard deviation."""
     design = scene.required_design
     cam = program_cam(design, effort.knot_deg)
-    most = design.acceleration_max_mm_per_deg2 or USUAL_ACCELERATION
-    drawn = np.random.default_rng(seed).normal(0.0, most, cam.Z.shape[1])
+    drawn = np.random.default_rng(seed).normal(0.0, largest_acceleration(design), cam.Z.shape[1])
     return cam.lift(ShapeLimits(cam, design).nearest(drawn))
 
 

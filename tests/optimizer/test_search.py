@@ -14,6 +14,7 @@ from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.search import search as module
 from camopt.optimizer.search.cams import APART, USES_LESS, Search
 from camopt.optimizer.search.margins import AIM, FIRST_STEP_N, LARGEST_N, LEAST_STEP_N, FedBack
+from camopt.optimizer.search.region import first_region, largest_acceleration
 from camopt.optimizer.search.search import FLOWN, _between, find_cam
 from camopt.scene.load import builtin_scenes
 from camopt.scene.train import build_train
@@ -186,6 +187,16 @@ def test_a_train_of_other_forces_has_the_same_cam(found):
     for start, source in (("calmest", "smooth"), ("exact", "exact")):
         other = find_cam(scene, "nominal", EFFORT, source)
         assert other.confirmed[-1].area_ratio == pytest.approx(found[start].confirmed[-1].area_ratio, abs=1e-4)
+
+
+def test_without_a_largest_acceleration_the_box_is_that_of_a_usual_one():
+    """At the lift and duration of kodama this is nearly the scene's own limit, and it follows both."""
+    given = load_scene("kodama").design
+    design = given.model_copy(update={"acceleration_max_mm_per_deg2": None})
+    assert largest_acceleration(given) == given.acceleration_max_mm_per_deg2
+    assert first_region(design).width == pytest.approx(first_region(given).width, rel=0.01)
+    wider = design.model_copy(update={"max_lift_mm": 3 * design.max_lift_mm, "duration_deg": 2 * design.duration_deg})
+    assert first_region(wider).width == pytest.approx(0.75 * first_region(design).width)
 
 
 def test_forces_of_the_built_in_trains_are_those_for_which_the_search_is_stated():

@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from camopt.optimizer.program.periodic import SAMPLE, CamSamples, PeriodicResponse, periodic_response
-from camopt.optimizer.program.phases import LIFTED, SEATED, Angles
+from camopt.optimizer.program.phases import HELD_N, LIFTED, SEATED, Angles
 from camopt.scene.design import Design
 from camopt.scene.errors import NoCamFound
 from camopt.scene.train import Train
@@ -51,9 +51,9 @@ class SpeedRows:
 class Margins:
     """Least contact forces [N] on the opening and the closing flank and at the seat, a number or one per speed."""
 
-    opening: float | np.ndarray = 20.0
-    closing: float | np.ndarray = 20.0
-    seat: float | np.ndarray = 20.0
+    opening: float | np.ndarray = HELD_N
+    closing: float | np.ndarray = HELD_N
+    seat: float | np.ndarray = HELD_N
 
     def table(self, speeds: int) -> np.ndarray:
         """Margins by kind and speed, shape (3, speeds)."""

@@ -90,10 +90,10 @@ def converge_tangents(program: NoJumpProgram, margin_N: float | None = None, qui
     """The program linearised about the motions of its own cam, and again about the next one, until its area converges.
 
     Before that come the angles at which the jerk changes its sign, for a design that limits how often it does, and the
-    cam near which the radii under a roller or pad are held. The margin on all contact forces, by default the
-    usual one, falls by as much as no cam can hold. With `quick` it ends once the tangents stand roughly, or once
-    NONE_HOLDS programs have shown that no cam holds the margin. A program whose train is linear is given back with
-    these. Raises NoCamHoldsContact where the limits on the shape allow no cam.
+    cam near which the radii under a roller or pad are held. The margin on all contact forces, by default the usual
+    one, falls by as much as no cam can hold. With `quick` it ends once the tangents stand roughly, or once NONE_HOLDS
+    programs have shown that no cam holds the margin. A program whose train is linear is given back with these. Raises
+    NoCamHoldsContact where the limits on the shape allow no cam.
     """
     margin_N = usual_margin(program.train) if margin_N is None else margin_N
     program = with_radii(with_switches(program, margin_N), margin_N)

@@ -78,10 +78,14 @@ class Region:
         self.width = float(np.clip(factor * self.width, NARROWEST * self.first, WIDEST * self.first))
 
 
+def largest_acceleration(design: Design) -> float:
+    """The largest acceleration of a design [mm/deg^2], or what is usual for its lift and duration."""
+    return design.acceleration_max_mm_per_deg2 or USUAL_TIMES * design.max_lift_mm / design.duration_deg**2
+
+
 def first_region(design: Design) -> Region:
     """The box to begin with."""
-    usual = USUAL_TIMES * design.max_lift_mm / design.duration_deg**2
-    return Region(FIRST * (design.acceleration_max_mm_per_deg2 or usual) / USUAL_ACCELERATION)
+    return Region(FIRST * largest_acceleration(design) / USUAL_ACCELERATION)
 
 
 def stepped(
