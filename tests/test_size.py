@@ -1,11 +1,13 @@
 """The size of the package may only shrink: `size.json` holds, by folder, the numbers that must not be exceeded.
 
 `python -m tests.test_size` lowers them to what is measured; with `--all` it also raises those that have to rise.
+`python -m tests.test_size --table FOLDER` prints what the package of another checkout has beside this one's.
 """
 
 import ast
 import json
 import sys
+import tokenize
 from collections import Counter, defaultdict
 from functools import cache
 from pathlib import Path
@@ -130,6 +132,79 @@ def measured() -> dict[str, dict[str, int]]:
     return {"lines": dict(lines)} | counts
 
 
+def code_lines(path: Path) -> int:
+    """Lines that hold more than a comment or a docstring."""
+    text = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
+    docstrings = {
+        line
+        for node in ast.walk(trees()[path])
+        if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant) and isinstance(node.value.value, str)
+        for line in range(node.lineno, (node.end_lineno or node.lineno) + 1)
+    }
+    with path.open("rb") as file:
+        used = [range(t.start[0], t.end[0] + 1) for t in tokenize.tokenize(file.readline) if t.type not in text]
+    return len({line for lines in used[1:] for line in lines} - docstrings)
+
+
+def is_record(node: ast.ClassDef) -> bool:
+    """A dataclass, a named tuple or a model of pydantic."""
+    decorators = [name_of(d.func if isinstance(d, ast.Call) else d) for d in node.decorator_list]
+    return "dataclass" in decorators or bool({"NamedTuple", "BaseModel"} & {name_of(base) for base in node.bases})
+
+
+def functions_mentioned_once(functions: list[ast.FunctionDef]) -> int:
+    """Functions whose name stands in one further place of the package."""
+    mentioned = Counter(
+        name_of(node)
+        for tree in trees().values()
+        for node in ast.walk(tree)
+        if isinstance(node, ast.Name | ast.Attribute | ast.alias)
+    )
+    return sum(mentioned[function.name] == 1 for function in functions)
+
+
+def house() -> dict[str, int]:
+    """What the package has in all, and the lines of its folders."""
+    nodes = [node for tree in trees().values() for node in ast.walk(tree)]
+    classes = [node for node in nodes if isinstance(node, ast.ClassDef)]
+    functions = [node for node in nodes if isinstance(node, ast.FunctionDef)]
+    names = [
+        name_of(target)
+        for tree in trees().values()
+        for statement in tree.body
+        if isinstance(statement, ast.Assign | ast.AnnAssign)
+        for target in (statement.targets if isinstance(statement, ast.Assign) else [statement.target])
+    ]
+    lines = Counter()
+    for path in trees():
+        lines[folder(path)] += line_count(path)
+    return {
+        "lines": lines.total(),
+        "code lines": sum(map(code_lines, trees())),
+        "files": len(trees()),
+        "files under ten lines": sum(map(len, small_files().values())),
+        "classes": len(classes),
+        "records": sum(map(is_record, classes)),
+        "functions": len(functions),
+        "functions mentioned once": functions_mentioned_once(functions),
+        "modules with one importer": sum(map(len, modules_with_one_importer().values())),
+        "constants": sum(name.isupper() for name in names),
+    } | {f"lines of {name}": lines[name] for name in sorted(lines)}
+
+
+def of_checkout(root: Path) -> dict[str, int]:
+    """The same of another checkout."""
+    global PACKAGE, ROOT
+    here = PACKAGE, ROOT
+    PACKAGE, ROOT = root / "camopt", root
+    trees.cache_clear()
+    try:
+        return house()
+    finally:
+        PACKAGE, ROOT = here
+        trees.cache_clear()
+
+
 def allowed() -> dict[str, dict[str, int]]:
     return json.loads(TABLE.read_text(encoding="utf-8"))
 
@@ -162,6 +237,21 @@ def test_renewing_raises_no_number():
     assert lowered({"lines": {"cam": 5}}, {"lines": {"cam": 4}}) == {"lines": {"cam": 4}}
 
 
+def test_the_house_of_another_checkout_is_counted(tmp_path):
+    package = tmp_path / "camopt" / "cam"
+    package.mkdir(parents=True)
+    (package / "one.py").write_text(
+        '''"""Text."""\n\nfrom dataclasses import dataclass\n\nLENGTH = 1\n"""More."""\nwide = 2\n\n\n@dataclass\n'''
+        "class Part:\n    size: int  # of it\n\n    # a comment\n    def twice(self):\n        return 2 * self.size\n"
+    )
+    (package / "two.py").write_text("from camopt.cam.one import Part\n\nPart(1).twice()\n")
+    counts = of_checkout(tmp_path)
+    wanted = {"lines": 19, "code lines": 10, "files": 2, "files under ten lines": 1, "classes": 1, "records": 1}
+    wanted |= {"functions": 1, "functions mentioned once": 1, "modules with one importer": 1, "constants": 1}
+    assert counts == wanted | {"lines of cam": 19}
+    assert PACKAGE == Path(camopt.__file__).parent
+
+
 def test_a_small_file_a_lone_class_and_a_lone_importer_are_noticed(tmp_path, monkeypatch):
     package = tmp_path / "camopt" / "cam"
     package.mkdir(parents=True)
@@ -179,7 +269,16 @@ def test_a_small_file_a_lone_class_and_a_lone_importer_are_noticed(tmp_path, mon
         trees.cache_clear()
 
 
-if __name__ == "__main__":
-    before = {} if "--all" in sys.argv else allowed()
+def main(words: list[str]) -> None:
+    if words[:1] == ["--table"]:
+        before, after = of_checkout(Path(words[1]).resolve()), house()
+        for name in before | after:
+            print(f"{name:<28}{before.get(name, 0):>8,}{after.get(name, 0):>8,}")
+        return
+    before = {} if "--all" in words else allowed()
     TABLE.write_text(json.dumps(lowered(before, measured()), indent=2) + "\n", encoding="utf-8")
     print(f"{TABLE.name} is renewed")
+
+
+if __name__ == "__main__":
+    main(sys.argv[1:])
