@@ -13,7 +13,7 @@ from camopt.optimizer.program.phases import force_unit
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.search import search as module
 from camopt.optimizer.search.cams import APART, USES_LESS, Search
-from camopt.optimizer.search.margins import AIM, FIRST_STEP_N, LARGEST_N, LEAST_STEP_N, FedBack
+from camopt.optimizer.search.margins import AIM, FIRST_STEP_N, IDLE, IDLE_ROUNDS, LARGEST_N, LEAST_STEP_N, FedBack
 from camopt.optimizer.search.region import first_region, largest_acceleration
 from camopt.optimizer.search.search import FLOWN, _between, find_cam
 from camopt.scene.load import builtin_scenes
@@ -36,6 +36,18 @@ def test_a_step_is_halved_where_its_sign_changes_and_tension_has_an_end():
     for _ in range(300):
         fed.follow(np.zeros((3, 1)))
     assert fed.margins.min() == -LARGEST_N
+
+
+def test_the_unit_of_the_margins_doubles_while_motions_are_far_from_every_limit():
+    fed, far = FedBack(np.zeros((3, 2)), 1.0), np.array([[0.0, 0.9 * IDLE], [0.0, 0.0], [0.0, 0.0]])
+    grown = [fed.follow(far) for _ in range(5)]
+    assert grown == [False, False, False, True, True] and fed.unit == 4.0
+    assert fed.margins[0, 0] == pytest.approx(-FIRST_STEP_N * (1 + 1 + 1 + 2 + 4))
+    assert not fed.follow(np.where(far > 0, 1.1 * IDLE, 0.0))
+    assert [fed.follow(far) for _ in range(4)] == [False, False, False, True]
+    for _ in range(300):
+        fed.follow(far)
+    assert fed.unit == 8.0 * 2 ** (len(IDLE_ROUNDS) - 1) and fed.margins.min() == -LARGEST_N * fed.unit
 
 
 def test_margins_go_half_way_back_and_step_less():

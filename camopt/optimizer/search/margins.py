@@ -30,6 +30,9 @@ ALIKE = 0.045
 FIRST_STEP_N, LEAST_STEP_N, LARGEST_STEP_N = 6.0, 0.5, 20.0
 GROWTH = 1.5
 """Growth of a step while the motion still breaks a limit after the last one."""
+IDLE, IDLE_ROUNDS = 0.5 * AIM, range(4, 14)
+"""Share of its limits below which a motion is far from all of them, and with which such motions in a row the unit
+doubles: the load on the seat does not say how large the forces of inertia are."""
 LARGEST_N = 80.0
 """Tension [N] that a margin may allow: where a limit is far, more of it would only change what is not limited."""
 MOST_ERROR = 1.5
@@ -56,19 +59,24 @@ class FedBack:
     unit: float
     step: np.ndarray = field(init=False)
     sign: np.ndarray = field(init=False)
+    idle: int = 0
 
     def __post_init__(self) -> None:
         self.step = np.full(self.margins.shape, FIRST_STEP_N)
         self.sign = np.zeros(self.margins.shape)
 
-    def follow(self, used: np.ndarray) -> None:
-        """Moves the margins by what the motion used (3, s) of its limits."""
+    def follow(self, used: np.ndarray) -> bool:
+        """Moves the margins by what the motion used (3, s) of its limits, and says whether the unit has grown."""
+        self.idle = self.idle + 1 if 0.0 < used.max() < IDLE else 0  # zero where nothing is limited
+        grows = self.idle in IDLE_ROUNDS
+        self.unit *= 2.0 if grows else 1.0
         error = np.clip((used - AIM) / AIM, -1.0, MOST_ERROR)
         sign = np.sign(error)
         turned, short = self.sign * sign < 0, (self.sign > 0) & (used > 1.0)
         factor = np.where(turned, 0.5, np.where(short, GROWTH, 1.0))
         self.step, self.sign = np.clip(self.step * factor, LEAST_STEP_N, LARGEST_STEP_N), sign
         self.margins = np.maximum(self.margins + self.unit * self.step * error, -self.unit * LARGEST_N)
+        return grows
 
     def go_back(self, held: np.ndarray) -> None:
         """Moves the margins half way back to those of a cam that holds (3, s) [N], and halves the steps."""

@@ -134,7 +134,7 @@ def _programs(search: Search, source: ExactRows, program: NoJumpProgram, z: np.n
     margins are fed back the largest one, since there the motion breaks its limits first. A cam whose valve does not
     seat is the centre of no program where others did; on the way to the limits the next centre lies between. Where a
     motion flies off although its valve seats, by margins that may have fallen at other speeds than its own, all of them
-    go half way back to those of the largest cam that holds.
+    go half way back to those of the largest cam that holds. Rows are taken anew, too, where the margins' unit grows.
     """
     row, constant = area_ratio_row(program.design, program.cam)
     region, unit = first_region(program.design), force_unit(program.train)
@@ -158,7 +158,8 @@ def _programs(search: Search, source: ExactRows, program: NoJumpProgram, z: np.n
         if settled and search.best and FLOWN < tried.judged.used < np.inf:
             fed.go_back(held)
         elif settled:
-            fed.follow(used_by_kind(program.train, tried.lift, tried.judged, program.speeds))
+            used = used_by_kind(program.train, tried.lift, tried.judged, program.speeds)
+            due |= fed.follow(used)
         if seats:
             z = found.z
             program = source.about(found.program, z) if due else found.program
