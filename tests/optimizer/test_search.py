@@ -169,6 +169,22 @@ def test_places_that_are_left_go_to_cams_that_differ_in_area():
     assert [cam.area_ratio for cam in search.confirmed] == [0.598, 0.599, 0.6]
 
 
+@pytest.mark.parametrize(("holds", "offered"), [(True, [0.52, 0.56, 0.58, 0.59, 0.6]), (False, [0.52, 0.6])])
+def test_places_that_are_left_go_to_cams_between_those_that_differ_much(holds, offered):
+    class Halfway(Search):
+        def evaluate(self, stage, free, z, area_ratio):
+            assert free == "free" and area_ratio == pytest.approx(0.5 + z)
+            return SimpleNamespace(
+                free=free, z=z, area_ratio=area_ratio, judged=SimpleNamespace(used=0.5 + (not holds))
+            )
+
+    used = SimpleNamespace(used=0.8)
+    cams = [SimpleNamespace(free="free", z=area - 0.5, area_ratio=area, judged=used) for area in (0.52, 0.6)]
+    search = Halfway(None, None, None, None, "calmest", seen=cams)
+    search.confirm()
+    assert [cam.area_ratio for cam in search.confirmed] == pytest.approx(offered)
+
+
 def test_slopes_are_kept_where_they_foretell_the_forces(found):
     assert found["calmest"].source.jacobians < found["calmest"].steps
 

@@ -2,6 +2,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from itertools import pairwise
 
 import numpy as np
 
@@ -19,6 +20,8 @@ CANDIDATES = 5
 USES_LESS, APART = 0.02, 5e-4
 """By how much less of its limits each of the cams that are offered to the verdict uses than the larger one, and by how
 much those that use no less differ in area ratio."""
+FAR_APART = 1e-2
+"""Difference of area ratio between two cams that are offered, where places are left, from which one between them is."""
 BETWEEN_SHARE = 0.9
 """Part of every limit on the motion that a cam may use between the speeds at which it was searched."""
 RESOLUTION = 5e-5
@@ -116,7 +119,8 @@ class Search:
     def confirm(self) -> None:
         """Offers cams that hold to the verdict, the largest first, and of smaller ones those that use less of their
         limits: where the verdict refuses a cam, one that is hardly another would be refused too. In the last place, and
-        in those that are left, stand the largest of the others that differ in area."""
+        in those that are left, stand the largest of the others that differ in area, and then cams between those that
+        differ much."""
         by_area = sorted(self.seen, key=lambda tried: -tried.area_ratio)
         holding = [tried for tried in by_area if tried.judged.used <= BETWEEN_SHARE]
         offered: list[Tried] = []
@@ -131,3 +135,14 @@ class Search:
         if not holding:  # no cam that holds is refused for a reserve
             offered = [tried for tried in by_area if tried.judged.share.max(initial=0.0) <= 1.0][:CANDIDATES]
         self.confirmed = sorted(offered, key=lambda tried: tried.area_ratio)
+        while len(self.confirmed) < CANDIDATES:
+            pairs = list(pairwise(self.confirmed))
+            wide = [pair for pair in pairs if pair[1].area_ratio - pair[0].area_ratio > FAR_APART]
+            if not wide:
+                return
+            smaller, larger = wide[-1]
+            area_ratio = 0.5 * (smaller.area_ratio + larger.area_ratio)
+            tried = self.evaluate("between two cams", larger.free, 0.5 * (smaller.z + larger.z), area_ratio)
+            if tried.judged.used > BETWEEN_SHARE:
+                return
+            self.confirmed = sorted([*self.confirmed, tried], key=lambda tried: tried.area_ratio)
