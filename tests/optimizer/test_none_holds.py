@@ -1,5 +1,6 @@
 """What is said where no cam is confirmed: the limit at fault, the nearest cam, and what the program holds at most."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 
 import numpy as np
@@ -34,6 +35,12 @@ def test_the_limit_at_fault_the_nearest_cam_and_the_speed_up_to_which_it_holds()
     said = why_none_holds([judged([0.01, 0.2, 0.3]), judged([0.01, 0.02, 0.07])], program(np.inf))
     assert "bounce_mm of 0.07 at 7600 r/min against bounce_max_mm = 0.05" in said
     assert "holds every limit up to 6000 r/min" in said and "while closed" not in said
+
+
+def test_the_value_is_that_of_the_speed_beside_it_which_breaks_the_limit():
+    beside = replace(judged([0.01, 0.02, 0.03]), share=np.array([[0.2, 1.8, 0.6]]))
+    said = why_none_holds([beside], program(np.inf))
+    assert "bounce_mm of 0.09 at 6000 r/min against bounce_max_mm = 0.05" in said
 
 
 @pytest.mark.parametrize(("holds_N", "says"), [(120.0, True), (np.inf, False)])

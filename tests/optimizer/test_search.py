@@ -12,7 +12,7 @@ from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.program.phases import force_unit
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.search import search as module
-from camopt.optimizer.search.cams import APART, USES_LESS, Search
+from camopt.optimizer.search.cams import APART, BETWEEN_SHARE, USES_LESS, Search
 from camopt.optimizer.search.margins import AIM, FIRST_STEP_N, IDLE, IDLE_ROUNDS, LARGEST_N, LEAST_STEP_N, FedBack
 from camopt.optimizer.search.region import first_region, largest_acceleration
 from camopt.optimizer.search.search import FLOWN, _between, find_cam
@@ -151,10 +151,24 @@ def test_confirmed_cams_grow_and_the_smaller_ones_use_less_or_differ_in_area(fou
             assert uses_less or larger.area_ratio - smaller.area_ratio >= APART
 
 
-def test_a_cam_that_holds_is_offered_although_a_larger_one_was_found_before_it():
-    def tried(area_ratio, used):
-        return SimpleNamespace(area_ratio=area_ratio, judged=SimpleNamespace(used=used))
+def test_where_no_program_has_a_cam_that_holds_one_between_them_and_the_first_may(monkeypatch):
+    def programs(search, source, program, z, rounds):
+        far = program.solve_below(np.full((3, len(program.blocks)), -1e3))
+        search.first = search.evaluate("path constraints", far.program.cam, far.z, far.area_ratio)
 
+    monkeypatch.setattr(module, "_programs", programs)
+    search = find_cam(load_scene("motori-1"), "nominal", EFFORT, "exact")
+    far, first = search.seen[:2]
+    assert far.judged.used > 1.0 and first.judged.used <= BETWEEN_SHARE
+    assert first.area_ratio < search.confirmed[-1].area_ratio < far.area_ratio
+
+
+def tried(area_ratio, used, share=None, **further):
+    share = np.array([used if share is None else share])
+    return SimpleNamespace(area_ratio=area_ratio, judged=SimpleNamespace(used=used, share=share), **further)
+
+
+def test_a_cam_that_holds_is_offered_although_a_larger_one_was_found_before_it():
     cams = (0.60, 0.85), (0.59, 0.5), (0.58, 0.49), (0.61, 1.2), (0.57, 0.4), (0.55, 0.3), (0.54, 0.2)
     largest, unlike, alike, broken, small, smaller, smallest = (tried(*cam) for cam in cams)
     search = Search(None, None, None, None, "calmest", seen=[largest, unlike, alike, broken, small, smaller, smallest])
@@ -163,26 +177,41 @@ def test_a_cam_that_holds_is_offered_although_a_larger_one_was_found_before_it()
 
 
 def test_places_that_are_left_go_to_cams_that_differ_in_area():
-    cams = [SimpleNamespace(area_ratio=area, judged=SimpleNamespace(used=0.8)) for area in (0.6, 0.5996, 0.599, 0.598)]
+    cams = [tried(area, 0.8) for area in (0.6, 0.5996, 0.599, 0.598)]
     search = Search(None, None, None, None, "calmest", seen=cams)
     search.confirm()
     assert [cam.area_ratio for cam in search.confirmed] == [0.598, 0.599, 0.6]
 
 
-@pytest.mark.parametrize(("holds", "offered"), [(True, [0.52, 0.56, 0.58, 0.59, 0.6]), (False, [0.52, 0.6])])
-def test_places_that_are_left_go_to_cams_between_those_that_differ_much(holds, offered):
-    class Halfway(Search):
-        def evaluate(self, stage, free, z, area_ratio):
-            assert free == "free" and area_ratio == pytest.approx(0.5 + z)
-            return SimpleNamespace(
-                free=free, z=z, area_ratio=area_ratio, judged=SimpleNamespace(used=0.5 + (not holds))
-            )
+class Halfway(Search):
+    """A search whose cams between others hold, or do not."""
 
-    used = SimpleNamespace(used=0.8)
-    cams = [SimpleNamespace(free="free", z=area - 0.5, area_ratio=area, judged=used) for area in (0.52, 0.6)]
-    search = Halfway(None, None, None, None, "calmest", seen=cams)
+    holds = True
+
+    def evaluate(self, stage, free, z, area_ratio):
+        assert free == "free" and area_ratio == pytest.approx(z)
+        return tried(area_ratio, 0.5 if self.holds else 1.5, free=free, z=z)
+
+
+def offered(cams, holds):
+    seen = [tried(area, used, share, free="free", z=area) for area, used, share in cams]
+    search = Halfway(None, None, None, None, "calmest", seen=seen)
+    search.holds = holds
     search.confirm()
-    assert [cam.area_ratio for cam in search.confirmed] == pytest.approx(offered)
+    return [cam.area_ratio for cam in search.confirmed]
+
+
+def test_places_that_are_left_go_to_cams_between_those_that_differ_much():
+    cams = [(0.52, 0.8, 0.8), (0.6, 0.8, 0.8)]
+    assert offered(cams, holds=True) == pytest.approx([0.52, 0.56, 0.58, 0.59, 0.6])
+    assert offered(cams, holds=False) == [0.52, 0.6]
+
+
+def test_a_much_larger_cam_that_holds_without_a_reserve_is_offered():
+    cams = [(0.6, 0.8, 0.8), (0.599, 0.8, 0.8)]
+    assert offered([*cams, (0.62, 1.2, 0.95)], holds=False) == [0.599, 0.6, 0.62]
+    assert offered([*cams, (0.62, 1.2, 1.1)], holds=False) == [0.599, 0.6]
+    assert offered([*cams, (0.605, 1.2, 0.95)], holds=False) == [0.599, 0.6]
 
 
 def test_slopes_are_kept_where_they_foretell_the_forces(found):

@@ -120,7 +120,7 @@ class Search:
         """Offers cams that hold to the verdict, the largest first, and of smaller ones those that use less of their
         limits: where the verdict refuses a cam, one that is hardly another would be refused too. In the last place, and
         in those that are left, stand the largest of the others that differ in area, and then cams between those that
-        differ much."""
+        differ much. A much larger cam that holds without a reserve is offered first."""
         by_area = sorted(self.seen, key=lambda tried: -tried.area_ratio)
         holding = [tried for tried in by_area if tried.judged.used <= BETWEEN_SHARE]
         offered: list[Tried] = []
@@ -132,8 +132,11 @@ class Search:
             apart = min(abs(tried.area_ratio - other.area_ratio) for other in offered)
             if apart >= APART and len(offered) < CANDIDATES:
                 offered.append(tried)
+        unreserved = [tried for tried in by_area if tried.judged.share.max(initial=0.0) <= 1.0]
         if not holding:  # no cam that holds is refused for a reserve
-            offered = [tried for tried in by_area if tried.judged.share.max(initial=0.0) <= 1.0][:CANDIDATES]
+            offered = unreserved[:CANDIDATES]
+        elif unreserved[0].area_ratio > holding[0].area_ratio + FAR_APART:
+            offered = [unreserved[0], *offered][:CANDIDATES]
         self.confirmed = sorted(offered, key=lambda tried: tried.area_ratio)
         while len(self.confirmed) < CANDIDATES:
             pairs = list(pairwise(self.confirmed))

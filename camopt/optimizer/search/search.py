@@ -14,7 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
-from camopt.measure.limits import MOTION_LIMITS
+from camopt.measure.limits import MOTION_LIMITS, MotionLimit
 from camopt.optimizer.accuracy import Accuracy, design_speeds
 from camopt.optimizer.ascent.projection import ShapeLimits
 from camopt.optimizer.program.force_rows import Margins, SpeedRows, Window
@@ -101,6 +101,9 @@ def find_cam(
         nearest = limits.nearest_to(start) if start else limits.nearest(np.zeros(cam.Z.shape[1]))
         program, z = source.first(program, nearest)
         _programs(search, source, program, z, 0 if gradient == "none" else effort.feedback_rounds)
+        if search.best is None:  # cams between the first one and those of the programs may hold
+            row, constant = area_ratio_row(design, cam)
+            search.evaluate("start", cam, z, float(row @ z + constant))
         _blend(search)
         search.confirm()
     if not search.confirmed:
@@ -212,6 +215,9 @@ def why_none_holds(judged: Sequence[Judged], program: NoJumpProgram) -> str:
     metric = nearest.limited[row]
     key = next(key for key, limited in MOTION_LIMITS.items() if limited == metric)
     value, speed = nearest.figures[metric][column], nearest.speeds_rpm[column]
+    limit = MotionLimit(metric, nearest.limit[row])
+    if np.isfinite(value):  # the share may be that of a speed beside it
+        value += (nearest.share[row, column] - limit.share(value)) / limit.share_slope
     reached = f"{metric} of {value:.3g}" if np.isfinite(value) else f"no {metric}"
     said = (
         f"no cam of the no-jump program holds the scene's limits on the motion at the judged speeds: the nearest one "
