@@ -191,11 +191,11 @@ def test_the_marine_scene_gets_a_cam(tmp_path):
 
 
 def search_of(*cams):
-    """A search that has judged cams of these areas, which use so much of the limit on the bounce."""
+    """A search that has judged cams of these areas, which use so much of the limit on the bounce; no others hold."""
     answers = {area: used for area, used in cams}
 
     def judge(lift):
-        share = np.array([[answers[lift.area_ratio]]])
+        share = np.array([[answers.get(lift.area_ratio, 2.0)]])
         figures = {"bounce_mm": share[0] * 0.05}
         return Judged(
             np.array([7000.0]), figures, ("bounce_mm",), np.array([0.05]), share, np.zeros((1, 2)), np.ones(1)

@@ -193,11 +193,11 @@ class Halfway(Search):
         return tried(area_ratio, 0.5 if self.holds else 1.5, free=free, z=z)
 
 
-def offered(cams, holds):
+def offered(cams, holds, none_holds=False):
     seen = [tried(area, used, share, free="free", z=area) for area, used, share in cams]
     search = Halfway(None, None, None, None, "calmest", seen=seen)
     search.holds = holds
-    search.confirm()
+    search.confirm(none_holds)
     return [cam.area_ratio for cam in search.confirmed]
 
 
@@ -207,11 +207,11 @@ def test_places_that_are_left_go_to_cams_between_those_that_differ_much():
     assert offered(cams, holds=False) == [0.52, 0.6]
 
 
-def test_a_much_larger_cam_that_holds_without_a_reserve_is_offered():
-    cams = [(0.6, 0.8, 0.8), (0.599, 0.8, 0.8)]
-    assert offered([*cams, (0.62, 1.2, 0.95)], holds=False) == [0.599, 0.6, 0.62]
-    assert offered([*cams, (0.62, 1.2, 1.1)], holds=False) == [0.599, 0.6]
-    assert offered([*cams, (0.605, 1.2, 0.95)], holds=False) == [0.599, 0.6]
+def test_the_largest_cam_without_a_reserve_is_offered_where_none_of_the_programs_has_one():
+    cams = [(0.6, 0.8, 0.8), (0.599, 0.8, 0.8), (0.62, 1.2, 0.95), (0.63, 1.2, 1.1)]
+    assert offered(cams, holds=False, none_holds=True) == [0.599, 0.6, 0.62]
+    assert offered(cams, holds=False) == [0.599, 0.6]
+    assert offered(cams[:2], holds=False, none_holds=True) == [0.599, 0.6]
 
 
 def test_slopes_are_kept_where_they_foretell_the_forces(found):

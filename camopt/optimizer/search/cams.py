@@ -116,11 +116,12 @@ class Search:
         self.show(line)
         return tried
 
-    def confirm(self) -> None:
+    def confirm(self, none_holds: bool = False) -> None:
         """Offers cams that hold to the verdict, the largest first, and of smaller ones those that use less of their
         limits: where the verdict refuses a cam, one that is hardly another would be refused too. In the last place, and
         in those that are left, stand the largest of the others that differ in area, and then cams between those that
-        differ much. A much larger cam that holds without a reserve is offered first."""
+        differ much. Where of the programs' cams `none_holds` the largest that does without a reserve is offered first.
+        """
         by_area = sorted(self.seen, key=lambda tried: -tried.area_ratio)
         holding = [tried for tried in by_area if tried.judged.used <= BETWEEN_SHARE]
         offered: list[Tried] = []
@@ -135,7 +136,7 @@ class Search:
         unreserved = [tried for tried in by_area if tried.judged.share.max(initial=0.0) <= 1.0]
         if not holding:  # no cam that holds is refused for a reserve
             offered = unreserved[:CANDIDATES]
-        elif unreserved[0].area_ratio > holding[0].area_ratio + FAR_APART:
+        elif none_holds and unreserved[0] not in offered:
             offered = [unreserved[0], *offered][:CANDIDATES]
         self.confirmed = sorted(offered, key=lambda tried: tried.area_ratio)
         while len(self.confirmed) < CANDIDATES:

@@ -101,11 +101,11 @@ def find_cam(
         nearest = limits.nearest_to(start) if start else limits.nearest(np.zeros(cam.Z.shape[1]))
         program, z = source.first(program, nearest)
         _programs(search, source, program, z, 0 if gradient == "none" else effort.feedback_rounds)
-        if search.best is None:  # cams between the first one and those of the programs may hold
+        if none_holds := search.best is None:  # cams between the first one and those of the programs may
             row, constant = area_ratio_row(design, cam)
             search.evaluate("start", cam, z, float(row @ z + constant))
         _blend(search)
-        search.confirm()
+        search.confirm(none_holds)
     if not search.confirmed:
         raise NoCamFound(why_none_holds([tried.judged for tried in search.seen], program))
     return search
