@@ -120,12 +120,17 @@ OFFENDERS = {
 }
 
 
+def lines_by_folder() -> Counter[str]:
+    lines: Counter[str] = Counter()
+    for path in trees():
+        lines[folder(path)] += line_count(path)
+    return lines
+
+
 @cache
 def measured() -> dict[str, dict[str, int]]:
     """Every number by what it counts and by folder."""
-    lines = Counter()
-    for path in trees():
-        lines[folder(path)] += line_count(path)
+    lines = lines_by_folder()
     for name in ALSO_COUNTED:
         lines[name] = sum(line_count(p) for p in (ROOT / name).rglob("*.py") if GENERATED not in p.parents)
     counts = {kind: {f: len(names) for f, names in found().items()} for kind, found in OFFENDERS.items()}
@@ -175,9 +180,7 @@ def house() -> dict[str, int]:
         if isinstance(statement, ast.Assign | ast.AnnAssign)
         for target in (statement.targets if isinstance(statement, ast.Assign) else [statement.target])
     ]
-    lines = Counter()
-    for path in trees():
-        lines[folder(path)] += line_count(path)
+    lines = lines_by_folder()
     return {
         "lines": lines.total(),
         "code lines": sum(map(code_lines, trees())),

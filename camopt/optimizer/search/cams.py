@@ -116,6 +116,12 @@ class Search:
         self.show(line)
         return tried
 
+    def between(self, smaller: Tried, larger: Tried, share: float) -> Tried:
+        """The cam at this share of the way between two, which the limits on the shape let through as they do both."""
+        z = (1 - share) * smaller.z + share * larger.z
+        area_ratio = (1 - share) * smaller.area_ratio + share * larger.area_ratio
+        return self.evaluate("between two cams", larger.free, z, area_ratio)
+
     def confirm(self, none_holds: bool = False) -> None:
         """Offers cams that hold to the verdict, the largest first, and of smaller ones those that use less of their
         limits: where the verdict refuses a cam, one that is hardly another would be refused too. In the last place, and
@@ -144,9 +150,7 @@ class Search:
             wide = [pair for pair in pairs if pair[1].area_ratio - pair[0].area_ratio > FAR_APART]
             if not wide:
                 return
-            smaller, larger = wide[-1]
-            area_ratio = 0.5 * (smaller.area_ratio + larger.area_ratio)
-            tried = self.evaluate("between two cams", larger.free, 0.5 * (smaller.z + larger.z), area_ratio)
+            tried = self.between(*wide[-1], 0.5)
             if tried.judged.used > BETWEEN_SHARE:
                 return
             self.confirmed = sorted([*self.confirmed, tried], key=lambda tried: tried.area_ratio)

@@ -201,10 +201,8 @@ def _blend(search: Search) -> None:
 
     beyond, low, high = max(search.seen, key=promised), 0.0, 1.0
     for _ in range(BLENDS if beyond.area_ratio > best.area_ratio + RESOLUTION else 0):
-        share = 0.5 * (low + high)  # the limits on the shape let a cam through that lies between two
-        z = (1 - share) * best.z + share * beyond.z
-        area_ratio = (1 - share) * best.area_ratio + share * beyond.area_ratio
-        tried = search.evaluate("between two cams", beyond.free, z, area_ratio)
+        share = 0.5 * (low + high)
+        tried = search.between(best, beyond, share)
         low, high = (share, high) if search.best is tried else (low, share)
 
 
