@@ -8,8 +8,21 @@ from camopt.cam.families.free import free_cam
 from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import no_jump_program
-from camopt.optimizer.search.judge import CRITICAL, IRREGULAR, WATCHED_SHARE, Judge, next_starts, with_speeds_between
+from camopt.optimizer.search.judge import (
+    CRITICAL,
+    IRREGULAR,
+    SETTLES,
+    SETTLES_SLOWLY,
+    WATCHED_SHARE,
+    Judge,
+    most_to_settle,
+    next_starts,
+    with_speeds_between,
+)
+from camopt.optimizer.search.margins import used_by_kind
 from camopt.scene import build_train, load_scene
+from camopt.scene.settled import FADED, PLAIN_REVOLUTIONS
+from camopt.scene.vibration import slowest_rate
 
 SCENE = load_scene("motori-1")
 CAM = free_cam(SCENE.design, 6.0)
@@ -60,3 +73,26 @@ def test_a_motion_that_broke_a_limit_or_was_refused_begins_anew():
     states, anew = np.array([[1.0, 2.0], [3.0, 4.0], [np.nan, np.nan]]), np.zeros(2)
     np.testing.assert_array_equal(next_starts(states, np.array([[1.0, 1.1, 0.0]]), anew), [[1.0, 2.0], anew, anew])
     np.testing.assert_array_equal(next_starts(states, np.zeros((0, 3)), anew), [*states[:2], anew])
+
+
+def test_what_a_wandering_motion_uses_counts_for_the_margins_as_it_does_for_the_cam():
+    train, speeds = build_train(SCENE), np.array([SCENE.cam_speed(s) for s in SPEEDS])
+    judged = Judge(SCENE, SPEEDS)(HELD)
+    wandering = replace(judged, spread=np.full(len(SPEEDS), IRREGULAR))
+    plain, with_room = (used_by_kind(train, HELD, one, speeds) for one in (judged, wandering))
+    assert 0.0 < judged.used == plain.max() and with_room.max() == wandering.used <= 1.0
+    np.testing.assert_allclose(with_room, IRREGULAR * plain, rtol=1e-12)
+
+
+def test_a_motion_whose_slowest_mode_fades_slowly_may_take_longer_to_settle():
+    train = build_train(SCENE)
+
+    def most(revolutions):
+        """At the cam speed at which the slowest mode fades in so many."""
+        return most_to_settle(train, slowest_rate(train) * 2 * np.pi * revolutions / FADED)
+
+    assert most(PLAIN_REVOLUTIONS - 0.5) == SETTLES
+    assert most(PLAIN_REVOLUTIONS + 4.5) == PLAIN_REVOLUTIONS + 5
+    assert most(10 * SETTLES_SLOWLY) == SETTLES_SLOWLY
+    oil = build_train(load_scene("finger-hydraulic"))
+    assert most_to_settle(oil, 1e3) == PLAIN_REVOLUTIONS

@@ -1,5 +1,6 @@
 """The no-jump program: its linear motion against brute force and event-exact, its rows, prices and known areas."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -8,9 +9,10 @@ from scipy.integrate import solve_ivp
 
 from camopt.cam.families.free import free_cam
 from camopt.optimizer.program import periodic
-from camopt.optimizer.program.force_rows import OPENING, PEAK, SEAT, Box, Margins, Window
+from camopt.optimizer.program.force_rows import NEXT, OPENING, PEAK, SEAT, Box, Margins, SpeedRows, Window, averaged
 from camopt.optimizer.program.kinematic import (
     PEAK_STEP,
+    SHORT_OF_FORCE,
     area_ratio_row,
     kinematic_optimum,
     peak_angle,
@@ -276,3 +278,42 @@ def test_a_motion_that_never_opens_has_no_load_transfer():
 def test_switching_angles_must_ascend():
     with pytest.raises(ValueError, match="must ascend"):
         Angles(-1.4, -1.5, 1.4, 1.5)
+
+
+def test_forces_are_averaged_within_a_contact_and_not_over_the_angles_between_its_rows():
+    first, later = np.arange(4) * 0.5 * NEXT, np.arange(3) * 0.5 * NEXT + 10 * NEXT
+    angle = np.concatenate([first, first, [*first[:2], *later]])
+    kind = np.repeat([OPENING, PEAK, SEAT], [4, 4, 5])
+    element = np.repeat([0, 0, 1], [4, 4, 5])
+    force = np.array([0.0, 3.0, 0.0, 6.0, 0.0, 3.0, 0.0, 6.0, 9.0, 0.0, 1.0, 1.0, 1.0])
+    block = SpeedRows(100.0, Angles(-1.0, -1.0, 1.0, 1.0), np.outer(force, [1.0, -2.0]), force, kind, element, angle)
+    mean = [1.0, 1.0, 3.0, 4.0, 0.0, 3.0, 0.0, 6.0, 6.0, 3.0, 1.0, 1.0, 1.0]  # (2 * 0 + 3) / 3 at the first
+    of_means = averaged(block, 1)
+    np.testing.assert_allclose(of_means.offset, mean, atol=1e-12)
+    np.testing.assert_allclose(of_means.matrix, np.outer(mean, [1.0, -2.0]), atol=1e-12)
+    np.testing.assert_array_equal(block.offset, force)
+
+
+def test_where_forces_ring_with_what_no_cam_can_help_their_means_are_held():
+    """A force that no cam changes, of a period of two rows, stands on every contact force of every speed."""
+    plain = program()
+    rings = [np.where(b.kind == PEAK, 0.0, 3e3 * (-1.0) ** np.arange(len(b.kind))) for b in plain.blocks]
+    blocks = tuple(replace(b, offset=b.offset + ring) for b, ring in zip(plain.blocks, rings, strict=True))
+    ringing, margins = replace(plain, blocks=blocks), np.full((3, len(SPEEDS)), 20.0)
+    lower, means = ringing.solve_priced(margins, np.inf), ringing.solve_priced(margins, 5.0)
+    assert lower.program is ringing and lower.margins.max() < -1e3
+    assert means.program.blocks is blocks and means.program.averaged == 16
+    np.testing.assert_array_equal(means.margins, margins)
+    left = [held.offset - averaged(b, 16).offset for held, b in zip(means.program.held, plain.blocks, strict=True)]
+    np.testing.assert_allclose(np.abs(np.concatenate(left)), 3e3 / 33, rtol=1e-9)  # the mean of 33 that alternate
+    assert plain.solve_priced(margins, 5.0).program is plain
+
+
+def test_margins_that_no_cam_keeps_fall_by_what_is_worth_its_cost():
+    """The cam that comes nearest to them has less area than one that misses a little more."""
+    margins = np.full((3, len(SPEEDS)), 200.0)
+    least, priced = program().solve_below(margins), program().solve_priced(margins, np.inf)
+    fallen = least.margins.min() - priced.margins.min()
+    assert fallen > 0.0 and priced.area_ratio - least.area_ratio > SHORT_OF_FORCE * fallen
+    further = program().solve(Margins(*(priced.margins - 1.0)))
+    assert further.area_ratio - priced.area_ratio < SHORT_OF_FORCE

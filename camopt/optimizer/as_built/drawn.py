@@ -128,12 +128,10 @@ class TrainEnsemble:
             list(pool.map(lambda t: self._one(lift, int(t), np.flatnonzero(wanted[t])), rows))
 
     def _one(self, lift: Lift, t: int, at: np.ndarray) -> None:
-        one, starts = self.trains[t], self.states[t, at]
-        how = {"decay": np.inf, "most": most_to_settle(one.train), "measured": MEASURES}
+        one, starts, speeds = self.trains[t], self.states[t, at], self.speeds(t)[at]
+        how = {"decay": np.inf, "most": most_to_settle(one.train, speeds.max()), "measured": MEASURES}
         rough = () if one.train.memory else (first_look(self.limits) | how,)
-        self.used[t][:, at], ends = used_by_looks(
-            self.limits, one.train, one.cam(lift), self.speeds(t)[at], starts, (*rough, how)
-        )
+        self.used[t][:, at], ends = used_by_looks(self.limits, one.train, one.cam(lift), speeds, starts, (*rough, how))
         self.states[t, at] = next_starts(ends, self.used[t][:, at], self._nominal[t % STAGGER, at])
 
     def met(self, judged: np.ndarray) -> dict[str, np.ndarray]:

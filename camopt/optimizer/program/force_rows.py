@@ -1,8 +1,9 @@
 """Forces of the closed contacts at one speed, affine in a free cam's coefficients, and the windows where they count."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from camopt.optimizer.program.periodic import SAMPLE, CamSamples, PeriodicResponse, periodic_response
 from camopt.optimizer.program.phases import HELD_N, LIFTED, SEATED, Angles
@@ -16,6 +17,8 @@ OPENING, CLOSING, SEAT, PEAK = range(4)
 DAMPED = 1 - 1e-9
 """Largest factor by which a revolution may multiply a disturbance: without damping it is 1 to round-off, on either
 side. At this one a disturbance would take a million revolutions and more to lose a thousandth."""
+NEXT = 1 * DEG
+"""Largest angle between a row of a contact and its next one; a wider one is left where the contact may open."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +71,18 @@ class Box:
 
     centre: np.ndarray
     width: float
+
+
+def averaged(block: SpeedRows, beside: int) -> SpeedRows:
+    """The block with each force the mean of its own and those at so many angles on either side, reflected where the
+    rows of a contact begin and end; the largest forces stay as they are."""
+    peak = block.kind == PEAK
+    ends = (np.diff(block.element) != 0) | np.diff(peak) | (np.abs(np.diff(block.angle)) > NEXT)
+    rows = np.column_stack([block.matrix, block.offset])
+    for run in np.split(np.arange(len(rows)), np.flatnonzero(ends) + 1):
+        if len(run) and not peak[run[0]]:
+            rows[run] = uniform_filter1d(rows[run], 2 * beside + 1, axis=0, mode="reflect")
+    return replace(block, matrix=np.ascontiguousarray(rows[:, :-1]), offset=rows[:, -1])
 
 
 def damped_response(train: Train, samples: CamSamples, cam_speed: float, angles: Angles) -> PeriodicResponse:

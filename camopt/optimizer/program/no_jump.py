@@ -15,7 +15,7 @@ from camopt.cam.families.free import FreeCam
 from camopt.cam.families.shape_rows import Limits
 from camopt.cam.lift import Lift
 from camopt.highs import Infeasible
-from camopt.optimizer.program.force_rows import PEAK, SEAT, Box, Margins, SpeedRows, Window, speed_rows
+from camopt.optimizer.program.force_rows import PEAK, SEAT, Box, Margins, SpeedRows, Window, averaged, speed_rows
 from camopt.optimizer.program.kinematic import (
     SHORT_OF_FORCE,
     TYPICAL_FORCE,
@@ -37,6 +37,8 @@ SHORTFALL = 1.01
 """Factor on a shortfall, so that the margins below it are surely held."""
 BESIDE = 0.2
 """Part of a step between two rows within which a row of a program that differs little is the same one."""
+MOST_AVERAGED = 64
+"""Rows on either side over which forces are averaged at most."""
 
 
 class NoCamHoldsContact(NoCamFound):
@@ -95,7 +97,7 @@ class NoJumpOptimum:
     def _slack_in(self, other: "NoJumpProgram", r: int) -> float | None:
         """How far this cam's force of row r is within its limit [N], at the row's angle in the other program."""
         p, speed = self.program, self.program.speed[r]
-        mine, its, at = p.blocks[speed], other.blocks[speed], r - int(np.searchsorted(p.speed, speed))
+        mine, its, at = p.held[speed], other.held[speed], r - int(np.searchsorted(p.speed, speed))
         alike = np.flatnonzero((its.kind == mine.kind[at]) & (its.element == mine.element[at]))
         off = np.abs(its.angle[alike] - mine.angle[at])
         if not len(alike) or off.min() > BESIDE * p.window.step:
@@ -109,7 +111,10 @@ class NoJumpOptimum:
 
 @dataclass(frozen=True)
 class NoJumpProgram:
-    """The no-jump linear program of a train, a design and a free cam, at the speeds of `blocks`."""
+    """The no-jump linear program of a train, a design and a free cam, at the speeds of `blocks`.
+
+    Its rows hold means over so many forces on either side of each as are `averaged`.
+    """
 
     train: Train
     design: Design
@@ -117,6 +122,7 @@ class NoJumpProgram:
     window: Window
     blocks: tuple[SpeedRows, ...]
     box: Box | None = None
+    averaged: int = 0
 
     @property
     def speeds(self) -> np.ndarray:
@@ -127,6 +133,11 @@ class NoJumpProgram:
     def limits(self) -> Limits:
         """The kinematic rows, which come first in the program."""
         return self.cam.limits(self.design)
+
+    @cached_property
+    def held(self) -> tuple[SpeedRows, ...]:
+        """The blocks whose forces the rows hold."""
+        return tuple(averaged(b, self.averaged) for b in self.blocks) if self.averaged else self.blocks
 
     @cached_property
     def kind(self) -> np.ndarray:
@@ -141,14 +152,14 @@ class NoJumpProgram:
     @cached_property
     def rows(self) -> Rows:
         """Kinematic rows, then force rows, then those of the box: matrix @ z <= bound."""
-        force = np.concatenate([b.matrix for b in self.blocks])
+        force = np.concatenate([b.matrix for b in self.held])
         force *= np.where(self.kind == PEAK, 1.0, -1.0)[:, None]
         sides = [] if self.box is None else [np.eye(force.shape[1]), -np.eye(force.shape[1])]
         return spline_rows(np.concatenate([self.limits.matrix, force, *sides]))
 
     def bound(self, margins: np.ndarray) -> np.ndarray:
         """Right side of the program for margins (3, speeds) [N]."""
-        offset = np.concatenate([b.offset for b in self.blocks])
+        offset = np.concatenate([b.offset for b in self.held])
         least = margins[np.minimum(self.kind, SEAT), self.speed]
         peak = self.design.contact_force_max_N or np.inf
         force = np.where(self.kind == PEAK, peak - offset, offset - least)
@@ -198,6 +209,26 @@ class NoJumpProgram:
             if np.isinf(short.shortfall_N):
                 raise
             return self.solve(Margins(*(margins - SHORTFALL * short.shortfall_N)))
+
+    def solve_priced(self, margins: np.ndarray, most_N: float) -> NoJumpOptimum:
+        """The same, but where no cam keeps the margins they fall together by what gains area for its cost
+        SHORT_OF_FORCE (elastic mode), since the cam that comes nearest to them may have hardly any area.
+
+        Where they fall by more than `most_N`, contacts ring with the impacts that close lash and seat, which no cam can
+        help, and a force that is missing for part of a period hardly parts them: the rows then hold means over more and
+        more angles, and those of the optimum's program do. Raises NoCamHoldsContact as `solve_below` does.
+        """
+        try:
+            return self.solve(Margins(*margins), explain=False)
+        except Infeasible:
+            elastic, bound = self.elastic(margins)
+        try:
+            fall = SHORTFALL * float(elastic.solve(bound).z[-1])
+        except Infeasible:
+            raise self._shortfall(margins) from None
+        if fall > most_N and self.averaged < MOST_AVERAGED:
+            return replace(self, averaged=max(1, 2 * self.averaged)).solve_priced(margins, most_N)
+        return self.solve(Margins(*(margins - fall)))
 
     def first_working(self) -> np.ndarray:
         """Row indices to begin with where nothing is known: the limits and every fortieth force row."""

@@ -9,18 +9,20 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import motion_limits
+from camopt.measure.settling import decay_per_revolution
 from camopt.scene.quantities import LESS_IS_WORSE
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
-from camopt.scene.settled import PLAIN_REVOLUTIONS
+from camopt.scene.settled import PLAIN_REVOLUTIONS, revolutions_needed
 from camopt.scene.train import Train, build_train
 
 WATCHED_SHARE = 0.4
 """Part of a limit from whose use on the speeds beside one are judged too, where not all are."""
-SETTLES, MEASURES = 16, 1
-"""Revolutions that a motion may take to settle from the state of the cam judged before, and how many of a settled one
-are measured: one periodic revolution suffices during the search, and the verdict measures four. A train with memories
-settles as everywhere else, since its oil leaks over more revolutions."""
+SETTLES, SETTLES_SLOWLY, MEASURES = 16, 120, 1
+"""Revolutions that a motion may take to settle from the state of the cam judged before, those of a train whose slowest
+mode fades slowly, and how many of a settled one are measured: one periodic revolution suffices during the search, and
+the verdict measures four. A train with memories settles as everywhere else, since its oil leaks over more revolutions.
+"""
 IRREGULAR = 1.5
 """What a motion that does not repeat itself uses of its limits counts so many times: it met only a part of what it
 may. The verdict finds that figures of such motions differ by a quarter to three quarters between neighbours."""
@@ -89,9 +91,15 @@ def next_starts(states: np.ndarray, share: np.ndarray, anew: np.ndarray) -> np.n
     return np.where(holds & np.isfinite(states), states, anew)
 
 
-def most_to_settle(train: Train) -> int:
-    """Revolutions that a motion of a train may take to settle from the state of the cam judged before."""
-    return PLAIN_REVOLUTIONS if train.memory else SETTLES
+def most_to_settle(train: Train, cam_speed: float) -> int:
+    """Revolutions that a motion at `cam_speed` [rad/s] may take to settle from the state of the cam judged before.
+
+    What is left of the motion with that cam counts as a motion that wanders, and it fades with the slowest mode.
+    """
+    if train.memory:
+        return PLAIN_REVOLUTIONS
+    needed = revolutions_needed(decay_per_revolution(train, cam_speed))
+    return SETTLES if needed <= PLAIN_REVOLUTIONS else min(needed, SETTLES_SLOWLY)
 
 
 class Judge:
@@ -160,7 +168,7 @@ class Judge:
             speeds,
             starts=self._states[at],
             decay=np.inf,
-            most=most_to_settle(self._train),
+            most=most_to_settle(self._train, max(speeds)),
             measured=MEASURES,
             workers=self._workers,
         )

@@ -87,11 +87,12 @@ def used_by_kind(train: Train, lift: Lift, judged: Judged, cam_speeds: np.ndarra
     """Shares (3, s) of the limits that the judged motions at these cam speeds [rad/s] use: on the opening flank, on the
     closing flank, at the seat.
 
-    A seating beyond its limit counts on the closing flank too, from which the valve comes. What is used at a speed
-    counts at those `ALIKE` too: margins that differ from one speed to the next suit no speed between them.
+    What a motion that wanders uses counts with room for what it has not met yet, as it does for the cam. A seating
+    beyond its limit counts on the closing flank too, from which the valve comes. What is used at a speed counts at
+    those `ALIKE` too: margins that differ from one speed to the next suit no speed between them.
     """
     used = np.zeros((3, len(cam_speeds)))
-    for metric, share, limit in zip(judged.limited, judged.share, judged.limit, strict=True):
+    for metric, share, limit in zip(judged.limited, judged.spread * judged.share, judged.limit, strict=True):
         share = np.minimum(share, MOST_SHARE)
         if metric in SEATINGS:
             used[SEAT] = np.maximum(used[SEAT], share)

@@ -7,6 +7,7 @@ import numpy as np
 
 from camopt.optimizer.program.force_rows import Box
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
+from camopt.optimizer.program.phases import force_unit
 from camopt.optimizer.program.relocation import converge_tangents, relocate
 from camopt.scene.design import Design
 
@@ -23,6 +24,9 @@ a cam becomes the centre of the next box."""
 NARROWING, CHANGE = 0.1, 4.0
 """Least factor by which the box becomes narrower at once, and largest one by which it becomes wider from a cam to the
 next."""
+RINGS = 200.0
+"""By how much all margins may fall together, times the unit of force, before the rows hold mean forces: more than twice
+the tension that a margin may ever allow, which no motion that holds the limits has at all angles."""
 EXACT = 1e-9
 """Error that counts as none."""
 
@@ -102,7 +106,7 @@ def stepped(
     """
     while True:
         program = program.within(Box(z, region.width))
-        found = program.solve_below(margins)
+        found = program.solve_priced(margins, RINGS * force_unit(program.train))
         error = float(of_speeds(source.errors_at(program, found.z)))
         if not region.refuses(error):
             region.follow(error)
