@@ -1,6 +1,5 @@
 """The no-jump program: its linear motion against brute force and event-exact, its rows, prices and known areas."""
 
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -12,7 +11,6 @@ from camopt.optimizer.program import periodic
 from camopt.optimizer.program.force_rows import NEXT, OPENING, PEAK, SEAT, Box, Margins, SpeedRows, Window, averaged
 from camopt.optimizer.program.kinematic import (
     PEAK_STEP,
-    SHORT_OF_FORCE,
     area_ratio_row,
     kinematic_optimum,
     peak_angle,
@@ -292,28 +290,3 @@ def test_forces_are_averaged_within_a_contact_and_not_over_the_angles_between_it
     np.testing.assert_allclose(of_means.offset, mean, atol=1e-12)
     np.testing.assert_allclose(of_means.matrix, np.outer(mean, [1.0, -2.0]), atol=1e-12)
     np.testing.assert_array_equal(block.offset, force)
-
-
-def test_where_forces_ring_with_what_no_cam_can_help_their_means_are_held():
-    """A force that no cam changes, of a period of two rows, stands on every contact force of every speed."""
-    plain = program()
-    rings = [np.where(b.kind == PEAK, 0.0, 3e3 * (-1.0) ** np.arange(len(b.kind))) for b in plain.blocks]
-    blocks = tuple(replace(b, offset=b.offset + ring) for b, ring in zip(plain.blocks, rings, strict=True))
-    ringing, margins = replace(plain, blocks=blocks), np.full((3, len(SPEEDS)), 20.0)
-    lower, means = ringing.solve_priced(margins, np.inf), ringing.solve_priced(margins, 5.0)
-    assert lower.program is ringing and lower.margins.max() < -1e3
-    assert means.program.blocks is blocks and means.program.averaged == 16
-    np.testing.assert_array_equal(means.margins, margins)
-    left = [held.offset - averaged(b, 16).offset for held, b in zip(means.program.held, plain.blocks, strict=True)]
-    np.testing.assert_allclose(np.abs(np.concatenate(left)), 3e3 / 33, rtol=1e-9)  # the mean of 33 that alternate
-    assert plain.solve_priced(margins, 5.0).program is plain
-
-
-def test_margins_that_no_cam_keeps_fall_by_what_is_worth_its_cost():
-    """The cam that comes nearest to them has less area than one that misses a little more."""
-    margins = np.full((3, len(SPEEDS)), 200.0)
-    least, priced = program().solve_below(margins), program().solve_priced(margins, np.inf)
-    fallen = least.margins.min() - priced.margins.min()
-    assert fallen > 0.0 and priced.area_ratio - least.area_ratio > SHORT_OF_FORCE * fallen
-    further = program().solve(Margins(*(priced.margins - 1.0)))
-    assert further.area_ratio - priced.area_ratio < SHORT_OF_FORCE

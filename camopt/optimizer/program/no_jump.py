@@ -37,8 +37,6 @@ SHORTFALL = 1.01
 """Factor on a shortfall, so that the margins below it are surely held."""
 BESIDE = 0.2
 """Part of a step between two rows within which a row of a program that differs little is the same one."""
-MOST_AVERAGED = 64
-"""Rows on either side over which forces are averaged at most."""
 
 
 class NoCamHoldsContact(NoCamFound):
@@ -209,26 +207,6 @@ class NoJumpProgram:
             if np.isinf(short.shortfall_N):
                 raise
             return self.solve(Margins(*(margins - SHORTFALL * short.shortfall_N)))
-
-    def solve_priced(self, margins: np.ndarray, most_N: float) -> NoJumpOptimum:
-        """The same, but where no cam keeps the margins they fall together by what gains area for its cost
-        SHORT_OF_FORCE (elastic mode), since the cam that comes nearest to them may have hardly any area.
-
-        Where they fall by more than `most_N`, contacts ring with the impacts that close lash and seat, which no cam can
-        help, and a force that is missing for part of a period hardly parts them: the rows then hold means over more and
-        more angles, and those of the optimum's program do. Raises NoCamHoldsContact as `solve_below` does.
-        """
-        try:
-            return self.solve(Margins(*margins), explain=False)
-        except Infeasible:
-            elastic, bound = self.elastic(margins)
-        try:
-            fall = SHORTFALL * float(elastic.solve(bound).z[-1])
-        except Infeasible:
-            raise self._shortfall(margins) from None
-        if fall > most_N and self.averaged < MOST_AVERAGED:
-            return replace(self, averaged=max(1, 2 * self.averaged)).solve_priced(margins, most_N)
-        return self.solve(Margins(*(margins - fall)))
 
     def first_working(self) -> np.ndarray:
         """Row indices to begin with where nothing is known: the limits and every fortieth force row."""

@@ -1,12 +1,13 @@
 """The trust region of a program, a box about a cam (Conn, Gould and Toint 2000), and the exact source of its rows."""
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from camopt.optimizer.program.force_rows import Box
-from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
+from camopt.highs import Infeasible
+from camopt.optimizer.program.force_rows import Box, Margins
+from camopt.optimizer.program.no_jump import SHORTFALL, NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.phases import force_unit
 from camopt.optimizer.program.relocation import converge_tangents, relocate
 from camopt.scene.design import Design
@@ -27,6 +28,8 @@ next."""
 RINGS = 200.0
 """By how much all margins may fall together, times the unit of force, before the rows hold mean forces: more than twice
 the tension that a margin may ever allow, which no motion that holds the limits has at all angles."""
+MOST_AVERAGED = 64
+"""Rows on either side over which forces are averaged at most."""
 EXACT = 1e-9
 """Error that counts as none."""
 
@@ -106,8 +109,30 @@ def stepped(
     """
     while True:
         program = program.within(Box(z, region.width))
-        found = program.solve_priced(margins, RINGS * force_unit(program.train))
+        found = solve_priced(program, margins)
         error = float(of_speeds(source.errors_at(program, found.z)))
         if not region.refuses(error):
             region.follow(error)
             return found
+
+
+def solve_priced(program: NoJumpProgram, margins: np.ndarray) -> NoJumpOptimum:
+    """The cam of largest area with the margins (3, s) [N] or, where no cam keeps them, with all of them lower by what
+    gains area for its price (elastic mode), since the cam that comes nearest to them may have hardly any area.
+
+    Where they fall by more than RINGS, contacts ring with the impacts that close lash and seat, which no cam can help,
+    and a force that is missing for part of a period hardly parts them: the rows then hold means over more and more
+    angles, and those of the optimum's program do. Raises NoCamHoldsContact where the other limits alone let no cam
+    through.
+    """
+    try:
+        return program.solve(Margins(*margins), explain=False)
+    except Infeasible:
+        elastic, bound = program.elastic(margins)
+    try:
+        fall = SHORTFALL * float(elastic.solve(bound).z[-1])
+    except Infeasible:
+        return program.solve(Margins(*margins))  # which says why there is none
+    if fall > RINGS * force_unit(program.train) and program.averaged < MOST_AVERAGED:
+        return solve_priced(replace(program, averaged=max(1, 2 * program.averaged)), margins)
+    return program.solve(Margins(*(margins - fall)))
