@@ -18,7 +18,7 @@ DAMPED = 1 - 1e-9
 """Largest factor by which a revolution may multiply a disturbance: without damping it is 1 to round-off, on either
 side. At this one a disturbance would take a million revolutions and more to lose a thousandth."""
 NEXT = 1 * DEG
-"""Largest angle between a row of a contact and its next one; a wider one is left where the contact may open."""
+"""Largest angle between a row of a contact and its next one; a wider one lies where it may open."""
 
 
 @dataclass(frozen=True)

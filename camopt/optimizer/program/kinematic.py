@@ -19,7 +19,7 @@ from camopt.scene.units import DEG, MM, MM_PER_DEG2
 TYPICAL = 0.01
 """Typical free coefficient [mm/deg^2], for the solver's scaling: the size of the acceleration limits."""
 SHORT_OF_FORCE = 1e-2
-"""Area ratio that a newton costs which margins are short of: more than any cam gains by it."""
+"""Area ratio that a newton costs which margins are short of: more than cams gain, but near the least shortfall."""
 TYPICAL_FORCE = 100.0
 """A force of usual size [N], for the solver's scaling."""
 PEAK_STEP = 1.5 * DEG

@@ -1,4 +1,4 @@
-"""The trust region of a program, a box about a cam (Conn, Gould and Toint 2000), and the exact source of its rows."""
+"""The trust region, a box about a cam (Conn, Gould and Toint 2000), the exact rows, and the program of a step."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
