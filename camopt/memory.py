@@ -22,3 +22,10 @@ def give_memory_back(one_heap: bool = False) -> None:
     if mallopt is not None:
         for number, value in (*MALLOPT.values(), *([ONE_HEAP] if one_heap else [])):
             mallopt(number, value)
+
+
+def trim_heaps() -> None:
+    """Gives the free pages between arrays in use back to the system (glibc's malloc_trim(3))."""
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+    if trim is not None:
+        trim(0)

@@ -12,7 +12,7 @@ import numpy as np
 
 from camopt.scene.errors import InputError
 from camopt.scene.laws import FRICTION
-from camopt.scene.train import KEPT_TRAINS, Train
+from camopt.scene.train import Train, kept_with_train
 
 FORCE_SLACK = 1e-9
 """Relative slack on forces and separations at rest: a contact exactly at its touch counts either way."""
@@ -49,7 +49,7 @@ def rest_position(train: Train) -> np.ndarray:
     return _rest_of(train).copy()
 
 
-@lru_cache(maxsize=KEPT_TRAINS)
+@kept_with_train
 def _rest_of(train: Train) -> np.ndarray:
     """`rest_position`, kept because tables, modes and starts of one train all ask for it."""
     contacts = int(np.sum(train.contact))

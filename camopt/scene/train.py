@@ -2,7 +2,9 @@
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, wraps
+from typing import TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -13,8 +15,7 @@ from camopt.scene.schema import Scene
 from camopt.scene.units import DEG
 
 GROUND = -1
-KEPT_TRAINS = 4096
-"""Trains of which what is computed once is kept: a search for a yield comes back to 3000 drawn ones with every cam."""
+Computed = TypeVar("Computed")
 TRAIN_PARAMETERS = ("mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap")
 """Fields of `Train` whose numbers a user may vary, and by which metrics have derivatives."""
 LAW_PARAMETERS = ("dissipation", "table", "leak", "travel", "slip")
@@ -141,6 +142,21 @@ class Train:
         padded = np.concatenate([x, np.zeros((*x.shape[:-1], 1))], axis=-1)  # index -1 reads the ground
         d = padded[..., self.a] - padded[..., self.b] - self.gap
         return d + self.cam_driven * np.asarray(lift)[..., None]
+
+
+def kept_with_train(of_train: Callable[[Train], Computed]) -> Callable[[Train], Computed]:
+    """A function of a train that is computed once for each, and kept for as long as that train is: a search for a yield
+    comes back to thousands of drawn ones with every cam, and its statement leaves each at once."""
+    kept = WeakKeyDictionary[Train, Computed]()
+
+    @wraps(of_train)
+    def computed(train: Train) -> Computed:
+        try:
+            return kept[train]
+        except KeyError:
+            return kept.setdefault(train, of_train(train))
+
+    return computed
 
 
 def build_train(scene: Scene) -> Train:

@@ -16,7 +16,7 @@ from camopt.exact.settled.lift_pieces import (
     compress_lift,
     lift_between,
 )
-from camopt.measure.as_built import ground
+from camopt.measure.as_built import grinding_error, lobe_of
 from camopt.scene import load_scene
 
 
@@ -59,7 +59,7 @@ def test_pieces_become_one_until_no_two_neighbours_fit_into_the_widest(count, ci
 def test_a_ground_cam_is_given_back_on_the_pieces_of_the_cam_as_designed():
     """Pieces too wide for the error's waves are halved, and no border is lost: slopes are moved back to its pieces."""
     plain = polydyne(load_scene("kodama"))
-    waves = ground(plain, 7, 2e-6, (2, 40))
+    waves = plain.shifted(grinding_error(lobe_of(plain), 7, 2e-6, (2, 40)))
     found, angle = lift_between(waves, plain.borders), np.linspace(-np.pi, np.pi, 20_001)
     assert np.isin(plain.borders, found.borders).all()
     assert len(plain.borders) < len(found.borders) < len(waves.borders) / 2

@@ -49,3 +49,10 @@ def test_the_oldest_tables_go_where_others_would_exceed_the_memory(monkeypatch):
     monkeypatch.setattr(module, "KEPT_BYTES", first.size - 1)
     module.propagators(train, 3 * step, 8, 2)
     assert module.propagators(train, step, 8, 2) is not first
+
+
+def test_forgotten_tables_are_made_anew():
+    train, step = build_train(load_scene("motori-1")), 1e-5
+    first = module.propagators(train, step, 8, 2)
+    module.forget_propagators()
+    assert module.propagators(train, step, 8, 2) is not first

@@ -1,9 +1,14 @@
 """The train's arrays in SI units, and its rest: forces balance on every mass, contacts only push."""
 
+import gc
+from dataclasses import replace
+from weakref import ref
+
 import numpy as np
 import pytest
 
 from camopt.scene import InputError, build_train, load_scene, parse_scene, rest_position, scene_text
+from camopt.scene.train import Train, kept_with_train
 
 KODAMA = build_train(load_scene("kodama"))
 GROUND = -1
@@ -91,3 +96,20 @@ def test_too_many_contacts_are_refused():
     )
     with pytest.raises(InputError, match="at most 39"):
         parse_scene(scene_text("motori-1") + "\n" + extra, "stops.toml")
+
+
+def test_what_is_computed_of_a_train_is_kept_with_it_and_goes_with_it():
+    computed = []
+
+    @kept_with_train
+    def masses(train: Train) -> np.ndarray:
+        computed.append(train.mass)
+        return train.mass.copy()
+
+    first, second = (replace(build_train(load_scene("motori-1"))) for _ in range(2))
+    assert masses(first) is masses(first) and len(computed) == 1
+    assert masses(second) is not masses(first) and len(computed) == 2
+    gone = ref(masses(first))
+    del first
+    gc.collect()
+    assert gone() is None and masses(second) is not None

@@ -9,7 +9,6 @@ slopes and power series are rows of matrices.
 from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import lru_cache
 from threading import Lock
 from typing import Any
 
@@ -20,10 +19,10 @@ from camopt.exact.kernel.arrays import TrainArrays, train_arrays
 from camopt.exact.kernel.building import linear_system
 from camopt.exact.kernel.leap import leap_of
 from camopt.exact.kernel.tables import Sizes, Tables, empty_tables
-from camopt.memory import give_memory_back
+from camopt.memory import give_memory_back, trim_heaps
 from camopt.scene.errors import InputError
 from camopt.scene.rest import rest_position
-from camopt.scene.train import KEPT_TRAINS, Train
+from camopt.scene.train import Train, kept_with_train
 
 LARGEST_PHASE = 1.5
 """Product of default step and highest frequency [rad]: switchings are sought well within a quarter period of any mode.
@@ -128,7 +127,14 @@ def propagators(train: Train, step: float, width: int, at_once: int) -> Lending:
         return _kept[key]
 
 
-@lru_cache(maxsize=KEPT_TRAINS)
+def forget_propagators() -> None:
+    """Frees the kept tables, as after motions of many drawn trains, none of which moves again."""
+    with _lock:
+        _kept.clear()
+    trim_heaps()
+
+
+@kept_with_train
 def default_step(train: Train) -> float:
     """Step [s] at which the highest mode turns by `LARGEST_PHASE`."""
     return LARGEST_PHASE / highest_frequency(train)
