@@ -151,7 +151,7 @@ class TestExponent:
         """C_i = -prod_j p_j / (p_j - p_i) where the flank ends at rest; mean over peak lift 0.5072 for 2-8-14-20-26."""
         powers = np.array([2, 8, 14, 20, 26], dtype=float)
         c = [-np.prod([q / (q - p) for q in powers if q != p]) for p in powers]
-        borders, pieces = event_pieces(powers, HALF, np.zeros(5), 9.0 * MM, 0.25 * MM, (1.0, 0.0))
+        borders, pieces = event_pieces(powers, HALF, 9.0 * MM, 0.25 * MM, (1.0, 0.0, np.zeros(5)))
         x = borders[:-1] / HALF
         assert pieces[:, 0] == pytest.approx(
             0.25 * MM + 9.0 * MM * (1 + np.abs(x)[:, None] ** powers @ c), abs=1e-12 * MM

@@ -16,7 +16,7 @@ import numpy as np
 from camopt.cam.families.sectioned import member, sectioned_family
 from camopt.cam.families.sections import Section, SectionTable, U
 from camopt.cam.lift import Lift
-from camopt.cam.polynomials import falling
+from camopt.cam.polynomials import power_derivatives
 from camopt.scene import Scene
 
 
@@ -30,8 +30,7 @@ def sine_terms(wave: float, u: np.ndarray, order: int) -> np.ndarray:
 
 def about_the_nose(_: int, u: np.ndarray, order: int) -> np.ndarray:
     """Terms of section 3: 1, (1 - u)^2, (1 - u)^4."""
-    powers = np.array([0, 2, 4])
-    return (-1.0) ** order * falling(powers, order) * (1.0 - u)[:, None] ** np.maximum(powers - order, 0)
+    return (-1.0) ** order * power_derivatives(np.array([0, 2, 4]), 1.0 - u, order)
 
 
 TABLE = SectionTable(

@@ -14,7 +14,7 @@ from functools import cache, cached_property
 import numpy as np
 
 from camopt.cam.lift import Lift, mirrored_pieces, with_ramps
-from camopt.cam.polynomials import MATCHED, falling, osculating_pieces
+from camopt.cam.polynomials import MATCHED, falling, osculating_pieces, power_derivatives
 from camopt.cam.ramps import Ramp
 from camopt.scene.units import DEG, MM
 
@@ -32,9 +32,7 @@ Terms = Callable[[int, np.ndarray, int], np.ndarray]
 
 def powers(count: int, u: np.ndarray, order: int) -> np.ndarray:
     """The derivative `order` of 1, u, u^2, ... at u (k), shape (k, count): the terms of Eq. (4)."""
-    return falling(np.arange(count), order) * np.asarray(u, dtype=float)[:, None] ** np.maximum(
-        np.arange(count) - order, 0
-    )
+    return power_derivatives(np.arange(count), np.asarray(u, dtype=float), order)
 
 
 @dataclass(frozen=True)
