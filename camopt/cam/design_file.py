@@ -2,6 +2,7 @@
 
 import json
 from functools import lru_cache
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -127,7 +128,4 @@ def _rows(lists) -> np.ndarray:
     rows = [np.array(row, dtype=float) for row in lists]
     if any(row.ndim != 1 or not 1 <= len(row) <= 64 for row in rows):
         raise ValueError("coefficients_mm needs a list of 1 to 64 numbers per piece")
-    out = np.zeros((len(rows), max((len(row) for row in rows), default=0)))
-    for i, row in enumerate(rows):
-        out[i, : len(row)] = row
-    return out
+    return np.array([*zip_longest(*rows, fillvalue=0.0)]).T

@@ -25,7 +25,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from camopt.cam.followers import cross
+from camopt.cam.followers import cross, pairs
 from camopt.cam.geometry import contact, crossing
 from camopt.cam.lift import APART, Lift, angles_deg
 from camopt.scene import InputError
@@ -175,10 +175,10 @@ def write_dxf(path: str | Path, lift: Lift, geometry: Geometry, tolerance: float
     for layer, colour in ((CONTOUR, 7), (BASE_CIRCLE, 8), (AXES, 1)):
         drawing.layers.add(layer, color=colour)
     space = drawing.modelspace()
-    corners = np.column_stack([begins / MM, bulge]).tolist()
+    corners = np.column_stack([pairs(begins) / MM, bulge]).tolist()
     space.add_lwpolyline(corners, format="xyb", close=True, dxfattribs={"layer": CONTOUR})
     space.add_circle((0, 0), geometry.base_radius_mm, dxfattribs={"layer": BASE_CIRCLE})
-    reach = 1.1 * float(np.hypot(*begins.T).max()) / MM  # the axes end a tenth beyond the contour
+    reach = 1.1 * float(np.abs(begins).max()) / MM  # the axes end a tenth beyond the contour
     for end in ((reach, 0.0), (0.0, reach)):
         space.add_line((-end[0], -end[1]), end, dxfattribs={"layer": AXES})
     text = io.StringIO()
@@ -187,11 +187,9 @@ def write_dxf(path: str | Path, lift: Lift, geometry: Geometry, tolerance: float
     return len(begins), missed
 
 
-def contour_arcs(
-    lift: Lift, geometry: Geometry, tolerance: float
-) -> tuple[Float[np.ndarray, "k 2"], Float[np.ndarray, " k"], float]:
-    """A closed chain of arcs in ascending cam angle from the back of the cam: where each begins [m], its bulge, and by
-    how much the contour is missed at most [m], which is no more than `tolerance` [m].
+def contour_arcs(lift: Lift, geometry: Geometry, tolerance: float) -> tuple[np.ndarray, Float[np.ndarray, " k"], float]:
+    """A closed chain of arcs in ascending cam angle from the back of the cam: where each begins (k), complex [m], its
+    bulge, and by how much the contour is missed at most [m], which is no more than `tolerance` [m].
 
     A bulge is the tangent of a quarter of the angle that the arc turns through, positive to the left.
     """
@@ -205,40 +203,38 @@ def contour_arcs(
         edges = np.sort(np.append(edges, 0.5 * (edges[wide] + edges[wide + 1])))
     else:
         first, second, missed = _biarcs(lift, geometry, edges)
-    begins = np.stack([first[0], second[0]], axis=1).reshape(-1, 2)
-    bulge = np.stack([first[1], second[1]], axis=1).ravel()
+    begins, bulge = (np.stack([one, other], axis=1).ravel() for one, other in zip(first, second, strict=True))
     return begins, bulge, float(missed.max())
 
 
 def _biarcs(lift: Lift, geometry: Geometry, edges: np.ndarray):
-    """The first and the second arc of every interval, as points (k, 2) and bulges (k), and what both miss (k) [m]."""
+    """The first and the second arc of every interval, as points (k) and bulges (k), and what both miss (k) [m]."""
     ends = contact(lift, geometry, edges)
-    tangent = np.stack([-ends.normal[:, 1], ends.normal[:, 0]], axis=1)
-    p0, p1, t0, t1 = ends.contour[:-1], ends.contour[1:], tangent[:-1], tangent[1:]
-    v, both, turn = p1 - p0, (t0 + t1), 2 * (1 - (t0 * t1).sum(axis=1))
-    along, square = (v * both).sum(axis=1), (v * v).sum(axis=1)
+    points, tangent = ends.contour @ (1, 1j), ends.normal @ (1j, -1)
+    p0, p1, t0, t1 = points[:-1], points[1:], tangent[:-1], tangent[1:]
+    v, turn = p1 - p0, 2 * (1 - (np.conj(t0) * t1).real)
+    along, square = (np.conj(v) * (t0 + t1)).real, np.abs(v) ** 2
     d = square / (along + np.sqrt(along**2 + turn * square))
-    joint = 0.5 * (p0 + p1 + d[:, None] * (t0 - t1))
+    joint = 0.5 * (p0 + p1 + d * (t0 - t1))
     first, last = _angle(t0, joint - p0), _angle(p1 - joint, t1)
     share = (np.arange(LOOKED_AT) + 0.5) / LOOKED_AT
     theta = (edges[:-1, None] + np.diff(edges)[:, None] * share).ravel()
-    there = contact(lift, geometry, theta).contour.reshape(len(p0), LOOKED_AT, 2)
-    before = ((there - joint[:, None]) * v[:, None]).sum(axis=2) < 0
+    there = (contact(lift, geometry, theta).contour @ (1, 1j)).reshape(len(p0), LOOKED_AT)
+    before = (np.conj(v)[:, None] * (there - joint[:, None])).real < 0
     away = np.where(before, _distance(there, p0, t0, first, joint - p0), _distance(there, p1, t1, last, p1 - joint))
     return (p0, np.tan(first / 2)), (joint, np.tan(last / 2)), np.abs(away).max(axis=1)
 
 
 def _angle(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Angle (k) from vectors a (k, 2) to b, to the left; zero where one is no longer than rounding."""
-    angle = np.arctan2(cross(a, b), (a * b).sum(axis=1))
-    return np.where(np.hypot(*b.T) * np.hypot(*a.T) > 0, angle, 0.0)
+    """Angle (k) from a (k) to b, to the left; zero where one is no longer than rounding."""
+    return np.where(np.abs(b) * np.abs(a) > 0, np.angle(np.conj(a) * b), 0.0)
 
 
 def _distance(points: np.ndarray, on: np.ndarray, tangent: np.ndarray, half_turn: np.ndarray, chord: np.ndarray):
-    """Distance (k, q) of points (k, q, 2) from circles through `on` (k, 2) with a tangent there, to the left; one turns
-    by twice `half_turn` over a chord."""
-    length = np.hypot(*chord.T)
+    """Distance (k, q) of points (k, q) from circles through `on` (k) with a tangent there, to the left; one turns by
+    twice `half_turn` over a chord."""
+    length = np.abs(chord)
     curvature = np.divide(2 * np.sin(half_turn), length, out=np.zeros_like(length), where=length > 0)[:, None]
     from_there = points - on[:, None]
-    side = 2 * cross(tangent[:, None], from_there) - curvature * (from_there**2).sum(axis=2)
+    side = 2 * cross(tangent[:, None], from_there) - curvature * np.abs(from_there) ** 2
     return side / (1 + np.sqrt(np.maximum(1 - curvature * side, 0.0)))

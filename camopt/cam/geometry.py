@@ -71,12 +71,12 @@ def crossing(lift: Lift, height: float) -> tuple[float, float]:
 
 def _sampled(lift: Lift) -> tuple[np.ndarray, ...]:
     """Angles (k) [rad], lift and its first two derivatives, one-sided at both ends of every piece."""
-    rows = []
-    for c, start, end in zip(lift.coefficients, lift.borders[:-1], lift.borders[1:], strict=True):
-        local = np.linspace(0.0, end - start, int(np.ceil((end - start) / STEP)) + 1)
-        piece = np.polynomial.Polynomial(c)
-        rows.append([start + local, piece(local), piece.deriv()(local), piece.deriv(2)(local)])
-    return tuple(np.concatenate(column) for column in zip(*rows, strict=True))
+    counts = np.ceil(np.diff(lift.borders) / STEP).astype(int) + 1
+    theta = np.concatenate(
+        [np.linspace(*ends, n) for *ends, n in zip(lift.borders[:-1], lift.borders[1:], counts, strict=True)]
+    )
+    piece = np.repeat(np.arange(len(counts)), counts)
+    return theta, *(lift.of_piece(piece, theta, order) for order in range(3))
 
 
 def sign_changes(lift: Lift) -> Float[np.ndarray, " k"]:

@@ -72,9 +72,7 @@ def parse_scene(
     left_open = design.get("duration_deg") == FROM_DURATION_AT
     if left_open:
         data["design"] = design | {"duration_deg": _provisional_duration(design.get("duration_at"))}
-    scene, faults = checked(data, need)
-    if scene is None or faults:
-        raise InputError("\n".join(f"{where}: {fault}" for fault in faults))
+    scene = _without_fault(data, where, need)
     if not left_open:
         return scene
     try:
@@ -86,10 +84,14 @@ def parse_scene(
 
 def checked_scene(scene: Scene, where: str, need: tuple[Part, ...] = ()) -> Scene:
     """A scene whose numbers were changed, checked as a file is; `where`, `need` and errors are as for `parse_scene`."""
-    found, faults = checked(scene.model_dump(exclude_none=True, exclude_defaults=True), need)
-    if found is None or faults:
+    return _without_fault(scene.model_dump(exclude_none=True, exclude_defaults=True), where, need)
+
+
+def _without_fault(data: dict[str, Any], where: str, need: tuple[Part, ...]) -> Scene:
+    scene, faults = checked(data, need)
+    if scene is None or faults:
         raise InputError("\n".join(f"{where}: {fault}" for fault in faults))
-    return found
+    return scene
 
 
 def scene_with(scene: Scene, numbers: Mapping[str, float], asked_by: str = "set", need: tuple[Part, ...] = ()) -> Scene:

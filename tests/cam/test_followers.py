@@ -150,7 +150,7 @@ class TestMotion:
         if geometry.follower in ("finger", "rocker"):
             arm = Arm(geometry)
             turning = arm.swing(np.stack([CAM(THETA, k) for k in range(3)]))[1]
-            away = point - arm.pivot
+            away = point - [arm.pivot.real, arm.pivot.imag]
             body = turning[:, None] * np.stack([-away[:, 1], away[:, 0]], axis=1)
         if geometry.roller_radius_mm is not None:
             assert not found.sliding.any()

@@ -81,7 +81,7 @@ class TestCircleAboutAnotherCentre:
 
 def pitch_radius(r, first, second):
     """That of a polar curve r(theta), whose derivatives are (r', r) and (r'' - r, 2 r') along and across its ray."""
-    return signed_radius(np.stack([first, r], axis=1), np.stack([second - r, 2 * first], axis=1))
+    return signed_radius(first + 1j * r, second - r + 2j * first)
 
 
 def test_concave_and_straight_pitch_curves():
