@@ -44,14 +44,14 @@ WINDOW_DEG = 5.0
 class Event:
     """Rows (indices into the table, angles ascending) that make the law, and the angles it may stand between [deg].
 
-    `start` and `end` are None for a turn without base circle. `cut` says which flank, opening and closing, ends without
-    a ramp; `completed` adds the rows that continue it. `noise` [mm] is a first estimate.
+    `start` and `end` are infinite for a turn without base circle. `cut` says which flank, opening and closing, ends
+    without a ramp; `completed` adds the rows that continue it. `noise` [mm] is a first estimate.
     """
 
     rows: np.ndarray = field(repr=False)
     degrees: np.ndarray = field(repr=False)
-    start: float | None
-    end: float | None
+    start: float = -np.inf
+    end: float = np.inf
     cut: tuple[bool, bool] = (False, False)
     noise: float = 0.0
     added_degrees: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
@@ -77,7 +77,7 @@ def find_event(where: str, degrees: np.ndarray, lift: np.ndarray) -> Event:
     gaps = np.diff(angle[above], append=angle[above[0]] + TURN)
     widest = int(np.argmax(gaps))
     if gaps[widest] < SHORTEST_BASE_DEG or np.count_nonzero(~high) == 0:
-        return Event(order, angle, None, None)
+        return Event(order, angle)
     # unrolled to three turns, the event is one ascending stretch of rows between two stretches of base circle
     after = above[(widest + 1) % len(above)]
     n = len(order)
@@ -89,10 +89,9 @@ def find_event(where: str, degrees: np.ndarray, lift: np.ndarray) -> Event:
     largest_drop = max(CUT * noise, LEAST_CUT_MM)
     start, cut_before = _foot(wide, height, opening, -1, largest_drop)
     end, cut_after = _foot(wide, height, closing, 1, largest_drop)
-    kept = np.arange(len(index))
-    kept = kept[
-        ((kept >= opening) if cut_before else (wide > start)) & ((kept <= closing) if cut_after else (wide < end))
-    ]
+    row = np.arange(len(index))
+    begun, not_over = row >= opening if cut_before else wide > start, row <= closing if cut_after else wide < end
+    kept = np.flatnonzero(begun & not_over)
     return Event(order[np.mod(index[kept], n)], wide[kept], start, end, (cut_before, cut_after), noise)
 
 
@@ -134,10 +133,7 @@ def completed(where: str, event: Event, lift: np.ndarray, lines: list[int], ramp
     or as the flank's largest acceleration has it; from there on it is the ramp. A slope well below the ramp's is kept.
     Raises InputError where the table ends too high or with a slope that no such ramp continues.
     """
-    height = lift[event.rows]
-    if event.start is None or event.end is None:
-        return event
-    ends = [event.start, event.end]
+    height, ends = lift[event.rows], [event.start, event.end]
     acceleration = _flank_acceleration(event.degrees, height)
     step = min(1.0, float(np.median(np.diff(event.degrees))))
     for side, outward in enumerate((-1, 1)):
@@ -167,7 +163,7 @@ def completed(where: str, event: Event, lift: np.ndarray, lines: list[int], ramp
             added_lift=np.append(event.added_lift, curve(away)),
         )
         ends[side] = float(angle[0] + outward * length)
-    if ends[1] - ends[0] >= TURN:
+    if TURN <= ends[1] - ends[0] < np.inf:
         raise InputError(f"{where}: with the scene's ramps added, the event is longer than a turn: give its own ramps")
     return replace(event, start=ends[0], end=ends[1])
 

@@ -51,7 +51,7 @@ def smoothed(
     too many outliers, negative lift, rows that fix no usable acceleration, or gaps in which the law would be invented.
     """
     event = completed(where, find_event(where, degrees, lift), lift, lines, ramps)
-    if event.start is not None and event.end is not None and event.end - event.start < SHORTEST_DEG:
+    if event.end - event.start < SHORTEST_DEG:
         raise InputError(
             f"{where}: line {lines[int(event.rows[0])]}: the lift leaves the base circle for "
             f"{event.end - event.start:.3g} cam degrees only: check --table-angle, and that all columns are read"
@@ -59,7 +59,7 @@ def smoothed(
     _off_base_circle(where, event, lift, event.noise, lines)  # before such rows spoil the fit
     kept, outliers = _without_outliers(where, event, lift)
     angles, height, count, free, given = _arguments(kept, lift)
-    fit = (fitted if kept.start is None else fitted_non_negative)(angles, height, count, free, given)
+    fit = (fitted if np.isinf(kept.start) else fitted_non_negative)(angles, height, count, free, given)
     if fit.coefficients.max() <= 0:
         raise InputError(f"{where}: no lift above the base circle is left: count lift from there, positive up")
     outliers = sorted(outliers + _off_base_circle(where, event, lift, fit.noise, lines))
@@ -109,7 +109,6 @@ def check_between_rows(where: str, law: Callable, degrees: np.ndarray, lift: np.
 
 def _added(event: Event, lift: np.ndarray) -> dict:
     """What a cut table was given beyond its rows: flanks, the lift from which on, and over which angle."""
-    assert event.start is not None and event.end is not None, "a cut event lies between two feet"
     beyond = event.end - event.start - (event.degrees[-1] - event.degrees[0])
     return {
         "cut_ramps": sum(event.cut),
@@ -123,7 +122,6 @@ def _used(degrees: np.ndarray, event: Event, outliers: list[int]) -> np.ndarray:
     used = np.setdiff1d(np.arange(len(degrees)), outliers)
     if not len(event.added_lift):
         return used
-    assert event.start is not None and event.end is not None, "a cut event lies between two feet"
     outside = np.mod(degrees[used] - event.start, TURN) >= event.end - event.start
     return used[outside | np.isin(used, event.rows)]
 
@@ -131,7 +129,7 @@ def _used(degrees: np.ndarray, event: Event, outliers: list[int]) -> np.ndarray:
 def _off_base_circle(where: str, event: Event, lift: np.ndarray, noise: float, lines: list[int]) -> list[int]:
     """Rows outside the event that are not on the base circle; for a turn without one, no row may be below zero."""
     limit = max(BASE_MM, OUTLIER * noise)
-    if event.start is None:
+    if np.isinf(event.start):
         off, most = np.flatnonzero(lift < -limit), 0.0
     else:
         outside = np.setdiff1d(np.arange(len(lift)), event.rows)
@@ -155,7 +153,7 @@ def _knots(event: Event) -> tuple[int, np.ndarray]:
     """Number of knots of a turn, and the coefficients whose functions stand inside the event, a knot more each side."""
     step = float(np.median(np.diff(event.degrees)))
     count = round(TURN / float(np.clip(step / 2, *KNOTS_DEG)))
-    if event.start is None or event.end is None:
+    if np.isinf(event.start):
         return count, np.arange(count)
     h = TURN / count
     free = np.arange(int(np.ceil(event.start / h)) + 4, int(np.floor(event.end / h)) + 1)
