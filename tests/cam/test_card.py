@@ -4,13 +4,10 @@ import numpy as np
 import pytest
 
 from camopt.cam.card import COLUMNS, CrankTiming, cam_card, dead_centre_words
-from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
-from camopt.scene import InputError, load_scene
+from camopt.scene import InputError
 from camopt.scene.units import DEG, MM
-from tests.cam.test_geometry import cam_of
-
-POLYDYNE = polydyne(load_scene("kodama"))
+from tests.cam.cams import POLYDYNE, cam_of
 
 
 def skewed(theta):

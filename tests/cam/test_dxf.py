@@ -7,19 +7,13 @@ import pytest
 from scipy.spatial import KDTree
 
 from camopt.cam.exports import BASE_CIRCLE, CONTOUR, write_dxf
-from camopt.cam.families.polydyne import polydyne
 from camopt.cam.geometry import contact
 from camopt.cam.lift import angles_deg
-from camopt.scene import InputError, load_scene
+from camopt.scene import InputError
 from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM, UM
-from tests.cam.test_followers import FOLLOWERS, resting
-
-CAM = polydyne(load_scene("kodama"))
-
-
-WIDE = Geometry(follower="flat", base_radius_mm=40)
-
+from tests.cam.cams import FOLLOWERS, WIDE, resting
+from tests.cam.cams import POLYDYNE as CAM
 
 KINDS = [WIDE, *(FOLLOWERS[name] for name in ("roller", "finger, pad", "rocker, roller"))]
 

@@ -7,7 +7,7 @@ from camopt.cam.geometry import contact
 from camopt.cam.hertz import film_ratio
 from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM, RPM
-from tests.cam.test_geometry import CAM
+from tests.cam.cams import MULTI_POL as CAM
 
 OILED = Geometry(
     follower="flat", base_radius_mm=30, contact_width_mm=12, oil_viscosity_mPa_s=10, roughness_um=0.2 * np.sqrt(2)

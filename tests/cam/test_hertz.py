@@ -10,10 +10,9 @@ from camopt.scene import InputError, build_train, load_scene
 from camopt.scene.geometry import Geometry
 from camopt.scene.rest import rest_position, static_forces
 from camopt.scene.units import MM
-from tests.cam.test_geometry import CAM, OFFSET, RADIUS, ROLLER, cam_of, eccentric_flat, eccentric_roller
+from tests.cam.cams import FLAT, OFFSET, RADIUS, ROLLER, ROLLS, cam_of, eccentric_flat, eccentric_roller
+from tests.cam.cams import MULTI_POL as CAM
 
-FLAT = Geometry(follower="flat", base_radius_mm=16, contact_width_mm=10)
-ROLLS = Geometry(follower="roller", base_radius_mm=16, roller_radius_mm=8, contact_width_mm=10)
 THETA = np.linspace(-3.0, 3.0, 61)
 FORCE = 1000.0 + 200.0 * np.cos(THETA)
 

@@ -22,8 +22,8 @@ from camopt.scene.design import Piston
 from camopt.scene.geometry import Geometry
 from camopt.scene.train import build_train
 from camopt.scene.units import DEG, MM
+from tests.cam.cams import KODAMA, with_design
 
-KODAMA = load_scene("kodama")
 FLAT = Geometry(follower="flat", base_radius_mm=18.0)
 PISTON = Piston(
     stroke_mm=86.0, rod_mm=143.0, gap_at_top_mm=2.5, clearance_mm=1.0, lobe_centre_deg=108.0, pin_offset_mm=0.8,
@@ -33,8 +33,7 @@ GRID = np.arange(-72.0, 72.0005, 0.001)
 
 
 def scene_with(geometry=FLAT, **limits):
-    design = KODAMA.design.model_copy(update=limits)
-    return KODAMA.model_copy(update={"geometry": geometry, "design": design})
+    return with_design(geometry, **limits)
 
 
 def mm(lift, order):

@@ -2,7 +2,7 @@
 
 import time
 from dataclasses import replace
-from itertools import product
+from itertools import pairwise, product
 
 import numpy as np
 import pytest
@@ -67,17 +67,18 @@ def test_rest_is_the_one_that_enumeration_finds(name):
 
 def stack(masses, contacts):
     """`motori-1` with a long chain of coils on its valve, every so many of them stopped by a contact of its own."""
-    parts, last = [], "valve"
-    for i in range(masses):
-        parts.append(f'[[mass]]\nname = "coil_{i}"\nmass_kg = 0.01\n[[element]]\nname = "wire_{i}"\nkind = "spring"\n'
-                     f'between = ["{last}", "coil_{i}"]\nstiffness_N_per_m = 1e6\n')  # fmt: skip
-        last = f"coil_{i}"
-    parts.append(f'[[element]]\nname = "wire_end"\nkind = "spring"\nbetween = ["{last}", "ground"]\n'
-                 f'stiffness_N_per_m = 1e6\n')  # fmt: skip
+    chain = ["valve", *(f"coil_{i}" for i in range(masses)), "ground"]
+    parts = [f'[[mass]]\nname = "{name}"\nmass_kg = 0.01' for name in chain[1:-1]]
+
+    def element(name, kind, ends, rest):
+        parts.append(f'[[element]]\nname = "{name}"\nkind = "{kind}"\nbetween = ["{ends[0]}", "{ends[1]}"]\n{rest}')
+
+    for i, ends in enumerate(pairwise(chain)):
+        element(f"wire_{i}", "spring", ends, "stiffness_N_per_m = 1e6")
     for k in range(contacts):
-        parts.append(f'[[element]]\nname = "stop_{k}"\nkind = "contact"\nbetween = ["coil_{k * masses // contacts}", '
-                     f'"ground"]\nstiffness_N_per_m = 1e7\ngap_mm = {0.1 * k + 0.1}\n')  # fmt: skip
-    return parse_scene(scene_text("motori-1") + "\n" + "\n".join(parts), "stack.toml")
+        ends = f"coil_{k * masses // contacts}", "ground"
+        element(f"stop_{k}", "contact", ends, f"stiffness_N_per_m = 1e7\ngap_mm = {0.1 * k + 0.1}")
+    return parse_scene("\n".join([scene_text("motori-1"), *parts]), "stack.toml")
 
 
 def test_many_contacts_are_no_matter_of_hours():

@@ -50,7 +50,7 @@ def test_compression_by_hand():
     np.testing.assert_allclose(d[:, names.index("seat")], -2e-3)
 
 
-@pytest.mark.parametrize("name", ["kodama", "motori-1", "motori-2"])
+@pytest.mark.parametrize("name", ["kodama", "kodama-hertz", "motori-1", "motori-2"])
 def test_rest_is_an_equilibrium(name):
     scene = load_scene(name)
     train = build_train(scene)
@@ -58,7 +58,8 @@ def test_rest_is_an_equilibrium(name):
     balance = {m.name: m.force_N for m in scene.mass} | {"ground": 0.0}
     for e in scene.element:
         upper, lower = e.between
-        force = e.preload_N + e.stiffness_N_per_m * (x[upper] - x[lower] - 1e-3 * e.gap_mm)
+        d = x[upper] - x[lower] - 1e-3 * e.gap_mm
+        force = e.stiffness_N_per_m * max(0.0, d) ** 1.5 if e.law == "hertz" else e.preload_N + e.stiffness_N_per_m * d
         if e.kind == "contact":
             force = max(0.0, force)
         balance[upper] -= force

@@ -6,17 +6,15 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import read_lift_table
 from camopt.cam.tables.text import parsed
 from camopt.cli import main
-from camopt.scene import InputError, load_scene
+from camopt.scene import InputError
 from camopt.scene.units import DEG, MM
+from tests.cam.cams import KODAMA, MEASURED
+from tests.cam.cams import POLYDYNE as CAM
 
-KODAMA = load_scene("kodama")
-CAM = polydyne(KODAMA)
-MEASURED = Path(__file__).resolve().parents[4] / "shared" / "data" / "lift"
 CRANK = np.arange(1.0, 721.0)
 """Rows 1 to 720, the nose at 250 crank degrees."""
 THETA = ((CRANK - 250 + 360) % 720 - 360) / 2 * DEG

@@ -3,28 +3,25 @@
 import numpy as np
 import pytest
 
-from camopt.cam.families.polydyne import polydyne
-from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
 from camopt.cam.tables.lift_table import read_lift_table, write_lift_table
-from camopt.scene import InputError, load_scene
+from camopt.scene import InputError
 from camopt.scene.units import DEG, MM
+from tests.cam.cams import KODAMA, POLYDYNE, THETA, difference, with_design
 
-KODAMA = load_scene("kodama")
-POLYDYNE = polydyne(KODAMA)
-THETA = np.linspace(-np.pi, np.pi, 7207)
 # A quintic spline at 0.1 deg, whose only blemish is the jerk's step at the ramp tops (measured 7e-9 mm)
 OWN_TABLE = 2e-8 * MM
 
 
-def difference(one: Lift, other: Lift, order: int = 0) -> float:
-    return float(np.abs(one(THETA, order) - other(THETA, order)).max())
+@pytest.fixture
+def file(tmp_path):
+    """camopt's own table of the polydyne."""
+    write_lift_table(tmp_path / "lift.csv", POLYDYNE)
+    return tmp_path / "lift.csv"
 
 
 class TestOwnTable:
-    def test_round_trip(self, tmp_path):
-        file = tmp_path / "lift.csv"
-        write_lift_table(file, POLYDYNE)
+    def test_round_trip(self, file):
         header, first = file.read_text().splitlines()[:2]
         assert header == "cam_angle_deg,lift_mm,velocity_mm_per_deg,acceleration_mm_per_deg2,jerk_mm_per_deg3"
         assert first == "-180.0,0.0,0.0,0.0,0.0"
@@ -40,9 +37,7 @@ class TestOwnTable:
         grid = np.arange(-180, 181) * DEG
         np.testing.assert_allclose(read_cam(str(file), KODAMA)(grid), POLYDYNE(grid), atol=1e-12 * MM)
 
-    def test_base_circle_is_exactly_zero_and_joined_smoothly(self, tmp_path):
-        file = tmp_path / "lift.csv"
-        write_lift_table(file, POLYDYNE)
+    def test_base_circle_is_exactly_zero_and_joined_smoothly(self, file):
         lift = read_cam(str(file), KODAMA)
         assert lift.opening_foot == pytest.approx(POLYDYNE.opening_foot, abs=0.1 * DEG)
         assert lift.opening_foot <= POLYDYNE.opening_foot
@@ -50,16 +45,12 @@ class TestOwnTable:
         assert np.all(lift(outside) == 0)
         assert np.abs(lift(lift.opening_foot + 1e-9, 2)) < 1e-6 * np.abs(lift.extremes(2)).max()
 
-    def test_shifted_angles_are_refused(self, tmp_path):
-        file = tmp_path / "lift.csv"
-        write_lift_table(file, POLYDYNE)
+    def test_shifted_angles_are_refused(self, file):
         file.write_text("\n".join(file.read_text().splitlines()[:-5]))
         with pytest.raises(InputError, match="must run from -180 to 180"):
             read_cam(str(file), KODAMA)
 
-    def test_units_against_its_own_names_are_refused(self, tmp_path):
-        file = tmp_path / "lift.csv"
-        write_lift_table(file, POLYDYNE)
+    def test_units_against_its_own_names_are_refused(self, file):
         with pytest.raises(InputError, match="against the units"):
             read_cam(str(file), KODAMA, table_angle="crank", table_lift="mm")
         assert difference(read_cam(str(file), KODAMA, "cam", "mm"), POLYDYNE) < OWN_TABLE
@@ -68,6 +59,9 @@ class TestOwnTable:
     def test_steps_that_do_not_divide_the_turn(self, tmp_path, step):
         with pytest.raises(InputError, match="divides 360"):
             write_lift_table(tmp_path / "lift.csv", POLYDYNE, step)
+
+
+TURN = np.arange(-180, 180.1, 0.5)
 
 
 def foreign(folder, degrees, lift, delimiter=",", header="", name="cam.dat"):
@@ -91,21 +85,18 @@ class TestForeignTable:
 
     @pytest.mark.parametrize(("unit", "metres"), [("mm", 1e-3), ("m", 1.0), ("inch", 0.0254)])
     def test_units_of_lift(self, tmp_path, unit, metres):
-        degrees = np.arange(-180, 180.1, 0.5)
-        file = foreign(tmp_path, degrees, POLYDYNE(degrees * DEG) / metres)
+        file = foreign(tmp_path, TURN, POLYDYNE(TURN * DEG) / metres)
         assert read_lift_table(file, KODAMA, "cam", unit).max_lift == pytest.approx(9.4 * MM, abs=1e-6 * MM)
 
     @pytest.mark.parametrize("delimiter", [",", ", ", ";", "\t", "  ", " ; "])
     @pytest.mark.parametrize("header", ["", "angle{}lift", "# from a machine"])
     def test_delimiters_and_headers(self, tmp_path, delimiter, header):
-        degrees = np.arange(-180, 180.1, 0.5)
-        file = foreign(tmp_path, degrees, POLYDYNE(degrees * DEG) / MM, delimiter, header.format(delimiter))
+        file = foreign(tmp_path, TURN, POLYDYNE(TURN * DEG) / MM, delimiter, header.format(delimiter))
         assert difference(read_lift_table(file, KODAMA, "cam", "mm"), POLYDYNE) < 1e-5 * MM
 
     @pytest.mark.parametrize("delimiter", [";", "\t"])
     def test_decimal_commas(self, tmp_path, delimiter):
-        degrees = np.arange(-180, 180.1, 0.5)
-        file = foreign(tmp_path, degrees, POLYDYNE(degrees * DEG) / MM, delimiter)
+        file = foreign(tmp_path, TURN, POLYDYNE(TURN * DEG) / MM, delimiter)
         file.write_text(file.read_text().replace(".", ","))
         assert difference(read_lift_table(file, KODAMA, "cam", "mm"), POLYDYNE) < 1e-5 * MM
 
@@ -119,23 +110,20 @@ class TestForeignTable:
     def test_turn_without_base_circle_is_interpolated_periodically(self, tmp_path):
         degrees = np.arange(0, 360, 2.0)
         file = foreign(tmp_path, degrees, 4 * (1 - np.cos((degrees - 77) * DEG)) + 0.1)
-        scene = KODAMA.model_copy(update={"design": KODAMA.design.model_copy(update={"duration_deg": 300})})
-        lift = read_lift_table(file, scene, "cam", "mm")
+        lift = read_lift_table(file, with_design(duration_deg=300), "cam", "mm")
         # interpolation of a sine by a quintic spline: a few times (2 deg)^6 / 720 of 4 mm
         np.testing.assert_allclose(lift(THETA) / MM, 4 * (1 + np.cos(THETA)) + 0.1, atol=1e-9)
         half = np.pi - np.arccos(1 - (0.265 - 0.1) / 4)
         assert lift.half_duration == pytest.approx(half, abs=1e-8)
 
     def test_keys_in_the_header_stand_for_the_options(self, tmp_path):
-        degrees = np.arange(-180, 180.1, 0.5)
         header = "# table-angle = cam\n# table_lift: inch"
-        file = foreign(tmp_path, degrees, POLYDYNE(degrees * DEG) / 0.0254, header=header)
+        file = foreign(tmp_path, TURN, POLYDYNE(TURN * DEG) / 0.0254, header=header)
         assert read_cam(str(file), KODAMA).max_lift == pytest.approx(9.4 * MM, abs=1e-6 * MM)
 
     @pytest.mark.parametrize("options", [{}, {"table_angle": "cam"}, {"table_lift": "mm"}])
     def test_unnamed_units_are_refused(self, tmp_path, options):
-        degrees = np.arange(-180, 180.1, 0.5)
-        file = foreign(tmp_path, degrees, POLYDYNE(degrees * DEG) / MM)
+        file = foreign(tmp_path, TURN, POLYDYNE(TURN * DEG) / MM)
         with pytest.raises(InputError, match=r"--table-angle cam\|crank --table-lift mm\|m\|inch") as error:
             read_cam(str(file), KODAMA, **options)
         assert "\n" not in str(error.value)
@@ -160,8 +148,7 @@ class TestForeignTable:
         ],
     )
     def test_faults(self, tmp_path, change, says):
-        degrees = np.arange(-180, 180.1, 0.5)
-        rows = [f"{a},{h:.9f}" for a, h in zip(degrees, POLYDYNE(degrees * DEG) / MM, strict=True)]
+        rows = [f"{a},{h:.9f}" for a, h in zip(TURN, POLYDYNE(TURN * DEG) / MM, strict=True)]
         file = tmp_path / "cam.csv"
         file.write_text("\n".join(change(rows)))
         with pytest.raises(InputError, match=says) as error:
@@ -169,12 +156,9 @@ class TestForeignTable:
         assert "\n" not in str(error.value)
 
     def test_lift_below_the_ramp_height_has_no_duration(self, tmp_path):
-        design = KODAMA.design.model_copy(update={"ramp_height_mm": 9.39})
-        scene = KODAMA.model_copy(update={"design": design})
-        degrees = np.arange(-180, 180.1, 0.5)
-        file = foreign(tmp_path, degrees, 0.99 * POLYDYNE(degrees * DEG) / MM)
+        file = foreign(tmp_path, TURN, 0.99 * POLYDYNE(TURN * DEG) / MM)
         with pytest.raises(InputError, match="never passes"):
-            read_lift_table(file, scene, "cam", "mm")
+            read_lift_table(file, with_design(ramp_height_mm=9.39), "cam", "mm")
 
     def test_binary_and_missing_files(self, tmp_path):
         file = tmp_path / "cam.dat"
