@@ -50,8 +50,7 @@ def read_design(path: str | Path, scene: Scene) -> Lift:
     Raises InputError for a file that is no design: unreadable, not JSON, missing or misshapen pieces, pieces that do
     not cover -180 to 180 deg without gap or step in lift.
     """
-    text = read_text(Path(path), MAX_FILE_BYTES, "design")
-    return lift_of_text(text, scene, path)
+    return lift_of_text(read_text(Path(path), MAX_FILE_BYTES, "design"), scene, path)
 
 
 @lru_cache(maxsize=8)  # what is known of a cam is known of the same file's
@@ -91,11 +90,8 @@ def lift_of_text(text: str, scene: Scene, path: object) -> Lift:
 
 
 def as_written(lift: Lift) -> Lift:
-    """The lift law that its `design.json` gives back, bit by bit.
-
-    Millimetres and degrees and back again move the last digits, and a motion that parts its contacts multiplies them:
-    what is judged is therefore the cam as it is written.
-    """
+    """The lift law that its `design.json` gives back, bit by bit: units move the last digits, and a motion that parts
+    its contacts multiplies them, so that the cam as it is written is judged."""
     record = design_record(lift, lift.max_lift)
     pieces = record["pieces"]
     borders = np.append(pieces["start_deg"], pieces["end_deg"][-1])

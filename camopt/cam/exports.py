@@ -1,18 +1,15 @@
 """Files for grinding and for engine simulation: lift tables and the contour, in millimetres with a number of digits.
 
 The contour gives the point that touches the follower at each cam angle of the table. Its coordinates carry one digit
-more than the lift: two rounded coordinates miss a point by up to 0.71 of a unit, and a roller's lift by that over the
-cosine of the pressure angle, so with the lift's own digits half a unit of lift could not be kept. As each point comes
-with its cam angle, nothing need be interpolated to rebuild the lift there: the support function of the points (flat
-follower) or the roller laid on them meets it within half a unit of the lift's last digit.
+more than the lift, so that the support function of the points (flat follower), or the roller laid on them, meets the
+lift within half a unit of its last digit: two rounded coordinates miss a point by up to 0.71 of a unit.
 
-Engine simulations read the valve's lift by the crank's angle, a row each degree: EngMod4T takes two columns without a
-header, parted by a tab. The lift is the static one, which is the cam's less the lash, or that of a motion at a speed.
-Degree 0 is the last whole one before the valve opens.
+Engine simulations read the valve's lift, static or at a speed, by the crank's angle, a row each degree: EngMod4T takes
+two columns without a header, parted by a tab. Degree 0 is the last whole one before the valve opens.
 
-The contour may be a drawing too (DXF; needs the extra `dxf`, ezdxf), of circular arcs that join without a corner and
-keep a tolerance. Between two points of the contour with their tangents lie two arcs (Bolton 1975, Computer-Aided Design
-7, 101): with points p0, p1, v = p1 - p0 and unit tangents t0, t1 they meet at (p0 + p1 + d (t0 - t1)) / 2, where
+A drawing of the contour (DXF; needs the extra `dxf`, ezdxf) has circular arcs that join without a corner and keep a
+tolerance. Between two points p0, p1 of the contour with the unit tangents t0, t1 lie two arcs (Bolton 1975,
+Computer-Aided Design 7, 101), which with v = p1 - p0 meet at (p0 + p1 + d (t0 - t1)) / 2, where
 
     v v - 2 d v (t0 + t1) - 2 d^2 (1 - t0 t1) = 0.
 
@@ -56,11 +53,8 @@ def write_rounded_table(path: str | Path, lift: Lift, step_deg: float, digits: i
 
 
 def write_crank_table(path: str | Path, lift: Lift, step_crank_deg: float, digits: int, cam_per_crank: float) -> None:
-    """Writes crank_angle_deg, zero at the middle of the duration, and lift_mm over the crank's turns of one of the cam.
-
-    A # header names the units, so that `camopt.cam.tables.lift_table.read_lift_table` reads it back as any other
-    table. Raises InputError for a step that does not divide the cam's turn.
-    """
+    """Writes crank_angle_deg, zero at the middle of the duration, and lift_mm over one turn of the cam, below a #
+    header with the units. Raises InputError for a step that does not divide the cam's turn."""
     degrees = angles_deg(step_crank_deg * cam_per_crank)
     cells = zip(_angle_cells(degrees / cam_per_crank), rounded(lift(degrees * DEG) / MM, digits), strict=True)
     head = ["# table-angle = crank", "# table-lift = mm", "crank_angle_deg,lift_mm"]
@@ -68,8 +62,7 @@ def write_crank_table(path: str | Path, lift: Lift, step_crank_deg: float, digit
 
 
 class TableError(NamedTuple):
-    """What a lift table is off by [mm]: at its `rows`, and between them along straight `lines` and along the periodic
-    cubic `spline` through them."""
+    """What a table is off by [mm]: at its `rows`, between them along straight `lines` and along a cubic `spline`."""
 
     rows: float
     lines: float
@@ -94,9 +87,8 @@ def table_error(lift: Lift, step_deg: float, digits: int | None) -> TableError:
 def write_contour(path: str | Path, lift: Lift, geometry: Geometry, step_deg: float, digits: int) -> None:
     """Writes the contour by cam angle: x_mm, y_mm, polar_angle_deg and radius_mm of the point of contact.
 
-    The axis of the cam is the origin, the nose towards +x, the cam turning against the angle (mirror it for the other
-    sense). `digits` are the lift's; lengths carry one more, the polar angle three more. Raises InputError where no
-    contour gives this lift to this follower.
+    Its axes are those of `Contact.contour`. `digits` are the lift's; lengths carry one more, the polar angle three
+    more. Raises InputError where no contour gives this lift to this follower.
     """
     contact(lift, geometry).require_contour("contour")
     degrees = angles_deg(step_deg)
@@ -126,11 +118,8 @@ def _angle_cells(degrees: np.ndarray) -> list[str]:
 
 
 def crank_rows(lift: Lift, lash: float, cam_per_crank: float) -> Float[np.ndarray, " k"]:
-    """Crank angles [deg] from the middle of the cam's duration, a degree apart, from before the opening to after the
-    closing, which are where the lift passes the lash [m], or half a micrometre without one.
-
-    Raises InputError where the lift never does.
-    """
+    """Crank angles [deg] from the middle of the cam's duration, a degree apart, from before to after the lift is above
+    the lash [m], or half a micrometre without one. Raises InputError where it never is."""
     opens, closes = (angle / DEG / cam_per_crank for angle in crossing(lift, max(lash, NOTHING)))
     return np.arange(np.floor(opens), np.ceil(closes) + 1)
 
@@ -157,12 +146,11 @@ FINEST = 12
 
 
 def write_dxf(path: str | Path, lift: Lift, geometry: Geometry, tolerance: float) -> tuple[int, float]:
-    """Writes the contour as a closed polyline of arcs that join without a corner, in millimetres.
+    """Writes the contour as a closed polyline of arcs that join without a corner, in millimetres with every digit.
 
     The contour misses them by at most `tolerance` [m]; returned is how many there are, and by how much it misses them
-    [m]. The axis of the cam is the origin and the nose lies towards +x, as in `camopt.cam.exports.write_contour`; base
-    circle and axes lie on layers of their own. Coordinates have every digit. Raises InputError where no contour gives
-    this lift to this follower, and where ezdxf is not installed.
+    [m]. Base circle and axes lie on layers of their own. Raises InputError where no contour gives this lift to this
+    follower, and where ezdxf is not installed.
     """
     try:
         from ezdxf import units  # pyright: ignore[reportMissingImports]  # an extra

@@ -11,9 +11,8 @@ The least thickness of the oil film is Dowson's for elastic bodies and a piezovi
 Proc. IMechE 182(3A), 1968):
     h / R = 2.65 U^0.7 G^0.54 W^-0.13,   U = eta u / (E' R),   G = alpha E',   W = P / (E' R),
 with u the entrainment velocity, R the radii's and E' = 2 E* the moduli's combination, P the force per length, eta the
-viscosity without pressure and alpha its growth with it. It serves the report only. Every angle is taken by itself,
-without squeeze, heat and edges: the film vanishes where the entrainment reverses, where squeezing carries a real one
-over.
+viscosity without pressure and alpha its growth with it. Every angle is taken by itself, without squeeze, heat and
+edges: the film vanishes where the entrainment reverses, where squeezing carries a real one over.
 """
 
 from dataclasses import dataclass
@@ -84,11 +83,8 @@ def contact_width(geometry: Geometry) -> float:
 def hertz_stress(
     lift: Lift, geometry: Geometry, theta: Float[np.ndarray, " k"], force: Float[np.ndarray, " k"]
 ) -> HertzStress:
-    """The stress under a `force` [N] on the valve's axis at cam angles `theta` [rad], any turn.
-
-    Raises InputError where the scene gives no width of the contact, and where the contour cannot carry the follower
-    along a line: a cusp or concave flank under a flat face, an undercut under a roller or pad.
-    """
+    """The stress under a `force` [N] on the valve's axis at cam angles `theta` [rad], any turn; raises InputError
+    where the scene gives no width of the contact, and at a cusp, an undercut or too concave a flank."""
     width, along = contact_width(geometry), contact(lift, geometry, theta)
     curvature = combined_curvature(along)
     if np.any(curvature <= 0):
@@ -117,10 +113,8 @@ def film_ratio(
     along: Contact, cam_speed: float, normal_force: Float[np.ndarray, " k"]
 ) -> Float[np.ndarray, " k"] | None:
     """Film thickness over roughness at a cam speed [rad/s] under the normal force [N]; infinite without force, and not
-    a number where there is no line contact (`camopt.cam.hertz.hertz_stress` refuses such a cam).
-
-    None where the scene states no oil or no roughness. Raises InputError where it gives no width of the contact.
-    """
+    a number where there is no line contact. None where the scene states no oil or no roughness; raises InputError where
+    it gives no width of the contact."""
     geometry = along.geometry
     if geometry.oil_viscosity_mPa_s is None or geometry.roughness_um is None:
         return None

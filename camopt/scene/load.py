@@ -53,11 +53,10 @@ def no_duration(design: Design) -> float:
 def load_scene(
     source: str | Path, need: tuple[Part, ...] = (), duration_of: Callable[[Design], float] = no_duration
 ) -> Scene:
-    """The scene of a built-in name or TOML file, fully checked.
+    """The scene of a built-in name or TOML file, fully checked, in the units of its keys (`_mm`, `_deg`, `_rpm`).
 
-    `need` names optional parts that the caller cannot do without. Numbers keep the units of their keys (`_mm`, `_deg`,
-    `_rpm`). `duration_of` gives the duration_deg of a design that leaves it to its duration_at. Raises InputError with
-    one line per fault.
+    `need` names optional parts that the caller cannot do without. `duration_of` gives the duration_deg of a design that
+    leaves it to its duration_at. Raises InputError with one line per fault.
     """
     return parse_scene(scene_text(source), str(source), need, duration_of)
 
@@ -95,10 +94,8 @@ def _without_fault(data: dict[str, Any], where: str, need: tuple[Part, ...]) -> 
 
 
 def scene_with(scene: Scene, numbers: Mapping[str, float], asked_by: str = "set", need: tuple[Part, ...] = ()) -> Scene:
-    """The scene with the numbers by NAME.KEY (`camopt.scene.parameters`), which `asked_by` begins the errors of.
-
-    Raises InputError for a name that means no number of the scene, and for numbers that make it faulty.
-    """
+    """The scene with these numbers by NAME.KEY (`camopt.scene.parameters`); raises InputError, begun by `asked_by`, for
+    a name that means no number of the scene, and for numbers that make it faulty."""
     changed = scene
     for text, value in numbers.items():
         if not (places := settable(scene, text)):

@@ -42,10 +42,8 @@ def static_matrices(train: Train, closed: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def rest_position(train: Train) -> np.ndarray:
-    """Positions at rest on the base circle [m], shape (n).
-
-    Raises InputError where a mass is not held, or where no set of closed contacts is in equilibrium.
-    """
+    """Positions at rest on the base circle [m], shape (n); raises InputError where a mass is not held, or where no set
+    of closed contacts is in equilibrium."""
     return _rest_of(train).copy()
 
 
@@ -80,10 +78,8 @@ def _rest_of(train: Train) -> np.ndarray:
 
 
 def state_at_rest(train: Train) -> np.ndarray:
-    """State (2n + r: [m], [m/s], [m]) at rest on the base circle; raises InputError where there is none.
-
-    Every memory has faded: adjusters have leaked until the plunger spring alone carries, and nothing rubs.
-    """
+    """State (2n + r: [m], [m/s], [m]) at rest on the base circle, every memory faded: the plunger spring alone carries
+    an adjuster, and nothing rubs. Raises InputError where there is none."""
     position = rest_position(train)
     memory = train.compression(position, 0.0)[list(train.memory)]
     return np.concatenate([position, np.zeros_like(position), memory])
@@ -100,10 +96,8 @@ def _not_held(train: Train, direction: np.ndarray) -> str:
 
 
 def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:
-    """Forces of the elements (k, e) [N] where the cam stands still at lifts (k) [m]; zero in open contacts.
-
-    The lift closes the gap of what the cam drives. Raises InputError as `rest_position` does.
-    """
+    """Forces of the elements (k, e) [N] where the cam stands still at lifts (k) [m], zero in open contacts; raises
+    InputError as `rest_position` does."""
     forces, (heights, where) = [], np.unique(lift, return_inverse=True)  # the base circle is one lift
     for height in heights:
         d = train.compression(rest_position(replace(train, gap=train.gap - train.cam_driven * height)), height)
@@ -150,10 +144,7 @@ def is_linear(train: Train) -> bool:
 
 @lru_cache(maxsize=64)
 def linearised_at_rest(train: Train) -> Train:
-    """The train with a linear law in place of every other: itself, where it has none.
-
-    Tables and curved laws count with their tangents at rest, or `Laws.stand_in`; oil does not leak; nothing rubs.
-    """
+    """The train with a linear law in place of every other, by `Laws.stand_in`; oil does not leak, and nothing rubs."""
     laws = train.laws
     if laws is None:
         return replace(train, forcing=()) if train.forcing else train

@@ -43,11 +43,9 @@ def assembled(train: Train, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def oscillations(train: Train, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Angular frequencies [rad/s] ascending (m), damping ratios (m) and real shapes (m, n) of the oscillating modes.
-
-    With damping: |lambda|, -Re(lambda) / |lambda|, and the shape in the phase in which it is largest; overdamped pairs
-    are left out. Shapes have no norm.
-    """
+    """Angular frequencies |lambda| [rad/s] ascending (m), damping ratios -Re(lambda) / |lambda| (m) and real shapes
+    (m, n), without norm, in the phase in which they are largest, of the oscillating modes; overdamped pairs are left
+    out."""
     damping, stiffness = assembled(train, acting)
     if np.any(damping):
         return _damped(train.mass, damping, stiffness)
@@ -65,9 +63,8 @@ def highest_rate(train: Train) -> float:
 def slowest_leak(train: Train) -> float:
     """Least rate [1/s] at which what the oil of an adjuster carries too much leaks away; infinite without oil.
 
-    While the valve is seated, the column of stiffness k stands between cam and seat, whose compliance it feels too, and
-    its force decays at the rate 1 / (leak (1/k + compliance)). The valve is taken to be seated for SEATED_SHARE of a
-    revolution; while it is lifted, the springs keep the force up, and little of it is lost.
+    While the valve is seated, for SEATED_SHARE of a revolution, the column of stiffness k stands between cam and seat,
+    whose compliance it feels too, and its force decays at the rate 1 / (leak (1/k + compliance)).
     """
     if train.laws is None:
         return np.inf

@@ -56,12 +56,11 @@ def kurz(
     *,
     jerk: bool = True,
 ) -> Lift:
-    """The Kurz-type cam of a scene's duration, maximum lift and ramps; it is a reconstruction (see the module).
+    """The Kurz-type cam, a reconstruction, of a scene's duration, maximum lift and ramps.
 
     `sections_deg`: the three section angles from the ramp to the nose; `a23` [mm/deg^2]: acceleration where sections 2
-    and 3 meet, which with the maximum lift determines the flank's largest velocity. What is left out is chosen for the
-    largest area under the scene's limits, without the jerk limit where `jerk` is false. Raises InputError for unusable
-    angles or levels, a scene whose two ramps differ, or limits that no member meets.
+    and 3 meet, which with the maximum lift determines the flank's largest velocity. What is left out is chosen as by
+    `camopt.multi_pol`, with the same errors.
     """
     return member(scene, TABLE, STARTS, sections_deg, {"a23": a23}, jerk)
 

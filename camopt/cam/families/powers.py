@@ -100,11 +100,8 @@ def event_pieces(
 
 
 def piece_shares(powers: np.ndarray) -> np.ndarray:
-    """Ascending borders in [0, 1] of the pieces of sum C_i x^p_i.
-
-    Each piece is as wide as x^p (p width / x)^12 <= 1 allows, which keeps the error of `osculating_pieces` at its bound
-    everywhere. The pieces widen towards the nose.
-    """
+    """Ascending borders in [0, 1] of the pieces of sum C_i x^p_i, each as wide as x^p (p width / x)^12 <= 1 allows: the
+    error of `osculating_pieces` is at its bound everywhere, and the pieces widen towards the nose."""
     high = powers[powers >= 2 * MATCHED]  # lower powers are met exactly
     borders = [1.0]
     while borders[-1] > 0.0:
@@ -130,10 +127,8 @@ def _no_member(lift: Lift, top: float, ramp: Ramp) -> str:
 def power_construction(
     cam: Lift, own: Parameters, dynamic: Callable[[Parameters, Ramp], tuple]
 ) -> tuple[Parameters, Event]:
-    """Own parameters of a cam of powers, `own` beside its exponents of at least 8, and its event built from them.
-
-    `dynamic(parameters, ramp)` gives A, B [rad^2] and the five conditions at the flank's end [m/rad^k].
-    """
+    """Own parameters of a cam of powers, `own` beside its exponents of at least 8, and its event built from them;
+    `dynamic(parameters, ramp)` gives A, B [rad^2] and the five conditions at the flank's end [m/rad^k]."""
     exponents = np.array(cam.parameters["exponents"])
     free = exponents >= LEAST_REAL_EXPONENT
     kept, placed = np.where(free, 0.0, exponents), np.eye(len(exponents))[:, free]
@@ -147,10 +142,8 @@ def power_construction(
 
 
 def power_space(member: Callable[..., Lift], bounds: Sequence[tuple[float, float]], known: Sequence[float]) -> Space:
-    """The gaps between the exponents, and parameters of the family's own with their bounds and a known point.
-
-    `member(exponents, *own)` designs a member. An exponent below 8 is rounded: only integers are smooth enough there.
-    """
+    """The gaps between the exponents, of which one below 8 is rounded, and parameters of the family's own with their
+    bounds and a known point; `member(exponents, *own)` designs a member."""
 
     def member_at(x: np.ndarray) -> Lift:
         found = [2.0]

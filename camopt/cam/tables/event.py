@@ -23,8 +23,8 @@ FOOT_REACH_DEG = 15.0
 """How far outside the last row above BASE_MM the foot is looked for: a ramp's foot of 10 deg is within the noise."""
 SHORTEST_BASE_DEG = 10.0
 CUT = 15.0
-"""A flank whose last step, down to the base circle, is this many times the noise more than twice the one before has no
-ramp: where a ramp meets the base circle its steps shrink or stay. Four standard deviations of that difference."""
+"""Where a flank's last step, to the base circle, is this many times the noise more than twice the one before, it has no
+ramp, whose steps shrink or stay there. Four standard deviations of that difference."""
 LEAST_CUT_MM = 2e-3
 """The same where there is no noise: two units of a table with three decimals."""
 MEDIAN_TO_DEVIATION = 1.4826
@@ -59,10 +59,8 @@ class Event:
 
 
 def find_event(where: str, degrees: np.ndarray, lift: np.ndarray) -> Event:
-    """The event of a table of ascending cam `degrees` and `lift` [mm], both (r), at most one turn.
-
-    Raises InputError where the table neither closes on itself nor begins and ends on the base circle.
-    """
+    """The event of a table of ascending cam `degrees` and `lift` [mm], both (r), at most one turn; raises InputError
+    where the table neither closes on itself nor begins and ends on the base circle."""
     check_ends(where, degrees, lift, CLOSING_SHARE * lift.max(), BASE_MM)
     angle = np.mod(degrees - degrees[0], TURN)
     angle[np.abs(degrees - degrees[0] - TURN) < 1e-9] = 0.0
@@ -187,10 +185,8 @@ def _flank_acceleration(degrees: np.ndarray, height: np.ndarray) -> float:
 def _profile(
     height: float, slope: float, ramp: Ramp, acceleration: float, gentler: bool
 ) -> tuple[float, Callable[[np.ndarray], np.ndarray]] | None:
-    """Length [deg] and lift [mm] by the angle beyond the last row, from its lift and slope; None where none fits.
-
-    A `gentler` slope than the ramp's goes on as it is.
-    """
+    """Length [deg] and lift [mm] by the angle beyond the last row, from its lift and slope, a `gentler` one than the
+    ramp's going on as it is; None where none fits."""
     scene_height, scene_slope = ramp.height / MM, ramp.velocity / MM_PER_DEG
     low = slope if gentler else scene_slope
     if not (height > 0 and low > 0 and acceleration > 0):

@@ -57,11 +57,8 @@ def spline_pieces(where: str, angle: np.ndarray, lift: np.ndarray) -> PPoly:
 
 
 def check_ends(where: str, degrees: np.ndarray, lift_mm: np.ndarray, closing_mm: float, base_mm: float) -> float:
-    """What the rows leave of a turn [deg], zero where they close it.
-
-    Raises InputError where they close it with a step of more than `closing_mm`, and where they leave more than one and
-    a half of their steps and begin or end above `base_mm`.
-    """
+    """What the rows leave of a turn [deg], zero where they close it; raises InputError where they do so with a step of
+    more than `closing_mm`, and where they leave more than 1.5 of their steps and begin or end above `base_mm`."""
     left, (first, last) = 360.0 - (degrees[-1] - degrees[0]), lift_mm[[0, -1]]
     if left <= 1e-7:
         if abs(last - first) > closing_mm:
@@ -81,10 +78,8 @@ def check_ends(where: str, degrees: np.ndarray, lift_mm: np.ndarray, closing_mm:
 def own_pieces(
     where: str, angle: np.ndarray, lift: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, lines: list[int]
 ) -> PPoly:
-    """Pieces over one turn from camopt's own columns: angle [rad], lift [m], its derivatives [m/rad, m/rad^2], all (r).
-
-    Raises InputError for a turn that does not close, and for columns that contradict each other.
-    """
+    """Pieces over one turn from camopt's own columns: angle [rad], lift [m], its derivatives [m/rad, m/rad^2], all (r);
+    raises InputError for a turn that does not close, and for columns that contradict each other."""
     check_ends(where, angle / DEG, lift / MM, END_MM, END_MM)
     step = np.diff(angle)
     unexplained = np.abs(np.diff(lift) - 0.5 * step * (velocity[1:] + velocity[:-1]))
@@ -122,11 +117,8 @@ def _pieces_between(spline: BSpline, start: float, end: float) -> PPoly:
 
 
 def event_borders(where: str, pieces: PPoly, opening: float, closing: float) -> tuple[float, float]:
-    """Angles [rad] at which the lift first rises through `opening` [m] and last falls through `closing` [m].
-
-    The turn is taken from its lowest lift, so that its first crossing rises and its last one falls. A crossing within
-    rounding of a row is that row.
-    """
+    """Angles [rad] at which the lift, from its lowest place on, first rises through `opening` [m] and last falls
+    through `closing` [m]; a crossing within rounding of a row is that row."""
     low = pieces.x[np.argmin(pieces(pieces.x[:-1]))]
     crossings = []
     for height in (opening, closing):

@@ -14,15 +14,14 @@ from camopt.scene import InputError
 OUTLIER = 5.0
 """Studentised residual of an outlier: by chance one row in 1.7 million."""
 OUTLIER_SHARE = 2.5e-4
-"""Least distance of an outlier from what the others say, over the maximum lift. A corner of the jerk, which the spline
-rounds, stays below it: 7e-5 for an exact polydyne in steps of 2 deg, 1.1e-4 where ramp and flank of a motorbike's
-exhaust cam meet."""
+"""Least distance of an outlier from what the others say, over the maximum lift. Corners of the jerk, which the spline
+rounds, stay below it: 7e-5 of an exact polydyne in steps of 2 deg, 1.1e-4 of a motorbike's exhaust cam."""
 NEIGHBOURS = 3
 """Rows on either side of an outlier that are judged anew without it: it has pulled the spline towards itself."""
 MOST_OUTLIERS = 0.05
 NOISE_FREE_MM = 1e-6
-"""Noise below which a table is taken as computed, not measured: interpolating it moves the acceleration less than
-smoothing does. Tables of an exact polydyne stay below it at 0.5 deg and finer."""
+"""Noise below which a table is taken as computed: interpolating it moves the acceleration less than smoothing does.
+Tables of an exact polydyne stay below it at 0.5 deg and finer."""
 ERROR_SHARE = 0.1
 """Largest standard error of the acceleration (root mean square over the event) over its peak: beyond it, dynamics
 from the table would be dynamics of its noise."""
@@ -45,10 +44,9 @@ def smoothed(
 ) -> tuple[PPoly | None, dict]:
     """The smooth law [deg, mm] over one turn of a table, None where it has no noise, and what became of the table.
 
-    Its cam `degrees` (r) ascend over one turn at most, beside its `lift` (r) [mm].
-
-    A flank that ends above the base circle is continued by the scene's opening or closing ramp. Raises InputError for
-    too many outliers, negative lift, rows that fix no usable acceleration, or gaps in which the law would be invented.
+    Its cam `degrees` (r) ascend over one turn at most, beside its `lift` (r) [mm]; a flank that ends above the base
+    circle is continued by the scene's ramp. Raises InputError for too many outliers, negative lift, rows that fix no
+    usable acceleration, or gaps in which the law would be invented.
     """
     event = completed(where, find_event(where, degrees, lift), lift, lines, ramps)
     if event.end - event.start < SHORTEST_DEG:
@@ -161,10 +159,8 @@ def _knots(event: Event) -> tuple[int, np.ndarray]:
 
 
 def _without_outliers(where: str, event: Event, lift: np.ndarray) -> tuple[Event, list[int]]:
-    """The event's rows that a spline through the others explains, and the rows rejected.
-
-    The worst row of each neighbourhood is set aside and the noise estimated anew, until no row stands out.
-    """
+    """The event's rows that a spline through the others explains, and the rows rejected: the worst of each place is set
+    aside and the noise estimated anew, until no row stands out."""
     count, free = _knots(event)
     kept = event
     outliers: list[int] = []

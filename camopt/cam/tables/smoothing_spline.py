@@ -24,9 +24,8 @@ BAND = 2 * DEGREE + 1
 """Diagonals of the equations from the main one down: two knots on the ring are at most twice as far apart in them."""
 PENALTY_ORDERS = (4, 3)
 """On the tables of experiments/measured_tables.py third differences alone leave 1.1 to 2 times the error of fourth ones
-on cams of limited jerk; on those whose acceleration steps, fourth ones alone leave up to 1.4 times that of third ones
-and state half of it or less. Generalised cross validation in place of the likelihood takes the coarse tables (1 and
-2 deg) for noise-free."""
+on cams of limited jerk; fourth ones alone leave up to 1.4 times that of third ones where the acceleration steps, and
+state half of it or less. Generalised cross validation takes the coarse tables (1 and 2 deg) for noise-free."""
 RULED_OUT = 13.8
 """Twice the logarithm of the odds, 1000 to 1, at which the rows have ruled out an order."""
 GIVEN_PRECISION = 100.0
@@ -52,10 +51,8 @@ class AccelerationError(NamedTuple):
 
 
 def basis(degrees: np.ndarray, count: int, order: int = 0) -> csr_array:
-    """Values (r, count) of the periodic basis functions, or of a derivative, at `degrees` (r); knots at 360 i/count.
-
-    Function i stands on the knots i-5 to i+1.
-    """
+    """Values (r, count) of the periodic basis functions, of which i stands on the knots i-5 to i+1, at 360 i/count, or
+    of a derivative, at `degrees` (r)."""
     h = 360.0 / count
     piece = np.floor(degrees / h).astype(int)
     local = (degrees / h - piece)[:, None] + DEGREE - np.arange(DEGREE + 1)
@@ -184,10 +181,8 @@ def fitted(
 
 
 def fitted_non_negative(degrees: np.ndarray, lift: np.ndarray, count: int, free: np.ndarray, given: int = 0) -> Fit:
-    """As `fitted`, its ends drawn in until no coefficient is negative: the feet lie where the lift leaves the noise.
-
-    Where no coefficient is positive (a table that is no lift), the fit is handed back as it is.
-    """
+    """As `fitted`, its ends drawn in until no coefficient is negative, or none is positive (a table that is no lift):
+    the feet lie where the lift leaves the noise."""
     fit = fitted(degrees, lift, count, free, given)
     while True:
         c = fit.coefficients[free]

@@ -190,10 +190,8 @@ class TableRows:
 
 
 def mended(rows: TableRows) -> TableRows:
-    """The rows in ascending order over one turn at most where they say how, half a lobe as a whole one.
-
-    What cannot be told (angles that repeat or jump) is left as it is, for the check of the rows to refuse.
-    """
+    """The rows in ascending order over one turn at most, half a lobe as a whole one; what cannot be told (angles that
+    repeat or jump) is left as it is, for the check of the rows to refuse."""
     return _gaps_named(_whole_lobe(_unwrapped(_ascending(rows))))
 
 
