@@ -60,7 +60,10 @@ def lift_of_text(text: str, scene: Scene, path: object) -> Lift:
     try:
         pieces = data["pieces"]
         start, end = (np.array(pieces[k], dtype=float) for k in ("start_deg", "end_deg"))
-        coefficients = _rows(pieces["coefficients_mm"])
+        rows = [np.array(row, dtype=float) for row in pieces["coefficients_mm"]]
+        if any(row.ndim != 1 or not 1 <= len(row) <= 64 for row in rows):
+            raise ValueError("coefficients_mm needs a list of 1 to 64 numbers per piece")
+        coefficients = np.array([*zip_longest(*rows, fillvalue=0.0)]).T
         duration = float(data.get("duration_deg", scene.required_design.duration_deg))
         family, parameters = str(data.get("family", "lift")), dict(data.get("parameters") or {})
     except (KeyError, TypeError, ValueError, OverflowError) as error:
@@ -117,11 +120,3 @@ def _json_object(text: str, path: object) -> dict:
     if not isinstance(data, dict):
         raise InputError(f"{path}: not a design.json of camopt: an object with `pieces` is expected")
     return data
-
-
-def _rows(lists) -> np.ndarray:
-    """Coefficient lists of any length as one array (p, q), padded with zeros."""
-    rows = [np.array(row, dtype=float) for row in lists]
-    if any(row.ndim != 1 or not 1 <= len(row) <= 64 for row in rows):
-        raise ValueError("coefficients_mm needs a list of 1 to 64 numbers per piece")
-    return np.array([*zip_longest(*rows, fillvalue=0.0)]).T

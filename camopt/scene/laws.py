@@ -203,7 +203,7 @@ class Laws:
         return touch
 
     def stand_in(self) -> np.ndarray:
-        """Constant stiffness [N/m] of each element for modes and step sizes, shape (e): the tangent of a law of contacts
+        """Constant stiffness [N/m] of each element for modes and step sizes, shape (e): of a law of contacts the slope
         at STAND_IN_FORCE, of a table at compression zero; oil does not leak, and friction sticks."""
         stiffness = np.array(self.coefficient)
         for e, law in self.of_contacts:

@@ -65,7 +65,12 @@ def _rest_of(train: Train) -> np.ndarray:
     scale = np.sqrt(np.maximum(np.diag(stiffness), np.max(train.stiffness) * 1e-12))
     values, vectors = np.linalg.eigh(stiffness / np.outer(scale, scale))
     if values[0] < HELD:
-        raise InputError(_not_held(train, vectors[:, 0] / scale))
+        share = np.abs(vectors[:, 0] / scale)  # of a direction which nothing resists
+        names = sorted(train.mass_names[i] for i in np.flatnonzero(share > TAKING_PART * share.max()))
+        raise InputError(
+            f"nothing holds the valve train at rest on the base circle (mass: {', '.join(names)}): "
+            f"give that mass a force_N that presses it on, or a spring"
+        )
     if not balanced:
         raise InputError(NOT_FOUND)
     x = np.linalg.solve(stiffness / np.outer(scale, scale), load / scale) / scale
@@ -83,16 +88,6 @@ def state_at_rest(train: Train) -> np.ndarray:
     position = rest_position(train)
     memory = train.compression(position, 0.0)[list(train.memory)]
     return np.concatenate([position, np.zeros_like(position), memory])
-
-
-def _not_held(train: Train, direction: np.ndarray) -> str:
-    """The sentence about the masses that move along a direction (n) which nothing resists."""
-    share = np.abs(direction) / np.max(np.abs(direction))
-    names = ", ".join(sorted(train.mass_names[i] for i in np.flatnonzero(share > TAKING_PART)))
-    return (
-        f"nothing holds the valve train at rest on the base circle (mass: {names}): "
-        f"give that mass a force_N that presses it on, or a spring"
-    )
 
 
 def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:

@@ -88,7 +88,11 @@ def polydyne(
     operation = scene.operation
     if scene.design is None or operation is None:
         raise InputError("polydyne: the scene needs [design] and [operation]")
-    design, ramp = symmetric_conditions(_with_ramp_height(scene, ramp_height_mm), "polydyne")
+    conditions = scene
+    if ramp_height_mm is not None:
+        heights = {"ramp_height_mm": ramp_height_mm, "closing_ramp_height_mm": ramp_height_mm}
+        conditions = scene.model_copy(update={"design": scene.design.model_copy(update=heights)})
+    design, ramp = symmetric_conditions(conditions, "polydyne")
     speed = operation.speeds_rpm[-1] if design_speed_rpm is None else design_speed_rpm
     if not LEAST_SPEED_RPM <= speed <= MOST_SPEED_RPM:
         raise InputError(
@@ -102,14 +106,6 @@ def polydyne(
     law = a, b, [0.0, 0.0, 0.0, -ramp.velocity / b, 0.0]  # Eq. (3)
     half_deg = design.duration_deg / 2
     return power_cam("polydyne", exponents, design, ramp, law, lambda why: _left(why, exponents, own, half_deg), **own)
-
-
-def _with_ramp_height(scene: Scene, height_mm: float | None) -> Scene:
-    """The scene with another ramp height on both sides; the scene itself for None."""
-    if height_mm is None or scene.design is None:
-        return scene
-    heights = {"ramp_height_mm": height_mm, "closing_ramp_height_mm": height_mm}
-    return scene.model_copy(update={"design": scene.design.model_copy(update=heights)})
 
 
 def _left(why: str, exponents: tuple[float, ...], parameters: dict[str, float], half_deg: float) -> str:
