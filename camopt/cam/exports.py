@@ -200,15 +200,15 @@ def _biarcs(lift: Lift, geometry: Geometry, edges: np.ndarray):
     ends = contact(lift, geometry, edges)
     points, tangent = ends.contour @ (1, 1j), ends.normal @ (1j, -1)
     p0, p1, t0, t1 = points[:-1], points[1:], tangent[:-1], tangent[1:]
-    v, turn = p1 - p0, 2 * (1 - (np.conj(t0) * t1).real)
-    along, square = (np.conj(v) * (t0 + t1)).real, np.abs(v) ** 2
+    v, turn = p1 - p0, 2 * (1 - np.real(np.conj(t0) * t1))
+    along, square = np.real(np.conj(v) * (t0 + t1)), np.abs(v) ** 2
     d = square / (along + np.sqrt(along**2 + turn * square))
     joint = 0.5 * (p0 + p1 + d * (t0 - t1))
     first, last = _angle(t0, joint - p0), _angle(p1 - joint, t1)
     share = (np.arange(LOOKED_AT) + 0.5) / LOOKED_AT
     theta = (edges[:-1, None] + np.diff(edges)[:, None] * share).ravel()
     there = (contact(lift, geometry, theta).contour @ (1, 1j)).reshape(len(p0), LOOKED_AT)
-    before = (np.conj(v)[:, None] * (there - joint[:, None])).real < 0
+    before = np.real(np.conj(v)[:, None] * (there - joint[:, None])) < 0
     away = np.where(before, _distance(there, p0, t0, first, joint - p0), _distance(there, p1, t1, last, p1 - joint))
     return (p0, np.tan(first / 2)), (joint, np.tan(last / 2)), np.abs(away).max(axis=1)
 

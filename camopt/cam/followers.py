@@ -13,7 +13,6 @@ and, on a pad whose body turns at gamma', along the pad at r (psi' - 1 - gamma')
 """
 
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 
@@ -24,29 +23,14 @@ from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
 
 
-class Follower(Protocol):
-    """A follower's kinematics, both ways."""
-
-    def contact(self, law: Float[np.ndarray, "3 k"], theta: Float[np.ndarray, " k"]) -> Contact:
-        """The contact at valve lifts, with their first two derivatives [m/rad^n], at cam angles [rad]."""
-        ...
-
-    def lift_on(
-        self, points: np.ndarray, normals: np.ndarray
-    ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-        """Cam angles [rad], neither wrapped nor ordered, at which the follower touches these complex points (k) [m] of
-        a contour with these outward normals, both in the cam, and the valve lift [m] there."""
-        ...
-
-
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     """The product |a| |b| sin(angle from a to b) of complex numbers."""
-    return (np.conj(a) * b).imag
+    return np.imag(np.conj(a) * b)
 
 
 def pairs(numbers: np.ndarray) -> np.ndarray:
     """Complex numbers (k) as coordinates (k, 2)."""
-    return np.stack([numbers.real, numbers.imag], axis=1)
+    return np.stack([np.real(numbers), np.imag(numbers)], axis=1)
 
 
 def signed_radius(velocity: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
@@ -108,7 +92,8 @@ class Flat:
     def __init__(self, geometry: Geometry):
         self.geometry, self.base = geometry, geometry.base_radius_mm * MM
 
-    def contact(self, law: np.ndarray, theta: np.ndarray) -> Contact:
+    def contact(self, law: Float[np.ndarray, "3 k"], theta: Float[np.ndarray, " k"]) -> Contact:
+        """The contact at valve lifts, with their first two derivatives [m/rad^n], at cam angles [rad]."""
         s, velocity, acceleration = law / self.geometry.rocker_ratio
         r, none, turned = self.base + s, np.zeros_like(s), np.exp(1j * theta)
         return Contact(
@@ -125,7 +110,9 @@ class Flat:
         )
 
     def lift_on(self, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        distance = (np.conj(normals) * points).real
+        """Cam angles (k) [rad], neither wrapped nor ordered, at which the follower touches these complex points (k) [m]
+        of a contour with these outward normals, both in the cam, and the valve lift (k) [m] there."""
+        distance = np.real(np.conj(normals) * points)
         return np.angle(normals), self.geometry.rocker_ratio * (distance - self.base)
 
 
@@ -225,6 +212,6 @@ class Arm:
 FOLLOWERS = {"flat": Flat, "roller": Roller, "finger": Arm, "rocker": Arm}
 
 
-def follower_of(geometry: Geometry) -> Follower:
-    """The follower that a [geometry] describes."""
+def follower_of(geometry: Geometry) -> Flat | Roller | Arm:
+    """The follower that a [geometry] describes, whose methods are those of `Flat`."""
     return FOLLOWERS[geometry.follower](geometry)

@@ -68,9 +68,8 @@ def crossing(lift: Lift, height: float) -> tuple[float, float]:
 def _sampled(lift: Lift) -> tuple[np.ndarray, ...]:
     """Angles (k) [rad], lift and its first two derivatives, one-sided at both ends of every piece."""
     counts = np.ceil(np.diff(lift.borders) / STEP).astype(int) + 1
-    theta = np.concatenate(
-        [np.linspace(*ends, n) for *ends, n in zip(lift.borders[:-1], lift.borders[1:], counts, strict=True)]
-    )
+    ends = zip(lift.borders[:-1], lift.borders[1:], counts, strict=True)
+    theta = np.concatenate([np.linspace(start, end, n) for start, end, n in ends])
     piece = np.repeat(np.arange(len(counts)), counts)
     return theta, *(lift.of_piece(piece, theta, order) for order in range(3))
 

@@ -68,11 +68,11 @@ def smoothed(
         report |= _added(event, lift)
     elif fit.noise < NOISE_FREE_MM and not outliers:
         return None, report | {"largest_shift_um": 0.0}
-    error = fit.acceleration_error()
-    if error.likeliest > ERROR_SHARE * error.largest:
+    likeliest, rms, at_peak = fit.acceleration_error()
+    if likeliest > ERROR_SHARE:
         raise InputError(
             f"{where}: no usable acceleration: with {len(kept.rows)} rows in the event and a noise of "
-            f"{1e3 * fit.noise:.3g} um its standard error is {100 * error.likeliest / error.largest:.0f} % of the "
+            f"{1e3 * fit.noise:.3g} um its standard error is {100 * likeliest:.0f} % of the "
             f"peak, over {100 * ERROR_SHARE:g} %: measure in finer steps or with less noise"
         )
     pieces = fit.pieces()
@@ -84,8 +84,8 @@ def smoothed(
     report |= {
         "largest_shift_um": round(1e3 * abs(float(shifts[most])), 4),
         "largest_shift_line": lines[used[most]],
-        "acceleration_error_percent": round(100 * ERROR_FACTOR * error.rms / error.largest, 2),
-        "peak_error_percent": round(100 * PEAK_FACTOR * error.at_peak / error.largest, 2),
+        "acceleration_error_percent": round(100 * ERROR_FACTOR * rms, 2),
+        "peak_error_percent": round(100 * PEAK_FACTOR * at_peak, 2),
     }
     return pieces, report
 

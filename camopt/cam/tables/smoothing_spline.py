@@ -10,7 +10,6 @@ Degrees and mm inside.
 """
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import BSpline, PPoly
@@ -34,20 +33,6 @@ WEIGHTS = np.arange(-18.0, 16.0, 3.0)
 """Logarithms of the penalty's weight that are tried before the best is refined. Below, the equations of knots denser
 than rows are singular to rounding."""
 _CARDINAL = BSpline.basis_element(np.arange(DEGREE + 2.0), extrapolate=False)
-
-
-class AccelerationError(NamedTuple):
-    """Standard errors of an acceleration [mm/deg^2], and its `largest` size.
-
-    `likeliest`: root mean square over the event under the penalty that the rows speak for; `rms`: the same under that
-    of the penalties that the rows do not rule out which expects the larger one; `at_peak`: the larger of the errors
-    where the acceleration is largest and smallest, likewise.
-    """
-
-    likeliest: float
-    rms: float
-    at_peak: float
-    largest: float
 
 
 def basis(degrees: np.ndarray, count: int, order: int = 0) -> csr_array:
@@ -132,8 +117,10 @@ class Fit:
         kept = ~(zero & np.append(False, zero[:-1]))
         return PPoly(c[:, kept], np.append(knots[DEGREE : DEGREE + count][kept], 360.0))
 
-    def acceleration_error(self) -> AccelerationError:
-        """What the acceleration may be off by, under every order of the penalty that the rows allow."""
+    def acceleration_error(self) -> tuple[float, float, float]:
+        """Standard errors of the acceleration over its largest size: the root mean square over the event under the
+        penalty that the rows speak for; the largest such one under the penalties that the rows do not rule out; and,
+        likewise, the larger of the errors where the acceleration is largest and smallest."""
         equations, count = self.equations, len(self.coefficients)
         first = equations.free.min() if len(equations.free) == count else equations.free[0]
         at = (first - DEGREE + np.arange(0, len(equations.free) + DEGREE, 0.25)) * (360.0 / count)
@@ -149,7 +136,8 @@ class Fit:
         best = min(found)
         allowed = [one for one in found if one[0] - best[0] < RULED_OUT]
         rms, at_peak = (max(one[i] for one in allowed) for i in (1, 2))
-        return AccelerationError(best[1], rms, at_peak, float(np.abs(acceleration).max()))
+        largest = float(np.abs(acceleration).max())
+        return best[1] / largest, rms / largest, at_peak / largest
 
 
 def fitted(
