@@ -22,9 +22,7 @@ from camopt.scene import Scene
 
 def sine_terms(wave: float, u: np.ndarray, order: int) -> np.ndarray:
     """The derivative `order` of 1, u, sin(wave u) at u (k), shape (k, 3)."""
-    line = np.stack(
-        [np.ones_like(u), u] if order == 0 else [np.zeros_like(u), np.full_like(u, float(order == 1))], axis=1
-    )
+    line = power_derivatives(np.arange(2), u, order)
     return np.column_stack([line, wave**order * np.sin(wave * u + order * np.pi / 2)])
 
 

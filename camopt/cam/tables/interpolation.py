@@ -4,11 +4,10 @@ Where the table gives velocity and acceleration beside the lift, as camopt's own
 ends. Otherwise the pieces are a spline, four times continuously differentiable.
 """
 
-from math import factorial
-
 import numpy as np
 from scipy.interpolate import BPoly, BSpline, PPoly, make_interp_spline
 
+from camopt.cam.polynomials import PiecewiseLevel, recentred
 from camopt.scene import InputError
 from camopt.scene.units import DEG, MM
 
@@ -143,9 +142,7 @@ def centred(pieces: PPoly, middle: float) -> tuple[np.ndarray, np.ndarray]:
     starts = np.concatenate([pieces.x[:-1], pieces.x[:-1] + TURN]) - middle + turn
     rows = np.tile(pieces.c[::-1].T, (2, 1))
     inside = (starts > -np.pi + 1e-12) & (starts < np.pi - 1e-12)
-    first = np.flatnonzero(starts <= -np.pi + 1e-12)[-1]
-    local = -np.pi - starts[first]
-    piece = np.polynomial.Polynomial(rows[first])
-    moved = [piece.deriv(k)(local) / factorial(k) if k else piece(local) for k in range(rows.shape[1])]
+    first = np.flatnonzero(starts <= -np.pi + 1e-12)[-1:]
+    moved = recentred(PiecewiseLevel(starts, rows), first, np.array([-np.pi]))
     borders = np.concatenate([[-np.pi], starts[inside], [np.pi]])
     return borders, np.vstack([moved, rows[inside]])

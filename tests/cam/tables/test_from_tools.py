@@ -118,11 +118,6 @@ SPOILS: dict[str, tuple[Callable[[list[str]], list[str]], str]] = {
     "a column too few": (replaced(lambda line: line[:1] + "1"), "columns; each row needs"),
     "a huge number": (replaced(lambda line: line + "e300"), "larger than any angle or lift"),
     "text amid the rows": (replaced(lambda line: "Page 2"), "expected finite numbers"),
-    "an angle twice": (
-        lambda lines: [*lines[: row(lines)], lines[row(lines) - 1], *lines[row(lines) :]],
-        "is repeated",
-    ),
-    "a row out of place": (lambda lines: [*lines[: row(lines)], lines[-30], *lines[row(lines) :]], "decreases"),
     "nothing": (lambda lines: [], "holds no numbers"),
     "the header alone": (lambda lines: ["Valve lift", "crank deg; lift mm"], "holds no numbers"),
     "the top alone": (
