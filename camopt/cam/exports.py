@@ -124,11 +124,6 @@ def crank_rows(lift: Lift, lash: float, cam_per_crank: float) -> Float[np.ndarra
     return np.arange(np.floor(opens), np.ceil(closes) + 1)
 
 
-def static_lift(lift: Lift, lash: float, theta: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-    """The valve's lift [m] at cam angles [rad] where it follows the cam: max(0, lift - lash)."""
-    return np.maximum(lift(theta) - lash, 0.0)
-
-
 def write_valve_lift(path: str | Path, lift: Float[np.ndarray, " k"], digits: int) -> None:
     """Writes a valve's lifts [m], a crank degree apart, with this many decimals of a millimetre."""
     rows = enumerate(rounded(lift / MM, digits))

@@ -29,10 +29,6 @@ from camopt.scene.units import DEG, MM, UM
 
 GPA = 1e9
 """Pascals in a gigapascal."""
-MPA = 1e6
-"""Pascals in a megapascal."""
-MPA_S = 1e-3
-"""Pascal seconds in a millipascal second."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +53,7 @@ class HertzStress:
         """The largest stress in the field's units, where it acts, and the force there."""
         stress, theta = self.largest
         force = self.force[int(np.argmax(self.stress))]
-        return {"hertz_stress_MPa": stress / MPA, "cam_angle_deg": theta / DEG, "normal_force_N": float(force)}
+        return {"hertz_stress_MPa": stress / 1e6, "cam_angle_deg": theta / DEG, "normal_force_N": float(force)}
 
 
 def line_pressure(force_per_length, radius, modulus: float) -> np.ndarray:
@@ -121,7 +117,7 @@ def film_ratio(
     curvature = combined_curvature(along)
     radius = np.divide(1.0, curvature, out=np.full_like(curvature, np.nan), where=curvature > 0)
     modulus = 2 * contact_modulus(geometry)
-    speed = geometry.oil_viscosity_mPa_s * MPA_S * np.abs(along.entrainment) * cam_speed / (modulus * radius)
+    speed = geometry.oil_viscosity_mPa_s * 1e-3 * np.abs(along.entrainment) * cam_speed / (modulus * radius)
     load = normal_force / contact_width(geometry) / (modulus * radius)
     oil = geometry.oil_pressure_viscosity_per_GPa / GPA * modulus
     with np.errstate(divide="ignore"):
