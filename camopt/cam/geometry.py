@@ -34,7 +34,11 @@ def contact(lift: Lift, geometry: Geometry, theta: Float[np.ndarray, " k"] | Non
     default over one turn, every piece sampled at both its ends and at least every `STEP`. Raises InputError where a
     finger or rocker cannot follow."""
     if theta is None:
-        theta, *law = _sampled(lift)
+        counts = np.ceil(np.diff(lift.borders) / STEP).astype(int) + 1
+        ends = zip(lift.borders[:-1], lift.borders[1:], counts, strict=True)
+        theta = np.concatenate([np.linspace(start, end, n) for start, end, n in ends])
+        piece = np.repeat(np.arange(len(counts)), counts)
+        law = [lift.of_piece(piece, theta, order) for order in range(3)]
     else:
         law = [lift(theta, order) for order in range(3)]
     return follower_of(geometry).contact(np.stack(law), theta)
@@ -63,15 +67,6 @@ def crossing(lift: Lift, height: float) -> tuple[float, float]:
         )
     roots = lift.roots(0, height)
     return (float(roots.min()), float(roots.max())) if len(roots) else (-np.pi, np.pi)
-
-
-def _sampled(lift: Lift) -> tuple[np.ndarray, ...]:
-    """Angles (k) [rad], lift and its first two derivatives, one-sided at both ends of every piece."""
-    counts = np.ceil(np.diff(lift.borders) / STEP).astype(int) + 1
-    ends = zip(lift.borders[:-1], lift.borders[1:], counts, strict=True)
-    theta = np.concatenate([np.linspace(start, end, n) for start, end, n in ends])
-    piece = np.repeat(np.arange(len(counts)), counts)
-    return theta, *(lift.of_piece(piece, theta, order) for order in range(3))
 
 
 def sign_changes(lift: Lift) -> Float[np.ndarray, " k"]:
