@@ -224,6 +224,7 @@ class TestTrapezoid:
         a12, a34 = (lift.parameters[f"{n}_mm_per_deg2"] for n in ("a12", "a34"))
         assert a12 / rise == pytest.approx(0.003, rel=1e-2)  # both slopes at the jerk limit
         assert (a12 - a34) / fall == pytest.approx(0.003, rel=1e-2)
+        assert lift.extremes(2)[1] == pytest.approx(0.015 * MM_PER_DEG2, rel=1e-3)
 
 
 @pytest.mark.parametrize("design", [trapezoid, kurz, multi_pol, new_design])
