@@ -71,10 +71,10 @@ def drawn_follower(geometry: Geometry | None) -> dict:
     if geometry.follower not in SWINGING:
         return drawn
     arm = Arm(geometry)
-    turn = 1 if arm.valve[1] >= 0 else -1
+    turn = 1 if arm.valve.imag >= 0 else -1
 
-    def right_and_down(point: np.ndarray) -> list[float]:
-        return [round(float(turn * point[1] / MM), 4), round(float(point[0] / MM), 4)]
+    def right_and_down(point: complex) -> list[float]:
+        return [round(float(turn * point.imag / MM), 4), round(float(point.real / MM), 4)]
 
     parts = {name: right_and_down(getattr(arm, name)) for name in ("pivot", "centre", "valve")}
     parts |= {"radius": arm.radius / MM, "rolls": radius is not None, "valve_arm_mm": geometry.valve_arm_mm}

@@ -160,10 +160,8 @@ def kept_with_train(of_train: Callable[[Train], Computed]) -> Callable[[Train], 
 
 
 def build_train(scene: Scene) -> Train:
-    """The SI arrays of a scene; names must already be checked (see `camopt.scene.load`).
-
-    The same scene gives the same train: what is kept by train, such as propagators, is made once for it.
-    """
+    """The SI arrays of a scene, whose names must already be checked (see `camopt.scene.load`). The same scene gives the
+    same train, for which what is kept by train, such as propagators, is made once."""
     return _built(SceneKey(scene))
 
 
@@ -220,10 +218,7 @@ def _built(key: SceneKey) -> Train:
 
 
 def _way_from_cam_to_valve(a, b, contact, cam_driven, valve) -> tuple[int, ...]:
-    """Elements on the way from the cam-driven one to the valve; no way leads over the ground.
-
-    Of its contacts an adjuster's plunger parts from nothing: it follows what it pushes.
-    """
+    """Elements on the way from the cam-driven one to the valve; no way leads over the ground."""
     if valve < 0:
         return ()
     for first in np.flatnonzero(cam_driven & (b != GROUND)):

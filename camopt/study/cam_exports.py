@@ -61,7 +61,8 @@ def _valve_lifts(scene: Scene, lift: Lift, files: Namespace, digits: int) -> lis
     crank = exports.crank_rows(lift, lash, per_crank)
     said = []
     if files.valve_lift:
-        exports.write_valve_lift(files.valve_lift, exports.static_lift(lift, lash, crank * per_crank * DEG), digits)
+        static = np.maximum(lift(crank * per_crank * DEG) - lash, 0.0)
+        exports.write_valve_lift(files.valve_lift, static, digits)
         said.append(
             f"valve lift: {_crank_degrees(crank)}; it is the cam's lift less the lash of {lash / MM:g} mm, in mm"
         )
