@@ -1,10 +1,9 @@
 """`camopt gradient`: may the gradient be trusted here, of this cam at this speed?
 
-Gradients by the heights of bumps on the cam (quintic B-splines between the ramp tops; the ramps stay) are compared,
-metric by metric, with central differences of the truth at several heights. The truth is the event-exact motion, or
-DOP853 with located switchings where a law is curved: there event-exact takes chords, and a chord's slope is off by a
-share that falls only with their number. All motions start from one state, and how the cam changes that state is left
-out. What the report's numbers and verdicts mean is told in docs/explanation/gradients.md.
+Gradients by the heights of bumps on the cam are compared, metric by metric, with central differences of the truth at
+several heights: of the event-exact motion or, where a law is curved and event-exact takes chords, whose slope is off by
+a share that falls only with their number, of DOP853. All motions start from one state, and how the cam changes that
+state is left out. What the report's numbers and verdicts mean is told in docs/explanation/gradients.md.
 """
 
 from itertools import pairwise
@@ -53,11 +52,10 @@ def gradient_report(
     """Judges the gradients of a cam in a scene at a crankshaft speed [r/min] (see the module): the content of
     `gradient --json` (docs/run-folder.md).
 
-    `widths` [m] are those of the smooth path; the default `EPS` is added where it is not among them. Raises
-    MotionRefused and InputError where the methods do.
+    `widths` [m] are those of the smooth path, the default `EPS` among them. Raises MotionRefused and InputError where
+    the methods do.
     """
     straight = build_train(scene).straight
-    widths = (*widths, *(() if EPS in widths else (EPS,)))
     heights, count = HEIGHTS[straight], bumps or BUMPS[straight]
     with tqdm(total=len(heights) + len(widths) + 2, disable=None if progress else True, unit="part") as bar:
         p = problem(scene, lift, speed_rpm, count)
@@ -113,32 +111,34 @@ def judge(
     repeated: float | None,
 ) -> dict:
     """Report on metric number i with the differences (h, m) by bumps at the heights (h) [m], as `gradient --json` has
-    it.
-
-    `repeated` is the least cosine with the revolutions that follow, None for a motion that repeats itself.
-    """
+    it; `repeated` as of `verdict`."""
     still = truth == 0.0 and bool(np.all(np.abs(differences[0]) * heights[0] < STILL))
     agreement = disagreement(differences)
     rough = still or not agreement <= MOST_DISAGREEMENT
 
-    def judged(path: PathGradients) -> tuple[dict, np.ndarray]:
-        errors = relative_errors(path.gradients[i], differences)
-        best = int(np.nanargmin(errors)) if np.any(np.isfinite(errors)) and not still else -1
-        least, turn = (errors[best], cosine(path.gradients[i], differences[best])) if best >= 0 else (np.nan, np.nan)
-        said = "none" if rough else verdict(least, turn, repeated)
-        value, cost = path.values[i], path.cost_ratio[i]
-        bias = abs(value / truth - 1.0) if truth != 0.0 else 0.0 if value == 0.0 else np.nan
-        return {
-            "value_bias": bias, "relative_error": least, "cosine": turn, "cost_ratio": cost, "verdict": said
-        }, errors  # fmt: skip
+    def errors(path: PathGradients) -> np.ndarray:
+        return relative_errors(path.gradients[i], differences)
 
-    (by_exact, exact_errors), by_eps = judged(exact), {eps: judged(path) for eps, path in smooth.items()}
+    def judged(path: PathGradients) -> dict:
+        error, turn, value = np.nan, np.nan, path.values[i]
+        if np.any(np.isfinite(errors(path))) and not still:
+            best = int(np.nanargmin(errors(path)))
+            error, turn = errors(path)[best], cosine(path.gradients[i], differences[best])
+        return {
+            "value_bias": abs(value / truth - 1.0) if truth != 0.0 else 0.0 if value == 0.0 else np.nan,
+            "relative_error": error,
+            "cosine": turn,
+            "cost_ratio": path.cost_ratio[i],
+            "verdict": "none" if rough else verdict(error, turn, repeated),
+        }
+
+    by_exact = judged(exact)
     return {
         "value": float(truth),
         "exact": by_exact,
-        "smooth": [{"eps_m": eps, **one} for eps, (one, _) in by_eps.items()],
+        "smooth": [{"eps_m": eps, **judged(path)} for eps, path in smooth.items()],
         "agreement": agreement,
-        "relative_error_at_heights": {"exact": exact_errors, "smooth": by_eps[EPS][1]},
+        "relative_error_at_heights": {"exact": errors(exact), "smooth": errors(smooth[EPS])},
         "verdict": by_exact["verdict"],
         "reason": _reason(truth, still, agreement, repeated),
     }
@@ -156,12 +156,10 @@ def verdict(relative_error: float, cosine: float, repeated: float | None = None)
 
 
 def relative_errors(gradient: np.ndarray, differences: np.ndarray) -> np.ndarray:
-    """Relative errors (h) of a gradient (m) against the differences (h, m) at every height.
-
-    They are infinite where the differences are zero and the gradient is not.
-    """
+    """Relative errors (h) of a gradient (m) against the differences (h, m) at every height; infinite where these are
+    zero and the gradient is not, NaN where they are."""
     off, size = np.linalg.norm(gradient - differences, axis=1), np.linalg.norm(differences, axis=1)
-    return np.where(size > 0.0, off / np.where(size > 0.0, size, 1.0), np.where(off > 0.0, np.inf, 0.0))
+    return np.where(size > 0.0, off / np.where(size > 0.0, size, 1.0), np.where(off > 0.0, np.inf, off))
 
 
 def disagreement(differences: np.ndarray) -> float:
