@@ -13,8 +13,8 @@ from camopt.optimizer.free_numbers import FreeNumber, free_number
 from camopt.scene import InputError, Scene, Train, build_train
 
 STEP = 1e-4
-"""Share by which a number moves to either side, of itself, or of one unit of its key where it is zero. A train's arrays
-are in proportion to it, so that their differences are right to round-off; those of ramps are right to STEP squared."""
+"""Share by which a number moves to either side, of itself, or of one unit of its key where it is zero: differences of a
+train's arrays, in proportion to it, are right to round-off, those of ramps to STEP squared."""
 SAME_LIFT = 1e-9
 """Difference of lift [m] within which a cam is one of the scene's free cams."""
 TrainAndCam = tuple[Train, Lift]
