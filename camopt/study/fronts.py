@@ -61,12 +61,11 @@ def pareto(
     """Largest area ratio that the event-exact judge confirms, for each value of the design's limit `against`.
 
     Against "yield" the values are shares of the trains as built that the cam must hold, over the band; then `seed`
-    draws the search's trains; how fresh ones fare `manufacturing_yield` tells.
-
-    `values` (k) in the limit's own units (default: `VALUES`), tried from tight to loose: a cam found within a tighter
-    limit counts within a looser one too. `release` names limits to leave out, since a tight jump limit hides what
-    bounce costs. With `out` each point is stored as it is found, and a second call goes on from there.
-    Raises InputError for an unknown limit or accuracy, or an unusable `out`. A value without a confirmed cam is NaN.
+    draws the search's trains. `values` (k) in the limit's own units (default: `VALUES`) are tried from tight to loose:
+    a cam found within a tighter limit counts within a looser one too. `release` names limits to leave out, since a
+    tight jump limit hides what bounce costs. With `out` each point is stored as it is found, and a second call goes on
+    from there. Raises InputError for an unknown limit or accuracy, or an unusable `out`. A value without a confirmed
+    cam is NaN.
     """
     of_yield = against == "yield"
     is_limit = of_yield or (scene.design is not None and against in type(scene.design).model_fields)
@@ -146,11 +145,8 @@ def joint_spring(
     margin_N: float = 0.0,
     evaluations: int = 30,
 ) -> SpringDesign:
-    """The factors on the valve spring's rate and preload, within these ranges, that give the program its largest area.
-
-    The search is that of free numbers (`camopt.optimizer.free_numbers`); the scene found is for `find_cam` or
-    `optimize`, which confirm its cam.
-    """
+    """The factors on the valve spring's rate and preload, within these ranges, that give the program its largest area
+    (`camopt.optimizer.free_numbers`); `optimize` confirms the cam of the scene that is found."""
     best = maximise_over_parameters(
         lambda factors: with_spring(scene, *map(float, factors)), (1.0, 1.0), (rate, preload), speeds,
         accuracy_named(accuracy), margin_N, evaluations,

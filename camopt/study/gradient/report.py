@@ -14,18 +14,7 @@ from tqdm import tqdm
 from camopt.cam.lift import Lift
 from camopt.scene import MotionRefused, Scene, build_train
 from camopt.smooth.simulate import EPS
-from camopt.study.gradient.paths import (
-    METRICS,
-    PathGradients,
-    Problem,
-    cosine,
-    exact_gradients,
-    problem,
-    repeated_cosines,
-    smooth_gradients,
-    spectral_radius,
-    true_values,
-)
+from camopt.study.gradient import paths
 
 MOST_ERROR, LEAST_COSINE, MOST_DISAGREEMENT = 1e-2, 0.9, 0.1
 STILL = 1e-9
@@ -58,23 +47,23 @@ def gradient_report(
     straight = build_train(scene).straight
     heights, count = HEIGHTS[straight], bumps or BUMPS[straight]
     with tqdm(total=len(heights) + len(widths) + 2, disable=None if progress else True, unit="part") as bar:
-        p = problem(scene, lift, speed_rpm, count)
+        p = paths.problem(scene, lift, speed_rpm, count)
         bar.update()
-        exact, together = exact_gradients(p)
+        exact, together = paths.exact_gradients(p)
         bar.update()
         differences = []
         for height in heights:
             differences.append(central_differences(p, height))
             bar.update()
-        run, smooth = smooth_gradients(p), {}
+        run, smooth = paths.smooth_gradients(p), {}
         for eps in widths:
             smooth[eps] = run(eps)
             bar.update()
-    truth, differences = true_values(p, np.zeros(count)), np.array(differences)
-    repeated = [None] * len(METRICS) if p.settled else list(repeated_cosines(p, exact.gradients))
+    truth, differences = paths.true_values(p, np.zeros(count)), np.array(differences)
+    repeated = [None] * len(paths.METRICS) if p.settled else list(paths.repeated_cosines(p, exact.gradients))
     metrics = {
         name: judge(i, truth[i], differences[:, i], heights, exact, smooth, repeated[i])
-        for i, name in enumerate(METRICS)
+        for i, name in enumerate(paths.METRICS)
     }
     return {
         "speed_rpm": speed_rpm,
@@ -83,19 +72,19 @@ def gradient_report(
         "settled": p.settled,
         "truth": TRUTH[straight],
         "grazing": vars(together.grazing),
-        "spectral_radius": spectral_radius(p),
+        "spectral_radius": paths.spectral_radius(p),
         "metrics": metrics,
     }
 
 
-def central_differences(p: Problem, height: float) -> np.ndarray:
+def central_differences(p: paths.Problem, height: float) -> np.ndarray:
     """Differences (l, m) of the true METRICS by every bump, up and down by `height` [m]; NaN where one is refused."""
 
     def values(heights: np.ndarray) -> np.ndarray:
         try:
-            return true_values(p, heights)
+            return paths.true_values(p, heights)
         except MotionRefused:
-            return np.full(len(METRICS), np.nan)
+            return np.full(len(paths.METRICS), np.nan)
 
     units = height * np.eye(len(p.directions))
     return np.stack([(values(e) - values(-e)) / (2.0 * height) for e in units], axis=-1)
@@ -106,8 +95,8 @@ def judge(
     truth: float,
     differences: np.ndarray,
     heights: tuple[float, ...],
-    exact: PathGradients,
-    smooth: dict[float, PathGradients],
+    exact: paths.PathGradients,
+    smooth: dict[float, paths.PathGradients],
     repeated: float | None,
 ) -> dict:
     """Report on metric number i with the differences (h, m) by bumps at the heights (h) [m], as `gradient --json` has
@@ -116,14 +105,14 @@ def judge(
     agreement = disagreement(differences)
     rough = still or not agreement <= MOST_DISAGREEMENT
 
-    def errors(path: PathGradients) -> np.ndarray:
+    def errors(path: paths.PathGradients) -> np.ndarray:
         return relative_errors(path.gradients[i], differences)
 
-    def judged(path: PathGradients) -> dict:
+    def judged(path: paths.PathGradients) -> dict:
         error, turn, value = np.nan, np.nan, path.values[i]
         if np.any(np.isfinite(errors(path))) and not still:
             best = int(np.nanargmin(errors(path)))
-            error, turn = errors(path)[best], cosine(path.gradients[i], differences[best])
+            error, turn = errors(path)[best], paths.cosine(path.gradients[i], differences[best])
         return {
             "value_bias": abs(value / truth - 1.0) if truth != 0.0 else 0.0 if value == 0.0 else np.nan,
             "relative_error": error,

@@ -28,7 +28,7 @@ COMPARED = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s", "contact_force_m
 WITHIN = ("bounce_mm", "jump_mm", "lift_mm")
 """Errors that the tolerance is about."""
 GRID = np.arange(-180.0, 180.0, 0.1) * DEG
-REPEATS, WORKERS = 5, 2
+REPEATS = 5
 
 
 @dataclass(frozen=True)
@@ -105,14 +105,15 @@ def reduce(
     speeds_rpm: Sequence[float] | None = None,
     *,
     tolerance_mm: float = 0.01,
+    workers: int = 2,
 ) -> Reduction:
     """Smaller models of a scene, from all its masses down to one, against the full model with a cam.
 
     `cam` is by default the plain Polydyne, `speeds_rpm` (k) [crankshaft r/min] the scene's. A model is within the
     tolerance [mm] where bounce, jump and lift at every angle of the settled motion differ by no more at any speed: of
-    event-exact, or of Runge-Kutta-Gill under nonlinear laws. Times are those of the paths of `path_times`. Contacts
-    that never switch in the full model, other than the seat and those between cam and valve, are left out and watched.
-    Raises InputError for a scene without valve or operation, or unusable numbers.
+    event-exact, or of Runge-Kutta-Gill under nonlinear laws. Contacts that never switch in the full model, other than
+    the seat and those between cam and valve, are left out and watched. Raises InputError for a scene without valve or
+    operation, or unusable numbers.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name}: reduce needs valve, seat and [operation]")
@@ -126,10 +127,10 @@ def reduce(
 
         cam = polydyne(scene)
     full = LeftOut(scene)
-    truth = _settled(full, cam, speeds)
+    truth = _settled(full, cam, speeds, workers)
     idle = idle_contacts([t.response for t in truth])
     watched = {end for e in scene.element if e.name in idle[0] | idle[1] for end in e.between} - {"ground"}
-    rows = [_candidate(m, idle, cam, speeds, truth) for m in smaller_models(scene, frozenset(watched))]
+    rows = [_candidate(m, idle, cam, speeds, truth, workers) for m in smaller_models(scene, frozenset(watched))]
     ranges = {s: t.metrics(cam).range("bounce_mm") for s, t in zip(speeds, truth, strict=True) if not t.periodic}
     full_ms = path_times(full, build_train(scene), cam, scene.cam_speed(max(speeds)))
     return Reduction(scene, cam.family, speeds, ranges, tolerance_mm, full_ms, tuple(rows))
@@ -164,13 +165,13 @@ def reduction_lines(reduction: Reduction) -> list[str]:
     return [*lines, f"left out and watched: {', '.join(left)}"] if left else lines
 
 
-def _candidate(smaller: Smaller, idle, cam: Lift, speeds, truth: list[Settled]) -> Candidate:
+def _candidate(smaller: Smaller, idle, cam: Lift, speeds, truth: list[Settled], workers: int) -> Candidate:
     model = leave_out(smaller.scene, *idle)
     train, cam_speed = build_train(model.scene), model.scene.cam_speed(max(speeds))
     # a step costs the (2n)^2 entries of the propagator and two for each element
     operations = first_steps(train, cam_speed) * ((2 * len(train.mass)) ** 2 + 2 * len(train.a))
     try:
-        pairs = list(zip(_settled(model, cam, speeds), truth, strict=True))
+        pairs = list(zip(_settled(model, cam, speeds, workers), truth, strict=True))
         ms = path_times(model, train, cam, cam_speed)
     except MotionRefused as refusal:
         return Candidate(smaller, model, dict.fromkeys((*COMPARED, "lift_mm"), np.nan), str(refusal), operations, {})
@@ -180,7 +181,7 @@ def _candidate(smaller: Smaller, idle, cam: Lift, speeds, truth: list[Settled]) 
     return Candidate(smaller, model, error, "", operations, ms)
 
 
-def _settled(model: LeftOut, cam: Lift, speeds: Sequence[float]) -> list[Settled]:
+def _settled(model: LeftOut, cam: Lift, speeds: Sequence[float], workers: int) -> list[Settled]:
     """The settled motion of a model at each speed [r/min], in threads with a train each: event-exact, or
     Runge-Kutta-Gill at the step of the verifier's sweeps where laws are nonlinear."""
 
@@ -189,7 +190,7 @@ def _settled(model: LeftOut, cam: Lift, speeds: Sequence[float]) -> list[Settled
         method, steps = (engine, ()) if train.straight else (rkg, (REFINEMENT * first_steps(train, cam_speed),))
         return settle(model.prepare(method.prepare, train, cam, cam_speed, *steps), state_at_rest(train))
 
-    with ThreadPoolExecutor(WORKERS) as pool:
+    with ThreadPoolExecutor(workers) as pool:
         return list(pool.map(at, speeds))
 
 

@@ -176,7 +176,7 @@ def dialled(train: Train, cam: Lift, cam_speed: float, method: str, revolutions:
     def run(setting: float) -> Response:
         if method == "smooth":
             layer = {"eps": setting, "tolerance": setting * TOLERANCE_OF_WIDTH}
-            return _motion(train, cam, cam_speed, method, revolutions, 0, **layer)
+            return _motion(train, cam, cam_speed, method, revolutions, 0, 0, **layer)
         finer = (LARGEST_PHASE / setting) ** 0.5
         phase, chords = (LARGEST_PHASE / finer, round(FEWEST_CHORDS * finer)) if chorded else (setting, 0)
         steps = max(FEWEST_STEPS, int(np.ceil(2 * np.pi * rate / cam_speed / phase)))
