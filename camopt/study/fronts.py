@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
-from camopt.optimizer.accuracy import accuracy_named
+from camopt.optimizer.accuracy import Accuracy, accuracy_named
 from camopt.optimizer.free_numbers import maximise_over_parameters
 from camopt.optimizer.search.search import find_cam
 from camopt.scene import InputError, Scene
@@ -67,9 +67,9 @@ def pareto(
     from there. Raises InputError for an unknown limit or accuracy, or an unusable `out`. A value without a confirmed
     cam is NaN.
     """
-    of_yield = against == "yield"
-    is_limit = of_yield or (scene.design is not None and against in type(scene.design).model_fields)
-    if scene.design is None or not is_limit or (against not in VALUES and not values):
+    design, of_yield = scene.design, against == "yield"
+    is_limit = of_yield or (design is not None and against in type(design).model_fields)
+    if design is None or not is_limit or not (values or against in VALUES):
         raise InputError(f"pareto: {against!r}: expected a limit of [design] such as {', '.join(VALUES)}, with values")
     left_out = None if of_yield else AS_BUILT
     plain = scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True, exclude=left_out)
@@ -84,9 +84,9 @@ def pareto(
     for value in tqdm(tight_first, disable=None if progress else True, desc=against):
         if (point := points.get(float(value))) is None:
             limits = dict.fromkeys(release) | ({} if of_yield else {against: value})
-            changed = scene.model_copy(update={"design": scene.design.model_copy(update=limits)})
+            changed = scene.model_copy(update={"design": design.model_copy(update=limits)})
             if of_yield:
-                outcome = _yield_point(changed, value, accuracy, gradient, seed)
+                outcome = _yield_point(changed, value, effort, gradient, seed)
             else:
                 outcome = _point(changed, speeds, effort, gradient)
             point = {"limit": float(value)} | outcome
@@ -99,20 +99,20 @@ def pareto(
     return Front(scene.name, against, xr.Dataset(columns, {"limit": [r["limit"] for r in rows]}))
 
 
-def _yield_point(scene: Scene, wanted: float, accuracy: str, gradient: str, seed: int) -> dict:
+def _yield_point(scene: Scene, wanted: float, effort: Accuracy, gradient: str, seed: int) -> dict:
     """The largest area ratio that this share of the search's drawn trains holds, None without a cam."""
     from camopt.optimizer.as_built.checks import check_wanted
     from camopt.optimizer.as_built.search import yield_search
 
     check_wanted(scene, wanted, "band")
     try:
-        search = yield_search(scene, wanted, accuracy_named(accuracy), gradient=gradient, seed=seed)
+        search = yield_search(scene, wanted, effort, gradient=gradient, seed=seed)
     except InputError:
         return {"area_ratio": None}
     return {"area_ratio": search.held[-1].area_ratio, "trains": search.trains_drawn, "cams": search.steps}
 
 
-def _point(scene: Scene, speeds: str, effort, gradient: str) -> dict:
+def _point(scene: Scene, speeds: str, effort: Accuracy, gradient: str) -> dict:
     try:
         search = find_cam(scene, speeds, effort, gradient)
     except InputError:

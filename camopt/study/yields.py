@@ -154,8 +154,7 @@ def _measured(
 
 
 def _prices(scene: Scene, cam: Lift, share: Share, seed: int, progress: bool) -> PriceList:
-    """The price list at the share that holds, with limits on openings that give the cam's own area, or at the advised
-    share where fewer hold."""
+    """The price list at the share that holds and the cam's own area; where fewer hold, at the advised share."""
     wanted = min(max(share.share, ADVISED), HIGHEST)
     area = cam.area_ratio_in(scene.required_design) if share.share >= ADVISED else None
     with tqdm(total=100, disable=None if progress else True, desc="prices", unit="%") as bar:

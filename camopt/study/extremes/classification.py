@@ -64,8 +64,7 @@ def first_answer(
 
 
 def truth(prepare: Prepare, train: Train, lift: Lift, cam_speed: float) -> Truth:
-    """The reference by a method that locates switchings. Raises MotionRefused where it refuses the motion, be it at its
-    finest step only."""
+    """The reference by a method that locates switchings; raises MotionRefused also where only its finest step does."""
     count = samples(first_steps(train, cam_speed))
     answer = first_answer(prepare, train, lift, cam_speed, 2, count)
     if answer.state is None:

@@ -39,8 +39,7 @@ SAME = 1e-9
 def with_bumps(lift: Lift, count: int) -> tuple[Lift, Float[np.ndarray, "count p q"]]:
     """The cam on the union of its pieces with those of `count` bumps, 1 or more, and the bumps as changes of its
     coefficients [m/rad^k] per metre of height: quintic B-splines of height 1 on equal knots over the duration, each six
-    of its intervals wide and zero outside, so that ramps and feet stay.
-    """
+    of its intervals wide and zero outside, so that ramps and feet stay."""
     knots = np.linspace(-lift.half_duration, lift.half_duration, count + DEGREE + 1)
     nearest = lift.borders[np.argmin(np.abs(lift.borders[:, None] - knots), axis=0)]
     knots = np.where(np.abs(nearest - knots) < SAME, nearest, knots)
@@ -201,8 +200,7 @@ def repeated_cosines(p: Problem, gradients: np.ndarray) -> np.ndarray:
 
 
 def spectral_radius(p: Problem) -> float:
-    """Spectral radius of the cycle map's Jacobian at the start: how much of a change of the state is left a revolution
-    later."""
+    """Spectral radius of the cycle map's Jacobian at the start: what of a change is left a revolution later."""
     cycle = TracedMotion(p.train, p.lift, p.cam_speed, p.start)
     return float(np.abs(np.linalg.eigvals(cycle.pull_back(ends=np.eye(len(p.start))).by_start)).max())
 

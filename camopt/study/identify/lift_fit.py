@@ -31,8 +31,7 @@ DIFFERENCE = 1e-4
 LONGEST_STEP = 0.5
 """Longest step in the logarithms of the factors."""
 STANDING = 1e-4
-"""Decrease of the squares, in variances of the noise, below which the fit has converged: a hundredth of a standard
-error."""
+"""Decrease of the squares, in variances of the noise, below which the fit has converged: 0.01 standard errors."""
 DISAPPOINTING, SHORTENED, ACCEPTED = 0.8, 0.25, 0.1
 """Shares of the promised decrease below which the Jacobian is renewed, the next step shortened, this one taken back."""
 ROUNDING_M = 1e-12

@@ -41,8 +41,7 @@ class LinearPaths(NamedTuple):
 
 
 def free_cam_in(scene: Scene, cam: Lift) -> tuple[FreeCam, np.ndarray]:
-    """The free cam of a scene and the coefficients z (m) at which it is `cam`; raises InputError where there are
-    none."""
+    """The free cam of a scene and the coefficients z (m) at which it is `cam`; raises InputError where none are."""
     nearest = "by camopt.nearest_free_cam or one of camopt.free_cam(scene.design)"
     if cam.family != "free":
         raise InputError(f"linearised: the cam is of the family {cam.family!r}: take the nearest free one {nearest}")

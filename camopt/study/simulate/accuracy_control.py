@@ -126,8 +126,7 @@ def deliver(
 
 
 def estimate_um(answers: list[np.ndarray], method: str, revolutions: int) -> np.ndarray:
-    """Estimated error (revolutions) [um] of the last of the answers, by the coarser ones before it; infinite where
-    these are too few."""
+    """Estimated error (revolutions) [um] of the last answer by the coarser ones before it, infinite by too few."""
     coarser, margin = ESTIMATES.get(method, STEPPING)
     if len(answers) <= coarser:
         return np.full(revolutions, np.inf)
