@@ -72,18 +72,18 @@ def test_without_noise_the_truth_comes_back():
     np.testing.assert_allclose(ends, (1.5e8, 0.1), rtol=1e-5)
 
 
-REAL = {
-    "exhaust-gas": ("valve.mass_kg", "seat.stiffness_N_per_m"),
-    "finger-hydraulic": ("valve.mass_kg", "guide.slip_N"),
-    "kodama-hertz": ("valve_head.mass_kg", "cam_follower.stiffness_N_per_m"),
-    "pushrod-hydraulic": ("valve.mass_kg", "adjuster.leak_N_s_per_m"),
-    "race-nested": ("valve.mass_kg", "cam.stiffness_N_per_m"),
-}
-
-
-@pytest.mark.parametrize("name", REAL)
-def test_parameters_of_real_elements_are_found(name):
-    scene, free = load_scene(name), REAL[name]
+@pytest.mark.parametrize(
+    ("name", "free"),
+    [
+        ("exhaust-gas", ("valve.mass_kg", "seat.stiffness_N_per_m")),
+        ("finger-hydraulic", ("valve.mass_kg", "guide.slip_N")),
+        ("kodama-hertz", ("valve_head.mass_kg", "cam_follower.stiffness_N_per_m")),
+        ("pushrod-hydraulic", ("valve.mass_kg", "adjuster.leak_N_s_per_m")),
+        ("race-nested", ("valve.mass_kg", "cam.stiffness_N_per_m")),
+    ],
+)
+def test_parameters_of_real_elements_are_found(name, free):
+    scene = load_scene(name)
     parameters = FreeParameters(scene, free)
     cam, speed = polydyne(scene), 0.8 * scene.operation.speeds_rpm[0]
     angle = np.linspace(-100.0, 100.0, 300)

@@ -32,6 +32,13 @@ def table(folder) -> list[dict]:
         return list(csv.DictReader(file))
 
 
+def line(case: str, method: str, *, verdict: str | None = None, seconds: float = 1.0, **figures) -> dict:
+    """A line of the journal."""
+    said = {} if verdict is None else {"verdict": verdict}
+    shared = {"case": case, "method": method, "setting": "s", "failure": "", "seconds": seconds}
+    return {**shared, "figures": figures, **said}
+
+
 def row(method: str, setting: str, error: float, seconds: float, **more) -> dict:
     """A row of tradeoff.csv."""
     fixed = {"case": "revolution at 7000 r/min", "error_of": "lift_mm", "converged": True, "verdict": ""}
@@ -170,12 +177,8 @@ class TestLines:
         assert (row["verdict"], row["converged"], row["error"]) == ("too stiff", False, None)
 
     def test_errors_are_against_the_reference_of_the_case(self):
-        def line(case: str, method: str, bounce: float, **more) -> dict:
-            shared = {"case": case, "method": method, "setting": "s", "failure": "", "seconds": 1.0}
-            return {**shared, "figures": {"bounce_mm": bounce}, **more}
-
-        lines = [line("a", REFERENCE, 1.0, verdict="confirmed"), line("b", REFERENCE, 5.0)]
-        lines += [line("a", "m", 0.75, verdict="rejected"), line("b", "m", 5.5)]
+        lines = [line("a", REFERENCE, bounce_mm=1.0, verdict="confirmed"), line("b", REFERENCE, bounce_mm=5.0)]
+        lines += [line("a", "m", bounce_mm=0.75, verdict="rejected"), line("b", "m", bounce_mm=5.5)]
         del lines[1]["seconds"]  # a reference that was not timed is no row
         found = {(r["case"], r["method"], r["error_of"]): r["error"] for r in rows_of(lines)}
         assert found == {
@@ -262,12 +265,8 @@ class TestExperiment:
         assert content["float32"] == []  # the small size has no JAX
 
     def test_rounding_is_what_single_precision_changes(self):
-        def line(method: str, lift_mm: float, seconds: float) -> dict:
-            shared = {"case": "c", "method": method, "setting": "s", "failure": "", "seconds": seconds}
-            return shared | {"figures": {"lift_mm": [0.0, lift_mm]}}
-
-        lines = [line("reference", 1.0, 1.0), line("x, float64", 1.5, 2.0), line("x, float32", 1.25, 1.0)]
+        measured = (REFERENCE, 1.0, 1.0), ("x, float64", 1.5, 2.0), ("x, float32", 1.25, 1.0)
+        lines = [line("c", method, lift_mm=[0.0, mm], seconds=seconds) for method, mm, seconds in measured]
         (row,) = experiment.rounding(lines)
-        assert (row["float32_moves_lift_um"], row["float64_error_um"], row["time_ratio"]) == pytest.approx(
-            (250, 500, 0.5)
-        )
+        found = row["float32_moves_lift_um"], row["float64_error_um"], row["time_ratio"]
+        assert found == pytest.approx((250, 500, 0.5))
