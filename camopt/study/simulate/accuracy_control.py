@@ -26,10 +26,9 @@ ESTIMATES = {"event": (2, 4.0), "dop853": (2, 4.0), "smooth": (2, 1.0), CHORDS_D
 STEPPING = (3, 1.5)
 """How many coarser answers count, and the estimate over the largest difference to them. The methods that locate every
 switching differ by round-off alone, which chance makes small now and then. The errors of the smooth path and of chords
-fall with the dial and are a third of the difference; where contacts hammer, that of chords was up to twice it
-(`kodama-hertz`). The switching error of a method that steps across contacts (STEPPING) is a uniformly distributed
-fraction of its step: by two coarser answers one promise in ten is broken, by three with half as much again one in
-240."""
+fall with the dial; where contacts hammer, that of chords was up to twice the difference (`kodama-hertz`). Of a method
+that steps across contacts (STEPPING, see `camopt.verifier.convergence.MARGIN`) two coarser answers break one promise in
+ten, three with half as much again one in 240."""
 FINEST_UM = 1e-3
 """Least error that is stated: positions are read from cubics, and digits below a nanometre would pretend."""
 MOST_VALUES = 2e7
