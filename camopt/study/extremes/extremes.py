@@ -53,7 +53,7 @@ LOCATING: dict[str, Prepare] = {"event": exact.prepare, "dop853": dop853.prepare
 DIAL = 1024
 """Setting with which the smooth methods begin, in place of steps; at four times this they have their defaults."""
 SINGLE_EPS, SINGLE_TOLERANCE = 1e-6, 1e-7
-"""The same, layer and error permitted [m], in single precision, which rounds lifts to 1e-9 m."""
+"""Width of the layer and error permitted [m] at four times DIAL in single precision, which rounds lifts to 1e-9 m."""
 
 
 def smooth(train: Train, lift: Lift, cam_speed: float, dial: int, narrower: float = 1.0) -> Revolve:
