@@ -157,18 +157,18 @@ class Rise:
 def rise(rise_mm: float, over_deg: float, order: int = 3, jerk_max_mm_per_deg3: float | None = None) -> Rise:
     """The rise between two dwells whose derivative of `order` has the least peak, or the least acceleration under a
     jerk. Raises InputError where no motion keeps the jerk."""
-    jerk = jerk_max_mm_per_deg3
-    if jerk is not None and jerk <= (least := LEAST_JERK * rise_mm / over_deg**3):
+    if jerk_max_mm_per_deg3 is None:
+        unit, scale = least_peak(order), rise_mm / over_deg**order
+        edges = np.linspace(0.0, over_deg, len(unit.derivative) + 1)
+        lift = PPoly(unit.derivative[None] * scale, edges).antiderivative(order)
+        return Rise(rise_mm, over_deg, order, None, unit.peak * scale, unit.bound * scale, lift)
+    least = LEAST_JERK * rise_mm / over_deg**3
+    if jerk_max_mm_per_deg3 <= least:
         raise InputError(
-            f"--jerk-max-mm-per-deg3 {jerk:g}: a rise of {rise_mm:g} mm over {over_deg:g} deg needs more than "
-            f"{least:.6g}: allow more jerk or more degrees"
+            f"--jerk-max-mm-per-deg3 {jerk_max_mm_per_deg3:g}: a rise of {rise_mm:g} mm over {over_deg:g} deg needs "
+            f"more than {least:.6g}: allow more jerk or more degrees"
         )
-    order = order if jerk is None else 2
-    unit = least_peak(order) if jerk is None else least_acceleration(jerk * over_deg**3 / rise_mm)
-    scale = rise_mm / over_deg**order
-    coefficients = unit.derivative[None] * scale
-    edges = np.linspace(0.0, over_deg, len(unit.derivative) + (jerk is None))
-    if jerk is not None:  # the acceleration is linear between its values at the edges
-        coefficients = np.concatenate([np.diff(coefficients) / np.diff(edges), coefficients[:, :-1]])
-    lift = PPoly(coefficients, edges).antiderivative(order)
-    return Rise(rise_mm, over_deg, order, jerk, unit.peak * scale, unit.bound * scale, lift)
+    unit, scale = least_acceleration(jerk_max_mm_per_deg3 * over_deg**3 / rise_mm), rise_mm / over_deg**2
+    values, edges = unit.derivative * scale, np.linspace(0.0, over_deg, len(unit.derivative))
+    lift = PPoly(np.stack([np.diff(values) / np.diff(edges), values[:-1]]), edges).antiderivative(2)
+    return Rise(rise_mm, over_deg, 2, jerk_max_mm_per_deg3, unit.peak * scale, unit.bound * scale, lift)
