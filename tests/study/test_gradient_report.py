@@ -30,6 +30,8 @@ def test_sign_factor_and_zero_are_told_from_a_right_gradient():
     assert double["exact"]["relative_error"] == pytest.approx(1.0, rel=0.2)
     assert flipped["verdict"] == judged([0.0, 0.0])["verdict"] == judged([np.nan, 1.0])["verdict"] == "none"
     assert flipped["exact"]["cosine"] < -0.9
+    refused = judged([2.0, 4.0], [[np.nan, np.nan], *SLOPES[:2]])  # at the first height
+    assert refused["verdict"] == "direction only" and refused["agreement"] < 1e-3
 
 
 @pytest.mark.parametrize(
