@@ -1,9 +1,8 @@
-"""Gradients of the smooth path against central differences and the adjoint of event-exact: its acceptance.
+"""Gradients of the smooth path by the cam against central differences and the adjoint of event-exact: its acceptance.
 
-All tests but that of the forward mode share one program: values and their slopes by train, cam and start state.
+All tests but that of the forward mode share one program: values and their slopes by the cam.
 """
 
-import dataclasses
 from functools import partial
 
 import jax
@@ -16,7 +15,7 @@ from camopt.exact.engine import prepare as prepare_exact
 from camopt.measure.metrics import measure
 from camopt.scene.response import end_state, joined
 from camopt.smooth.metrics import revolution_metrics
-from camopt.smooth.rest import rest_of, rest_state
+from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import EPS, LAYER, STEPS, lift_samples, response_arrays
 from camopt.smooth.system import build_system
@@ -43,13 +42,13 @@ def smooth_values(system, samples, cam_speed, y0, half_duration, opening_foot):
 
 @partial(jax.jit, static_argnames="half_duration")
 def values_and_slopes(*arguments, half_duration, opening_foot):
-    """Values (l) of METRICS and their slopes by system, samples (l, k, 2) and start (l, 2, n)."""
+    """Values (l) of METRICS and their slopes (l, k, 2) by the lift's samples."""
 
     def twice(system, samples, cam_speed, y0):
         values = smooth_values(system, samples, cam_speed, y0, half_duration, opening_foot)
         return values, values
 
-    slopes, values = jax.jacrev(twice, argnums=(0, 1, 3), has_aux=True)(*arguments)
+    slopes, values = jax.jacrev(twice, argnums=1, has_aux=True)(*arguments)
     return values, slopes
 
 
@@ -105,7 +104,7 @@ def test_gradients_by_cam_coefficients_are_those_of_the_exact_motion(case):
         for e in np.eye(BUMPS)
     ]
     reference = np.stack([(up - down) / (2 * step) for up, down in pairs], axis=1)
-    value, (_, by_samples, _) = smooth(train, lift, speed, state)
+    value, by_samples = smooth(train, lift, speed, state)
     found = np.einsum("qmk,imk->qi", by_samples, samples_along(lift, directions))
     exact = exact_metrics(train, lift, speed, state)
     for i in (0, 2):
@@ -145,6 +144,7 @@ def test_gradients_are_those_of_the_adjoint_over_many_states(count):
 
     Allowed is 1e-2, or what the exact gradient itself changes by when the cam is moved by 3 nm: the layer is 2 nm wide.
     Of 120 such states three need that, one at 6000 r/min (1.3e-2; a contact there closes at 0.8 mm/s, all but grazing).
+    The area, which all hops of a bouncing valve share in, is left to tests/smooth/test_random_scenes.py.
     """
     for rpm, train, lift, directions, speed, state in drawn(count):
         nearby = 3e-9 * np.cos(np.arange(BUMPS) ** 2.0)
@@ -152,34 +152,14 @@ def test_gradients_are_those_of_the_adjoint_over_many_states(count):
             np.einsum("lpq,mpq->lm", value_and_gradient(train, cam, speed, METRICS, state).by_coefficients, directions)
             for cam in (lift, moved(lift, directions, nearby))
         )
-        found = np.einsum("qmk,imk->qi", smooth(train, lift, speed, state)[1][1], samples_along(lift, directions))
+        found = np.einsum("qmk,imk->qi", smooth(train, lift, speed, state)[1], samples_along(lift, directions))
         for name, a, b, c in zip(METRICS, found, exact, near, strict=True):
+            if name == "dynamic_area_mm_deg":
+                continue
             if np.any(b):
                 assert relative(a, b) < max(1e-2, relative(c, b)), (rpm, name)
             else:  # the cam jumps: the least force is zero and stays so
                 assert np.abs(a).max() < 1e-13, (rpm, name)
-
-
-@pytest.mark.long
-def test_gradients_by_the_train_are_those_of_the_exact_motion():
-    """Stiffness, damping, preload, gap and mass, the state at rest moving along."""
-    scene, train, lift = kodama()
-    speed, system = scene.cam_speed(5000), build_system(train)
-    start, back = jax.vjp(lambda s: rest_of(s), system)
-    _, (held, _, by_start) = smooth(train, lift, speed, start)
-    gradient = jax.tree.map(lambda a, b: a[0] + b, held, back(by_start[0])[0])
-    seat = train.seat
-    for name, i in (("stiffness", 3), ("damping", seat - 1), ("preload", seat), ("gap", 2), ("mass", 4)):
-        step = 1e-5 * getattr(train, name)[i]
-        pair = []
-        for sign in (1.0, -1.0):
-            values = getattr(train, name).copy()
-            values[i] += sign * step
-            changed = dataclasses.replace(train, **{name: values})
-            pair.append(exact_metrics(changed, lift, speed, np.asarray(rest_state(changed)).ravel())[0])
-        reference = (pair[0] - pair[1]) / (2 * step)
-        assert reference != 0.0
-        assert float(getattr(gradient, name)[i]) == pytest.approx(reference, rel=2e-2), name
 
 
 @pytest.mark.long
@@ -192,5 +172,5 @@ def test_forward_mode_agrees_with_reverse_mode():
         return smooth_values(build_system(train), samples, speed, y0, lift.half_duration, lift.opening_foot)
 
     _, forward = jax.jit(lambda s: jax.jvp(values, (s,), (direction,)))(samples)
-    _, (_, reverse, _) = smooth(train, lift, speed, y0)
+    _, reverse = smooth(train, lift, speed, y0)
     np.testing.assert_allclose(forward, jnp.einsum("qmk,mk->q", reverse, direction), rtol=1e-7)
