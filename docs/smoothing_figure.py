@@ -14,14 +14,14 @@ TIES = {0.0: "#9A6A00", 0.01: "#009E73", 1.0: "#0072B2"}
 def smoothing():
     """Force by compression for two widths, and force by angle for three shares of the tie."""
     import camopt.smooth
-    from camopt.smooth.laws import Layer, contact_force
+    from camopt.smooth.laws import Layer, raw_force
 
     figure = new_figure(8.4, 3.4)
     layer, tie = figure.subplots(1, 2, width_ratios=(1, 1.35))
     u = np.linspace(-4.0, 6.0, 400)
     layer.plot(u, np.maximum(u, 0.0), color=INK, label="law of the scene")
     for width, line in zip(WIDTHS_UM, ((0, (5, 2)), (0, (1, 1.5))), strict=True):
-        force = contact_force(u * 1e-6, 0.0 * u, 1e6, 0.0, Layer(width * 1e-6))
+        force = raw_force(u * 1e-6, 0.0 * u, 1e6, 0.0, Layer(width * 1e-6))
         layer.plot(u, np.asarray(force), color=LIMIT, linestyle=line, label=f"width_um = {width:g}")
     layer.set(xlabel="compression [um]", ylabel="force [N] at 1 N/um", title="The layer")
     layer.legend(fontsize="small")

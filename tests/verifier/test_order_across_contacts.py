@@ -9,11 +9,9 @@ the mean of several heights.
 import numpy as np
 import pytest
 
-from camopt.cam.lift import Lift
 from camopt.exact import prepare
-from camopt.scene import build_train, parse_scene
 from camopt.verifier.methods import houbolt, rkg, tmm
-from tests.exact.test_engine import SEAT_ONLY
+from tests.exact.small_trains import STILL, ball
 
 STEPS = 16000 * 2 ** np.arange(4)  # finer than where smooth error still counts
 HEIGHTS = 0.1 + 1e-3 * np.arange(12)
@@ -30,8 +28,7 @@ PREPARE = {"rkg": rkg.prepare, "tmm": tmm.prepare, "houbolt": houbolt.prepare}
 
 def position_after_one_bounce(method, train, height, steps):
     """Where the mass is a quarter of a second after it is let go: it touches once, at 0.14 to 0.15 s."""
-    flat = Lift(np.array([-np.pi, np.pi]), np.zeros((1, 2)), 1.0)
-    response = method(train, flat, 2 * np.pi, int(steps))(np.array([height, 0.0]))
+    response = method(train, STILL, 2 * np.pi, int(steps))(np.array([height, 0.0]))
     i = int(np.argmin(np.abs(response.angle + np.pi / 2)))
     assert abs(response.angle[i] + np.pi / 2) < 1e-9
     return response.x[i, 0]
@@ -39,7 +36,7 @@ def position_after_one_bounce(method, train, height, steps):
 
 @pytest.mark.parametrize(("name", "damping"), ORDERS)
 def test_order_across_a_contact(name, damping):
-    train = build_train(parse_scene(SEAT_ONLY.format(stiffness=1e5, damping=damping), "drop"))
+    train = ball(1e5, damping)
     truth = [position_after_one_bounce(prepare, train, h, 2000) for h in HEIGHTS]
     error = [
         np.mean(
