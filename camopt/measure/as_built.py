@@ -49,9 +49,8 @@ class TrainAsBuilt:
 def trains_as_built(scene: Scene, count: int, *, seed: int = 0, first: int = 0) -> list[TrainAsBuilt]:
     """The trains of the numbers `first` to `first` + `count` - 1, drawn within the scene's tolerances.
 
-    Train i hangs on the seed and on i alone, so that a longer list begins with the shorter one; a tolerance that is
-    made narrower or left out moves no other draw (common random numbers). `train.train` has the SI arrays (n masses, e
-    elements) and `train.cam(lift)` is the cam as it is ground for it. Raises InputError for a count below 1 or a
+    Train i depends on the seed and on i alone, so that a longer list begins with the shorter one; a tolerance that is
+    made narrower or left out moves no other draw (common random numbers). Raises InputError for a count below 1 or a
     negative seed.
     """
     if count < 1 or seed < 0 or first < 0:
@@ -86,8 +85,7 @@ def ground(lift: Lift, seed: Seed, peak: float, harmonics: tuple[int, int]) -> L
     """The lift with an error whose largest value is `peak` [m]; the same seed gives the same error.
 
     The error fades out over the ramps, or over its shortest wave where that is longer, so that the base circle stays
-    the base circle. Its harmonics go from the lowest to the highest. Raises InputError for a lift without a base
-    circle, and for one that does not rise from it.
+    the base circle. Raises InputError for a lift without a base circle, and for one that does not rise from it.
     """
     foot, half = lift.opening_foot, lift.half_duration
     if foot == -np.pi or foot == np.pi:

@@ -53,7 +53,7 @@ class Settled:
 class Measured:
     """The figures of a settled motion without its record, which at a verifier's finest step is hundreds of megabytes.
 
-    All else as of `Settled`; `state` (2n + r) is the one at the end, from which a finer step goes on.
+    All else as of `Settled`; `state` (2n + r) is the one at the end.
     """
 
     figures: "Figures"
@@ -97,11 +97,10 @@ def settle(
 
     The motion has settled once the change that is still to come is at most `position` [m] in every position and every
     memory, and in every velocity SETTLED_VELOCITY in the same proportion, and the distance of states a revolution apart
-    is seen to shrink (`camopt.scene.settled.shrinks`). If the change d over a revolution shrinks by the factor r from
-    each revolution to the next, the changes to come add up to d r / (1 - r). At first r = exp(-decay), with `decay` as
-    of `decay_per_revolution` for the train, and the sum is never taken to be smaller than d itself. The revolutions
-    that are measured then show r; where they do not show that the motion settles, or that it wanders, it goes on after
-    them. Fewer than MEASURED of them show nothing, and the last change decides.
+    is seen to shrink (`camopt.scene.settled.shrinks`). The change to come follows from `decay`, that of
+    `decay_per_revolution` for the train (`camopt.scene.settled.way_left`). Where the revolutions that are measured do
+    not show that the motion settles, or that it wanders, it goes on after them. Fewer than MEASURED of them show
+    nothing, and the last change decides.
 
     It runs for at most `most` revolutions, by default PLAIN_REVOLUTIONS, and for more only while it stays within the
     tolerances, WATCHED at most. Where the train's slowest mode needs more, a search for the periodic motion follows,
@@ -243,12 +242,7 @@ def decay_per_revolution(train: Train, cam_speed: float) -> float:
 
 
 def first_revolution(revolve: Revolve, state: State) -> Settled:
-    """The revolution that begins in `state`, measured without settling first.
-
-    It serves to compare methods; a cam is judged by its settled motion.
-
-    Raises MotionRefused where the motion has no bound.
-    """
+    """The revolution that begins in `state`, measured without settling first. Raises MotionRefused without bound."""
     return Settled(record_of(lambda begin: _finite(revolve(begin)), state, 2), 0, True)
 
 

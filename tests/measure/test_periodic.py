@@ -143,9 +143,8 @@ def test_a_leak_that_takes_hundreds_of_revolutions_is_found_directly():
     k, spring, period = 1e6, 1e3, 0.05
     leak = 300 * period * spring  # the force fades by exp(-1 / 300) a revolution
     elements = [(GROUND, 0, False, False, k, 0.0, 0.0, 0.0), (GROUND, 0, False, False, spring, 0.0, 0.0, 0.0)]
-    column = replace(
-        train([0.1], elements, force=-1.0, mass_damping=50.0), laws=laws([OIL, LINEAR], [k, spring], leak=[leak, 0.0])
-    )
+    own = laws([OIL, LINEAR], [k, spring], leak=[leak, 0.0])
+    column = train([0.1], elements, force=-1.0, mass_damping=50.0, laws=own)
     revolve = rkg.prepare(column, no_lift(), 2 * np.pi / period, 1440)
     found = periodic_state(revolve, np.zeros(3), memories=1)
     sunk = 1.0 / spring
@@ -158,7 +157,7 @@ def test_a_leak_that_takes_hundreds_of_revolutions_is_found_directly():
 def test_friction_that_never_slides_leaves_a_multiplier_of_one():
     """Wherever it sticks, the motion is periodic: no state of them is the one that disturbances come back to."""
     elements = [(0, GROUND, False, False, 1e5, 0.0, 0.0, 0.0), (0, GROUND, False, False, 1e5, 60.0, 0.0, 0.0)]
-    stuck = replace(train([0.1], elements), laws=laws([FRICTION, LINEAR], [1e5, 1e5], slip=[50.0, 0.0]))
+    stuck = train([0.1], elements, laws=laws([FRICTION, LINEAR], [1e5, 1e5], slip=[50.0, 0.0]))
     revolve = rkg.prepare(stuck, no_lift(), 2 * np.pi / 0.05, 1440)
     found = periodic_state(revolve, np.array([1e-4, 0.0, 1e-5]), memories=1)
     assert not found.periodic and found.residual < 1e-4
