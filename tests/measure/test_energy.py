@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -14,10 +13,9 @@ from camopt.measure.energy import Elastic, energy
 from camopt.scene import build_train, load_scene
 from camopt.scene.laws import OIL, PROGRESSIVE
 from camopt.scene.response import Response, end_state, joined
-from camopt.scene.rest import state_at_rest
 from camopt.scene.train import GROUND
 from camopt.verifier.methods import dop853, rkg, tmm
-from tests.verifier.scenes import with_elements
+from tests.verifier.scenes import REAL, from_rest, with_elements
 from tests.verifier.trains import ball_on_seat, laws, no_lift, smooth_lift, train, two_springs
 
 CLOSED = 1e-8
@@ -27,11 +25,10 @@ CLOSED = 1e-8
 @cache
 def revolutions(name, rpm):
     """The first two revolutions from rest."""
-    scene = load_scene(name)
-    lift, train = polydyne(scene), build_train(scene)
-    revolve = prepare(train, lift, scene.cam_speed(rpm), 7200)
-    first = revolve(state_at_rest(train))
-    return first, revolve(end_state(first)), lift
+    case, rest = from_rest(name, rpm)
+    revolve = prepare(*case, 7200)
+    first = revolve(rest)
+    return first, revolve(end_state(first)), case[1]
 
 
 def second_revolution(name, rpm):
@@ -106,15 +103,10 @@ def test_without_located_contacts_the_residual_is_the_error_of_the_method(method
     assert np.log(coarse / fine) / np.log(4) == pytest.approx(order, abs=0.25)
 
 
-REAL = Path(__file__).parents[1] / "scene/real.toml"
-
-
 @cache
-def real_revolution(rpm, method="dop853", steps=7200):
-    scene = load_scene(REAL)
-    train, lift = build_train(scene), exponent(scene)
-    prepare = {"dop853": dop853.prepare, "rkg": rkg.prepare}[method]
-    return prepare(train, lift, scene.cam_speed(rpm), steps)(state_at_rest(train)), lift
+def real_revolution(rpm, method=dop853, steps=7200):
+    case, rest = from_rest(REAL, rpm, exponent)
+    return method.prepare(*case, steps)(rest), case[1]
 
 
 @pytest.mark.parametrize("rpm", [2000, 4000])
@@ -153,7 +145,7 @@ def test_a_record_under_another_gas_force_does_not_balance():
 
 def test_the_residual_of_a_real_train_falls_with_the_steps_of_a_method():
     def residual(steps):
-        runs = [real_revolution(4000, "rkg", steps + more) for more in range(1, 6)]
+        runs = [real_revolution(4000, rkg, steps + more) for more in range(1, 6)]
         return np.mean([abs(energy(*run).residual_relative) for run in runs])
 
     coarse, fine = residual(3600), residual(57_600)
@@ -168,8 +160,8 @@ def test_balance_closes_with_curved_contacts(changes):
     scene = load_scene("kodama-hertz")
     curved = [e.law == "hertz" for e in scene.element]
     scene = with_elements(scene, **{e.name: changes for e in scene.element if e.law == "hertz"})
-    train, lift = build_train(scene), polydyne(load_scene("kodama"))
-    found = energy(dop853.prepare(train, lift, scene.cam_speed(6000), 7200)(state_at_rest(train)), lift)
+    case, rest = from_rest(scene, 6000, lambda _: polydyne(load_scene("kodama")))
+    found = energy(dop853.prepare(*case, 7200)(rest), case[1])
     assert abs(found.residual_relative) < CLOSED
     assert np.all((found.damped[curved] if changes else found.left.sum()) > 1e3 * CLOSED * found.stored.max())
 

@@ -1,8 +1,12 @@
 """Scenes whose motion decides; one of them has a valve spring of two halves and a lightly damped coil between them."""
 
+from pathlib import Path
+
 import numpy as np
 
-from camopt.scene import Scene, load_scene
+from camopt.cam.families.polydyne import polydyne
+from camopt.scene import Scene, build_train, load_scene
+from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Element, Mass
 
 SHAPE = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3", "nose_deg")
@@ -10,6 +14,17 @@ HALF_N_PER_M = 76_400.0
 COIL_KG = 0.03
 FREQUENCY_HZ = float(np.sqrt(2 * HALF_N_PER_M / COIL_KG) / (2 * np.pi))
 """Of the coil, 359 Hz."""
+
+
+REAL = load_scene(Path(__file__).parents[1] / "scene/real.toml")
+"""A scene with every element of real trains."""
+
+
+def from_rest(scene: Scene | str, speed_rpm: float, family=polydyne) -> tuple[tuple, np.ndarray]:
+    """(train, cam, cam speed [rad/s]) of a scene at a speed of the crankshaft, as methods take them, and its rest."""
+    scene = load_scene(scene) if isinstance(scene, str) else scene
+    train = build_train(scene)
+    return (train, family(scene), scene.cam_speed(speed_rpm)), state_at_rest(train)
 
 
 def moving(name: str, band_rpm: tuple[float, float] | None = None, **limits) -> Scene:

@@ -5,8 +5,7 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare as event_exact
-from camopt.scene import InputError, build_train, load_scene
-from camopt.scene.rest import state_at_rest
+from camopt.scene import InputError, load_scene
 from camopt.scene.units import UM
 from camopt.verifier import accuracy as module
 from camopt.verifier.accuracy import EFFORTS, effort_of, stored_curves, verify
@@ -15,6 +14,7 @@ from camopt.verifier.methods import rkg
 from camopt.verifier.record import HALVED, accuracy_record, bounce_error_um, method_record
 from camopt.verifier.verdict import Verdict
 from tests.verifier.answers import answer
+from tests.verifier.scenes import from_rest
 
 
 def at(speed: float, error_mm: float, low: float = 0.1, high: float = 0.1, periodic: bool = True) -> dict:
@@ -105,15 +105,11 @@ class TestEffort:
 
 
 def test_the_bounce_delivered_is_within_what_was_asked():
-    scene = load_scene("motori-1")
-    train, cam = build_train(scene), polydyne(scene)
-    rest = state_at_rest(train)
-
-    def answer(prepare, asked_um: float, halvings: int):
-        tolerances = Tolerances(asked_um, halvings, certain=True)
-        return StepRefinement(prepare, train, cam, scene.cam_speed(6500), rest, tolerances).answer()
-
-    found, true = answer(rkg.prepare, 20.0, 6), answer(event_exact, 0.01, 3)
+    case, rest = from_rest("motori-1", 6500)
+    found, true = (
+        StepRefinement(prepare, *case, rest, Tolerances(wanted_um, halvings, certain=True)).answer()
+        for prepare, wanted_um, halvings in ((rkg.prepare, 20.0, 6), (event_exact, 0.01, 3))
+    )
     delivered_um = bounce_error_um(method_record(found))
     assert true.worst["bounce_mm"] > 0.01
     assert 1e3 * abs(found.worst["bounce_mm"] - true.worst["bounce_mm"]) <= delivered_um <= 20.0

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,7 +9,6 @@ import pytest
 from camopt.cam.families.exponent import exponent
 from camopt.measure.settling import decay_per_revolution, settle_and_measure
 from camopt.scene import build_train, load_scene
-from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Forcing
 from camopt.scene.units import DEG, MM
 from camopt.study.extremes.extremes import STEP_METHODS
@@ -18,19 +16,18 @@ from camopt.verifier import verdict
 from camopt.verifier.at_speed import Case, neighbours
 from camopt.verifier.convergence import StepRefinement, Tolerances
 from camopt.verifier.methods import dop853
+from tests.verifier.scenes import REAL, from_rest
 from tests.verifier.test_dop853 import GRID
 
-SCENE = load_scene(Path(__file__).parents[1] / "scene/real.toml")
-SPEED_RPM = 3000.0
 STEPS = 3600 * 4 ** np.arange(3)
 SHIFTS = np.arange(1, 8)
 """Steps that are added, so that no contact closes as late after a sample at one step as at another."""
 
 
 @cache
-def case():
-    train = build_train(SCENE)
-    return train, exponent(SCENE), SCENE.cam_speed(SPEED_RPM), state_at_rest(train)
+def case(speed_rpm=3000.0):
+    """(train, cam, cam speed [rad/s]) and the state at rest."""
+    return from_rest(REAL, speed_rpm, exponent)
 
 
 def at(response) -> np.ndarray:
@@ -41,8 +38,8 @@ def at(response) -> np.ndarray:
 
 @cache
 def located(steps: int) -> np.ndarray:
-    train, lift, cam_speed, start = case()
-    return at(dop853.prepare(train, lift, cam_speed, steps)(start))
+    parts, rest = case()
+    return at(dop853.prepare(*parts, steps)(rest))
 
 
 def test_dop853_stands_to_a_picometre():
@@ -53,23 +50,22 @@ def test_dop853_stands_to_a_picometre():
 
 @pytest.mark.parametrize("name", STEP_METHODS)
 def test_the_other_methods_come_to_it(name):
-    train, lift, cam_speed, start = case()
-    wanted = located(100_800)
-    found = []
+    (parts, rest), wanted, found = case(), located(100_800), []
     for steps in STEPS:
-        runs = [STEP_METHODS[name](train, lift, cam_speed, int(steps + shift)) for shift in SHIFTS]
-        found.append(np.mean([np.abs(at(run(start)) - wanted).max() for run in runs]))
+        runs = [STEP_METHODS[name](*parts, int(steps + shift)) for shift in SHIFTS]
+        found.append(np.mean([np.abs(at(run(rest)) - wanted).max() for run in runs]))
     order = -np.polyfit(np.log(STEPS), np.log(found), 1)[0]
     assert found[-1] < 2e-4 * MM
     assert 0.75 < order
 
 
 def test_the_record_holds_forces_within_their_laws():
-    train, lift, cam_speed, start = case()
+    parts, rest = case()
+    train = parts[0]
     guide, oil = (train.element_names.index(name) for name in ("guide", "lifter-oil"))
     slip, stiffness = train.laws.slip[guide], train.laws.coefficient[guide]
     for prepare in (dop853.prepare, *STEP_METHODS.values()):
-        motion = prepare(train, lift, cam_speed, 7200)(start)
+        motion = prepare(*parts, 7200)(rest)
         z = dict(zip(train.memory, motion.memory.T, strict=True))
         d = train.compression(motion.x, motion.lift)
         rubs, carries = motion.force[:, guide], motion.force[:, oil]
@@ -81,9 +77,9 @@ def test_the_record_holds_forces_within_their_laws():
 
 
 def test_the_gas_force_decelerates_the_opening_valve():
-    train, lift, cam_speed, start = case()
-    free = dop853.prepare(replace(train, forcing=()), lift, cam_speed, 7200)(start)
-    pressed = dop853.prepare(train, lift, cam_speed, 7200)(start)
+    (train, lift, cam_speed), rest = case()
+    free = dop853.prepare(replace(train, forcing=()), lift, cam_speed, 7200)(rest)
+    pressed = dop853.prepare(train, lift, cam_speed, 7200)(rest)
     inside = np.abs(pressed.angle + 50 * DEG) < 8 * DEG
     cam = train.element_names.index("cam")
     without = np.interp(pressed.angle[inside], free.angle, free.force[:, cam])
@@ -94,9 +90,9 @@ def test_the_gas_force_decelerates_the_opening_valve():
 def test_a_revolution_is_the_same_when_its_matrices_are_there(name):
     """A set of pieces is found from the state alone: sliding friction, whose memory follows, would else stick by
     rounding wherever the set was new."""
-    train, lift, cam_speed, start = case()
-    revolve = STEP_METHODS[name](train, lift, 2.0 * cam_speed, 720)
-    first, second = revolve(start), revolve(start)
+    parts, rest = case(6000.0)
+    revolve = STEP_METHODS[name](*parts, 720)
+    first, second = revolve(rest), revolve(rest)
     for part in ("x", "v", "memory", "force"):
         assert np.array_equal(getattr(first, part), getattr(second, part)), part
 
@@ -104,12 +100,12 @@ def test_a_revolution_is_the_same_when_its_matrices_are_there(name):
 def test_the_methods_that_carry_a_train_judge_it():
     linear = build_train(load_scene("motori-1"))
     gas = Forcing(linear.valve, np.array([-np.pi, 0.0, np.pi]), np.array([0.0, -50.0, 0.0]))
-    for train in (case()[0], replace(linear, forcing=(gas,))):
+    for train in (build_train(REAL), replace(linear, forcing=(gas,))):
         assert {"rkg", "tmm", "houbolt"} <= set(verdict.methods_for(train))
 
 
 def test_independent_methods_agree_on_a_train_with_memories():
-    judged = verdict.verdict_on(SCENE, case()[1], (3000.0,), ("rkg", "tmm", "houbolt"), band_step_rpm=None)
+    judged = verdict.verdict_on(REAL, exponent(REAL), (3000.0,), ("rkg", "tmm", "houbolt"), band_step_rpm=None)
     (found,) = judged.speeds
     assert found.verdict == "confirmed"
     for answer in found.methods.values():
@@ -118,18 +114,18 @@ def test_independent_methods_agree_on_a_train_with_memories():
 
 
 def test_neighbouring_memories_lead_to_the_same_motion():
-    train, lift, _, start = case()
+    parts, rest = case(2000)
     prepare = verdict.method_named("rkg")
-    answer = StepRefinement(prepare, train, lift, SCENE.cam_speed(2000), start, Tolerances()).answer(2)
-    near = neighbours(Case(SCENE, lift, {"rkg": prepare}, Tolerances()), 2000, answer)
+    answer = StepRefinement(prepare, *parts, rest, Tolerances()).answer(2)
+    near = neighbours(Case(REAL, parts[1], {"rkg": prepare}, Tolerances()), 2000, answer)
     seating = [figures.worst("seating_velocity_m_per_s") for figures in near]
     assert np.ptp(seating) < 0.02 * answer.worst["seating_velocity_m_per_s"]
 
 
 def test_a_pumped_up_adjuster_sinks_back_and_the_valve_seats_again():
     """It begins 0.1 mm too long, as if it had filled in flight: only after some revolutions does the valve seat."""
-    train, lift, _, rest = case()
-    cam_speed, start = SCENE.cam_speed(2000), rest.copy()
+    (train, lift, cam_speed), rest = case(2000)
+    start = rest.copy()
     revolve = verdict.method_named("rkg")(train, lift, cam_speed, 7200)
     start[[1, 5]] += np.array([1.0, -1.0]) * 1e-4  # the valve is held off its seat by the oil
     first = revolve(start)

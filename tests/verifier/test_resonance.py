@@ -12,12 +12,11 @@ from camopt.measure.settling import decay_per_revolution, settle, settled_from_r
 from camopt.measure.sweep import at_speeds
 from camopt.scene import build_train, load_scene
 from camopt.scene.laws import LINEAR, PROGRESSIVE
-from camopt.scene.rest import state_at_rest
 from camopt.scene.train import GROUND
 from camopt.verifier import verdict
 from camopt.verifier.convergence import Tolerances
 from camopt.verifier.verdict import verdict_on
-from tests.verifier.scenes import FREQUENCY_HZ, coil_scene, with_elements
+from tests.verifier.scenes import FREQUENCY_HZ, coil_scene, from_rest, with_elements
 from tests.verifier.trains import laws, smooth_lift, train
 
 BOUNCE_ALONE = {"jump_max_mm": None, "seating_velocity_max_m_per_s": None}
@@ -99,14 +98,13 @@ def test_what_the_search_for_the_first_bounce_finds_inside_the_band_is_judged(mo
 
 def test_a_lightly_damped_motion_is_run_until_it_stands():
     """Forty revolutions from rest leave half a millimetre of surge; the settled motion is what 2000 plain ones give."""
-    scene = coil_scene()
-    train, lift, cam_speed = build_train(scene), polydyne(scene), scene.cam_speed(6100.0)
-    rest = state_at_rest(train)
-    revolve = engine.prepare(train, lift, cam_speed)
+    case, rest = from_rest(coil_scene(), 6100.0)
+    revolve = engine.prepare(*case)
     truth = settle(revolve, rest, most=2000, position=1e-9)
-    found = settled_from_rest(engine.prepare, train, lift, cam_speed)
+    found = settled_from_rest(engine.prepare, *case)
     assert found.periodic and found.faded and found.revolutions < 200
     assert np.abs(found.response.x[0] - truth.response.x[0]).max() < 1e-6
+    train, _, cam_speed = case
     early = settle(revolve, rest, most=40, decay=decay_per_revolution(train, cam_speed))
     assert not early.periodic and not early.faded
     assert np.abs(early.response.x[0] - truth.response.x[0]).max() > 1e-5

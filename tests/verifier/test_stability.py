@@ -3,15 +3,14 @@
 import numpy as np
 import pytest
 
-from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare as event_exact
 from camopt.scene import build_train, load_scene
-from camopt.scene.rest import state_at_rest
 from camopt.scene.train import GROUND
 from camopt.scene.units import MM
 from camopt.study.extremes.extremes import STEP_METHODS as METHODS
 from camopt.verifier.convergence import Prepare
 from camopt.verifier.methods import houbolt
+from tests.verifier.scenes import from_rest
 from tests.verifier.trains import no_lift, train
 
 STEPS = 4000
@@ -82,9 +81,7 @@ def test_step_rule_is_the_papers():
 
 @pytest.mark.parametrize("explicit", [True, False])
 def test_step_rule_is_the_default_and_carries_the_papers_motor(explicit):
-    scene = load_scene("motori-1")
-    motor, lift, cam_speed = build_train(scene), polydyne(scene), scene.cam_speed(5000)
-    rest = state_at_rest(motor)
+    (motor, lift, cam_speed), rest = from_rest("motori-1", 5000)
     motion = houbolt.prepare(motor, lift, cam_speed, explicit=explicit)(rest)
     steps = len(motion.angle) - 1
     assert steps == np.ceil(2 * np.pi / cam_speed / houbolt.step_rule(motor))
