@@ -23,8 +23,6 @@ COLUMNS = {
     "contact_force_max_N": "peak contact force [N]",
     "verdict": "verdict",
 }
-
-
 TEXT = {
     "speed_rpm": ("r/min", 8),
     "bounce_mm": ("bounce mm", 10),

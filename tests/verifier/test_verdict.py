@@ -172,10 +172,17 @@ def test_confirmed_and_the_contract():
         assert method["contact_force_min_N"] == pytest.approx(72.26, abs=0.1)
 
 
-def test_a_broken_limit_is_named_and_rejects():
-    result = verdict_on(scene(seating_velocity_max_m_per_s=0.15), lift(), **AT_5000)
-    assert result.verdict == "rejected"
-    assert result.broken == ("seating_velocity_max_m_per_s at 5000 r/min",)
+@pytest.mark.parametrize(
+    ("limits", "broken", "at_the_speed"),
+    [
+        ({"seating_velocity_max_m_per_s": 0.15}, "seating_velocity_max_m_per_s at 5000 r/min", "rejected"),
+        ({"max_lift_mm": 9.3}, "max_lift_mm", "confirmed"),
+    ],
+)
+def test_a_broken_limit_on_the_motion_or_on_the_shape_is_named_and_rejects(limits, broken, at_the_speed):
+    result = verdict_on(scene(**limits), lift(), **AT_5000)
+    assert result.verdict == "rejected" and result.broken == (broken,)
+    assert result.speeds[0].verdict == at_the_speed
 
 
 def test_a_limit_is_far_broken_where_every_figure_breaks_it_beyond_all_doubt():
@@ -223,12 +230,6 @@ def test_a_limit_within_the_neighbourhood_is_sensitive():
     assert result.reason.endswith("some keep and some break seating_velocity_max_m_per_s at 5000 r/min.")
     assert result.as_dict()["reason"] == result.reason and result.reason in str(result)
     assert result.broken == ()
-
-
-def test_a_limit_on_the_shape_rejects_alone():
-    result = verdict_on(scene(max_lift_mm=9.3), lift(), **AT_5000)
-    assert result.verdict == "rejected" and result.broken == ("max_lift_mm",)
-    assert result.speeds[0].verdict == "confirmed"
 
 
 @pytest.mark.parametrize("part", ["mass_damping", "mass_force"])
