@@ -1,6 +1,7 @@
 """Settling to the periodic motion, and the revolutions that are measured."""
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -146,7 +147,7 @@ class _Way:
         self.faded = self._needed <= PLAIN_REVOLUTIONS  # whether the slowest mode had the revolutions to die out
         self._searches = not self.faded and most is None
         self._most = PLAIN_REVOLUTIONS if most is None else most
-        self.revolutions = 0
+        self.revolutions = self._memories = 0
         self._within = 0  # the last of the revolutions whose change is within the tolerances
         self._largest = self._start = 0.0  # distance of the largest of these changes, and that before measuring
         self._distances = 0.0, 0.0  # of the last two changes, in the tolerances
@@ -154,15 +155,16 @@ class _Way:
     def stands(self) -> bool:
         """Runs revolutions until the change still to come is within the tolerances; False where the motion wanders."""
         while goes_on(self.revolutions, self._most, self._within):
-            after, memories = _turned(self._revolve, self.state)
+            after, self._memories = _turned(self._revolve, self.state)
             self.revolutions += 1
-            if self._note(after, memories):
+            if self._note(after, self._memories):
                 return True
         if not self._searches:
             return False
         self._searches, self.faded, self._within = False, self._needed <= MOST_REVOLUTIONS, 0
-        self.state, hastened = _hastened(self._revolve, self.state)
-        self.revolutions += hastened
+        with suppress(MotionRefused):  # whether the motion stands is decided by plain revolutions from there
+            found = periodic_state(self._revolve, self.state, memories=self._memories)
+            self.state, self.revolutions = found.state, self.revolutions + found.revolutions
         self._most = self.revolutions + min(self._needed, MOST_REVOLUTIONS) - PLAIN_REVOLUTIONS
         return self.stands()
 
@@ -212,18 +214,6 @@ def _split(state: State, memories: int) -> tuple[np.ndarray, np.ndarray, np.ndar
     """Positions (n), velocities (n) and memories (r) of a state."""
     n = (len(state) - memories) // 2
     return state[:n], state[n : 2 * n], state[2 * n :]
-
-
-def _hastened(revolve: Revolve, state: State) -> tuple[State, int]:
-    """A state nearer to the periodic motion of a lightly damped train, and the revolutions it took to find.
-
-    Only a stable periodic motion is taken. Whether the motion then stands is decided by plain revolutions from there.
-    """
-    try:
-        found = periodic_state(revolve, state, memories=_turned(revolve, state)[1])
-    except MotionRefused:
-        return state, 0
-    return found.state, found.revolutions
 
 
 def settled_from_rest(prepare: Callable[..., Revolve], train: Train, lift: Lift, cam_speed: float, *steps) -> Settled:
