@@ -25,7 +25,6 @@ from camopt.verifier.verdict import METHODS, Verdict, methods_for, verdict_on
 
 FILE = "accuracy_curves.json"
 """Stored work-precision curves, which `python -m experiments.accuracy_curves` measures and writes."""
-KEYS = ("setting", "median_um", "p90_um")
 
 
 @dataclass(frozen=True)
@@ -75,7 +74,6 @@ class Curve:
     A curve only chooses the setting with which a run begins; the delivered error is estimated on the run itself.
     """
 
-    unit: str  # of the setting
     setting: np.ndarray
     median_um: np.ndarray
     p90_um: np.ndarray
@@ -96,8 +94,8 @@ class Curve:
 def stored_curves() -> dict[str, Curve]:
     """The stored curves by what is set: a method's steps, "settling" or "band_step"."""
     text = (resources.files("camopt.verifier") / FILE).read_text(encoding="utf-8")
-    curves = json.loads(text)["curves"]
-    return {name: Curve(c["unit"], *(np.array(c[k], dtype=float) for k in KEYS)) for name, c in curves.items()}
+    curves, keys = json.loads(text)["curves"], ("setting", "median_um", "p90_um")
+    return {name: Curve(*(np.array(curve[key], dtype=float) for key in keys)) for name, curve in curves.items()}
 
 
 def verify(
