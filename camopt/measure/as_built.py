@@ -55,9 +55,8 @@ class TrainAsBuilt:
 def trains_as_built(scene: Scene, count: int, *, seed: int = 0, first: int = 0) -> list[TrainAsBuilt]:
     """The trains of the numbers `first` to `first` + `count` - 1, drawn within the scene's tolerances.
 
-    Train i hangs on the seed and on i alone, so that a longer list begins with the shorter one; a tolerance that is
-    made narrower or left out moves no other draw (common random numbers). `train.train` has the SI arrays (n masses, e
-    elements) and `train.cam(lift)` is the cam as it is ground for it. Raises InputError for a count below 1 or a
+    Train i depends on the seed and on i alone, so that a longer list begins with the shorter one; a tolerance that is
+    made narrower or left out moves no other draw (common random numbers). Raises InputError for a count below 1 or a
     negative seed.
     """
     if count < 1 or seed < 0 or first < 0:

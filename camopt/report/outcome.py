@@ -6,7 +6,7 @@ each of these ends with what would mend it.
 
 from collections.abc import Iterable
 
-from camopt.measure.reserve import reserve_sentences
+from camopt.measure.sweep import reserve_sentences
 from camopt.measure.yield_words import (
     ENOUGH,
     HELD,

@@ -241,7 +241,7 @@ def test_apart_is_the_largest_difference_of_each_revolution():
 
 
 class TestCurves:
-    CURVE = Curve("rad", np.array([0.01, 0.1, 1.0]), np.array([1.0, 10.0, 100.0]), np.array([3.0, 2.0, 300.0]))
+    CURVE = Curve(np.array([0.01, 0.1, 1.0]), np.array([1.0, 10.0, 100.0]), np.array([3.0, 2.0, 300.0]))
 
     def test_between_settings_on_the_logarithms_and_never_outside(self):
         assert self.CURVE.coarsest(np.sqrt(1000.0), typical=True) == pytest.approx(np.sqrt(0.1))

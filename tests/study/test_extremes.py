@@ -34,10 +34,10 @@ NAMES = tuple(Tolerances(2.0).absolute)
 MOTOR, KODAMA = load_scene("motori-1"), load_scene("kodama")
 
 
-def answer(bounce=0.1, error=0.0, converged=True, state=True) -> Converged:
-    worst = dict.fromkeys(QUANTITIES, 1.0) | {"bounce_mm": bounce}
-    estimate = dict.fromkeys(QUANTITIES, error)
-    return Converged(1440, converged, worst, {}, estimate, 0, True, np.zeros(2) if state else None)
+def answer(bounce=0.1, error=0.0, converged=True, state=True, others=1.0, **changed) -> Converged:
+    figures = dict.fromkeys(QUANTITIES, others) | {"bounce_mm": bounce, **changed}
+    spread, estimate = {name: (value, value) for name, value in figures.items()}, dict.fromkeys(QUANTITIES, error)
+    return Converged(1440, converged, spread, estimate, 0, True, np.zeros(2) if state else None)
 
 
 def true(spread=0.0) -> Truth:
@@ -91,8 +91,7 @@ def test_a_reference_that_refuses_its_finest_step_is_no_truth():
 def test_an_error_that_is_told_or_the_motions_own_is_no_defect_and_hides_none(
     order, bounce, jump, error, spread, verdict, figure
 ):
-    worst = dict.fromkeys(NAMES, 1.0) | {"bounce_mm": bounce, "jump_mm": jump}
-    given = replace(answer(), worst=worst, error=dict.fromkeys(NAMES, 0.0) | {"bounce_mm": error})
+    given = replace(answer(bounce, jump_mm=jump), error=dict.fromkeys(NAMES, 0.0) | {"bounce_mm": error})
     right = replace(true(spread), figures={name: true().figures[name] for name in order})
     assert judge(given, right)[:2] == (verdict, figure)
     endless = replace(answer(), error=dict.fromkeys(NAMES, 1.0) | {"bounce_mm": np.inf})
