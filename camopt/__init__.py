@@ -36,6 +36,7 @@ from importlib import import_module
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
+# ruff: noqa: F401
 if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr__`
     from camopt.cam.card import CrankTiming, cam_card
     from camopt.cam.conversion import converted
@@ -74,47 +75,6 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
 
 __version__ = version("camopt")
 
-__all__ = [
-    "CrankTiming",
-    "MeasuredLift",
-    "area_bound",
-    "ascend",
-    "cam_card",
-    "camshaft_torque",
-    "compare",
-    "converted",
-    "cycloidal",
-    "differentiable",
-    "exponent",
-    "free_cam",
-    "identify",
-    "joint_spring",
-    "kurz",
-    "linear_program",
-    "linearised",
-    "live",
-    "load_scene",
-    "manufacturing_yield",
-    "modes",
-    "multi_pol",
-    "nearest_free_cam",
-    "new_design",
-    "objective",
-    "optimize",
-    "pareto",
-    "polydyne",
-    "polynomial_345",
-    "polynomial_4567",
-    "read_cam",
-    "read_lift_table",
-    "reduce",
-    "simulate",
-    "sweep",
-    "tradeoff",
-    "trains_as_built",
-    "trapezoid",
-    "verify",
-]
 _PUBLIC = {
     "optimize": "camopt.optimizer.run",
     "verify": "camopt.verifier.accuracy",
@@ -156,6 +116,7 @@ _PUBLIC = {
     "linear_program": "camopt.optimizer.program.differentiable",
     "live": "camopt.designer.notebook",
 }
+__all__ = sorted(_PUBLIC)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str):
