@@ -134,8 +134,10 @@ def method_tables(run: RunFolder) -> list[dict]:
 
 
 def provenance_rows(data: dict, prefix: str = "") -> Iterator[tuple[str, object]]:
-    """Every entry of the provenance with its dotted name, in the file's order."""
+    """Every entry of the provenance with its dotted name, in the file's order; its stages have a table of their own."""
     for key, value in data.items():
+        if prefix + key == "stages":
+            continue
         if isinstance(value, dict):
             yield from provenance_rows(value, f"{prefix}{key}.")
         else:
