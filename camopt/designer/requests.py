@@ -15,7 +15,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from camopt.cam.design_file import as_written, design_record
+from camopt.cam.design_file import as_written, write_design
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.designer.cams import Cancelled
 from camopt.designer.controls import Refused
@@ -168,7 +168,9 @@ def save_run(folder: Path, name: object, design: Edited, verification: dict[str,
     path, lift = folder / _named(name), as_written(cam.lift)
     with run_folder(path, run_identity("design", scene, program=cam.program)):
         bound = float(area_ratio_bound(scene.required_design).bound)
-        record = design_record(
+        write_text(path / "scene.toml", scene_toml(scene))
+        write_design(
+            path / "design.json",
             cam.lift,
             scene.required_design.max_lift_mm * MM,
             area_ratio_bound=bound,
@@ -177,8 +179,6 @@ def save_run(folder: Path, name: object, design: Edited, verification: dict[str,
             gradient_gain=0.0,
             limit_worth=cam.worth,
         )
-        write_text(path / "scene.toml", scene_toml(scene))
-        write_json(path / "design.json", record)
         write_lift_table(path / "lift.csv", lift)
         if verification is not None:
             write_json(path / "verification.json", verification)

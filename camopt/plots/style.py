@@ -140,10 +140,7 @@ class ShownFigure(Figure):
     """A figure that a notebook shows without pyplot having been imported."""
 
     def _repr_png_(self) -> bytes:
-        buffer = io.BytesIO()
-        with matplotlib.rc_context(RC):
-            self.savefig(buffer, format="png", dpi=110)
-        return buffer.getvalue()
+        return picture(self, "png", dpi=110)
 
 
 def draw_limit(axes: Axes, value: float | None, text: str, va: str = "center") -> None:
@@ -229,10 +226,10 @@ def laid_out(figure: Figure) -> Iterator[None]:
         figure.set_layout_engine(layout)
 
 
-def picture(figure: Figure, kind: str) -> bytes:
+def picture(figure: Figure, kind: str, dpi: int = DPI) -> bytes:
     """A figure as a PNG or SVG file's bytes, the same ones for the same figure."""
     metadata = {"png": {"Software": None}, "svg": {"Date": None, "Creator": "camopt"}}
     buffer = io.BytesIO()
     with matplotlib.rc_context(RC):
-        figure.savefig(buffer, format=kind, dpi=DPI, metadata=metadata[kind])
+        figure.savefig(buffer, format=kind, dpi=dpi, metadata=metadata[kind])
     return buffer.getvalue()

@@ -129,12 +129,8 @@ def plain(value: Any) -> Any:
 
 def write_csv(path: str | Path, columns: Mapping[str, Any]) -> None:
     """Writes a table of equally long columns; floats with every digit, None and NaN as an empty cell."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    lists = [plain(column) for column in columns.values()]
-    writer.writerows(zip(*lists, strict=True))
-    write_text(path, text.getvalue())
+    rows = [*zip(*map(plain, columns.values()), strict=True)]
+    write_csv_rows(path, [*columns], rows)
 
 
 def write_csv_rows(path: str | Path, names: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
