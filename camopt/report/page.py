@@ -107,6 +107,7 @@ WORDING = ("shown", "cell", "heading", "kind", "state", "share_kind", "used", "a
 """Functions of `camopt.report.wording` that are filters of the page."""
 START = """
 const data = JSON.parse(document.getElementById("run-data").textContent);
+document.getElementById("train").append(...trainParts(true));
 trainAnimation(document, data.animation);
 new ReportCharts(document, data.curves, data.animation);
 """

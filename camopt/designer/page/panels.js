@@ -2,27 +2,6 @@
 const UNSEEN_MS = 400; // the train out of sight is drawn once no newer motion has come for so long
 const FORCE_LOOKS = ["first", "second", "third", "fourth"];
 
-function trainMarkup() { // what trainAnimation fills
-  const option = (value, words, selected) => h("option", { value, selected }, words);
-  const drawing = (id, label) => svgNode("svg", { id, role: "img", "aria-label": label });
-  return h("section", { id: "train", "aria-label": "Animation of the valve train" },
-    h("div", { class: "controls" },
-      h("label", { hidden: true }, "cam ", h("select", { id: "train-cam" })),
-      h("label", { hidden: true }, "speed ", h("select", { id: "train-speed" })),
-      h("label", {}, "gaps drawn ", h("select", { id: "train-gaps" }, option(1, "true size"), option(10, "10 times"),
-        option(50, "50 times", true), option(200, "200 times"))),
-      h("label", {}, "pace ", h("select", { id: "train-pace" }, option(6, "6 deg/s"), option(20, "20 deg/s", true),
-        option(60, "60 deg/s"))),
-      h("button", { type: "button", id: "train-play", "aria-pressed": "false" }, "Play")),
-    h("p", { id: "train-caption" }),
-    h("div", { class: "stage" }, drawing("train-drawing", "Cam, masses, springs and contacts at the chosen angle"),
-      h("div", {}, drawing("train-chart", "Valve lift against cam angle, and where each contact is open"),
-        h("input", { type: "range", id: "train-angle", min: 0, max: 360, step: 1, "aria-label": "cam angle" }),
-        h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Contacts at the chosen angle" },
-          h("table", { id: "train-numbers" }, h("tr", {}, h("th", { scope: "col" }, "contact"), h("th", { scope: "col" }, "state"),
-            h("th", { scope: "col" }, "force [N]"), h("th", { scope: "col" }, "separation [mm]")))))));
-}
-
 class Panels {
   constructor(waiting) { // waiting: what says how long a slow part has taken
     this.charts = {
@@ -37,7 +16,7 @@ class Panels {
     this.areas = h("div", { class: "areas" });
     this.trains = h("p", { class: "trains" }, "Yield: not drawn yet.");
     this.compared = h("div", { class: "compared" });
-    this.train = trainMarkup();
+    this.train = h("section", { id: "train", "aria-label": "Animation of the valve train" }, ...trainParts(false));
     this.animate = null;
     const charts = Object.values(this.charts).map((c) => c.node);
     this.node = h("div", { class: "panels" },
