@@ -10,11 +10,11 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from camopt.plots.style import BASE, DESIGN, INK, LIMIT, OTHERS, cam_line, new_figure, styled
+from camopt.scene.quantities import label_and_unit
 
 if TYPE_CHECKING:
     import xarray as xr
 
-UNITS = {"mm_per_deg2": "mm/deg²", "mm_per_deg3": "mm/deg³", "mm_per_deg4": "mm/deg⁴", "m_per_s": "m/s"}
 COLUMNS = (5, 4, 3)
 MOST = 15
 """Largest number of modes that are drawn; they are the lowest ones."""
@@ -39,9 +39,8 @@ def front(against: str, limit: np.ndarray, area_ratio: np.ndarray, title: str) -
         lowest = np.full((~feasible).sum(), np.nanmin(area_ratio))
         axes.plot(limit[~feasible], lowest, "x", color=LIMIT, label="no cam")
         axes.legend()
-    ending = next((unit for unit in (*UNITS, "mm", "deg", "N") if against.endswith(f"_{unit}")), "")
-    name, unit = against.removesuffix(f"_{ending}").replace("_", " "), UNITS.get(ending, ending) or "-"
-    axes.set(xlabel=f"{name} [{unit}]", ylabel="area ratio [-]")
+    name, unit = label_and_unit(against)
+    axes.set(xlabel=f"{name} [{unit or '-'}]", ylabel="area ratio [-]")
     axes.set_title(title)
     return figure
 

@@ -9,9 +9,9 @@ from camopt.cam.lift import Lift
 from camopt.measure.limits import EVERYWHERE, broken_by_shape, reached_by_shape
 from camopt.plots.style import DESIGN, family_of
 from camopt.report.folder import RunFolder
-from camopt.report.wording import as_number, label_and_unit, shown
+from camopt.report.wording import as_number, shown
 from camopt.scene.design import ROUNDING, Design
-from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES, is_number
+from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES, is_number, label_and_unit
 from camopt.verifier.record import worst_case_value
 from camopt.verifier.verdict import ORDER
 

@@ -19,8 +19,8 @@ from camopt.measure.yield_words import (
 )
 from camopt.report.folder import RunFolder
 from camopt.report.limits import demanded
-from camopt.report.wording import in_words, label_and_unit, shown
-from camopt.scene.quantities import QUANTITIES, is_number
+from camopt.report.wording import in_words, shown
+from camopt.scene.quantities import QUANTITIES, is_number, label_and_unit
 
 NARROW_PERCENT = 2.0
 """A reserve of speed that counts as narrow. Frequencies follow the root of stiffness, so that a spring whose rate is

@@ -21,8 +21,8 @@ from camopt.report.cams import cards, curves, geometry, stress
 from camopt.report.folder import RunFolder, read_run_folder
 from camopt.report.limits import OF_MOTION, disagreements, limit_rows, matrix
 from camopt.report.motion import RunCams, animation, cams_of
-from camopt.report.wording import NO_VERDICT, VERDICTS, in_words, label_and_unit, shown
-from camopt.scene.quantities import QUANTITIES, is_number
+from camopt.report.wording import NO_VERDICT, VERDICTS, in_words, shown
+from camopt.scene.quantities import QUANTITIES, is_number, label_and_unit
 from camopt.scene.units import DEG, MM
 from camopt.storage import write_text
 from camopt.verifier.methods import METHOD_NAMES

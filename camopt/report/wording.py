@@ -2,27 +2,8 @@
 
 import math
 
-from camopt.scene.quantities import QUANTITIES
+from camopt.scene.quantities import label_and_unit
 
-UNITS = (
-    ("_mm_per_deg4", "mm/deg⁴"),
-    ("_mm_per_deg3", "mm/deg³"),
-    ("_mm_per_deg2", "mm/deg²"),
-    ("_mm_per_deg", "mm/deg"),
-    ("_mm_deg", "mm deg"),
-    ("_m_per_s", "m/s"),
-    ("_N_per_m", "N/m"),
-    ("_percent", "%"),
-    ("_rpm", "r/min"),
-    ("_deg", "deg"),
-    ("_mm", "mm"),
-    ("_um", "µm"),
-    ("_kg", "kg"),
-    ("_Hz", "Hz"),
-    ("_N", "N"),
-    ("_s", "s"),
-)
-"""Endings of keys and their units, longer ones first."""
 VERDICTS = {
     "confirmed": ("good", "✓", "The methods agree within their error estimates and every limit holds at the upper end "
                   "of its range."),
@@ -37,18 +18,6 @@ VERDICTS = {
 NEAR = 0.9
 """Share of a limit from which a cell says that it is near."""
 NO_VERDICT = ("doubt", "?", "This cam has not been verified: nothing below is more than the optimiser's own opinion.")
-
-
-def label_and_unit(key: str) -> tuple[str, str]:
-    """`worst_bounce_mm` -> ("worst bounce", "mm"); the declared quantities keep their declared labels."""
-    stem = key.removeprefix("worst_")
-    worst = "worst " if stem != key else ""
-    if stem in QUANTITIES:
-        return worst + QUANTITIES[stem].label, QUANTITIES[stem].unit
-    for ending, unit in UNITS:
-        if key.endswith(ending):
-            return key.removesuffix(ending).replace("_", " "), unit
-    return key.replace("_", " "), ""
 
 
 def heading(key: str) -> str:

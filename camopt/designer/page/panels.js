@@ -30,9 +30,8 @@ class Panels {
     const c = answer.curves, d = pinned?.answer.curves, x = { label: "cam angle [deg]", low: -110, high: 110, ticks: [-90, -45, 0, 45, 90] };
     const lines = (key) => [...(d ? [{ name: "pinned", x: d.angle_deg, y: d[key], look: "pinned" }] : []),
       { name: "design", x: c.angle_deg, y: c[key], look: "design" }];
-    const limit = (...keys) => keys.filter((k) => values[k] !== null && values[k] !== undefined)
-      .flatMap((k) => (k === "jerk_max_mm_per_deg3" ? [values[k], -values[k]] : [values[k]]))
-      .map((value) => ({ value, name: `limit ${shown(value)}` }));
+    const limit = (...keys) => limitsAt(keys.filter((k) => values[k] !== null && values[k] !== undefined)
+      .flatMap((k) => (k === "jerk_max_mm_per_deg3" ? [values[k], -values[k]] : [values[k]])));
     const range = (key) => `from ${shown(Math.min(...c[key]))} to ${shown(Math.max(...c[key]))}`;
     this.charts.lift.show({ x, lines: lines("lift_mm"), limits: limit("max_lift_mm"), include: [0],
       says: `largest ${shown(answer.max_lift_mm)} mm` });
@@ -91,7 +90,7 @@ class Panels {
       const never = y.some((v) => v === null) ? "; does not seat at some speeds" : "";
       const old = pinned?.band ? [{ name: "pinned", x: pinned.band.speeds_rpm, y: pinned.band.curves[key], look: "pinned" }] : [];
       this.charts[chart].show({ x, places, lines: [...old, { name: "design", x: band.speeds_rpm, y, look: "design" }],
-        limits: limit === null || limit === undefined ? [] : [{ value: limit, name: `limit ${shown(limit)}` }],
+        limits: limit === null || limit === undefined ? [] : limitsAt([limit]),
         says: `largest ${shown(most, 3)} mm at ${shown(at, 5)} r/min${never}` });
     }
   }
