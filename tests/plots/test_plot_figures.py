@@ -24,6 +24,7 @@ from experiments.support.panels import Panel, panels
 
 SCENE = load_scene("kodama")
 DESIGN = SCENE.design
+SPEEDS = np.array([5000.0, 6000.0, 7000.0])
 
 
 def bump(height_mm: float, half_deg: float = 72.0) -> dict:
