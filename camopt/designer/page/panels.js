@@ -110,11 +110,7 @@ class Panels {
       ...rows.filter((r) => r.says).map((r) => h("p", { class: "note" }, `* ${r.label}: ${r.says}`)));
   }
   showTrains(found, resting) {
-    if (found.says) { this.trains.textContent = found.says; return; }
-    const broken = Object.entries(found.first_broken).map(([k, n]) => `${k.replaceAll("_", " ")} in ${n}`).join(", ");
-    this.trains.textContent = `${Math.round(100 * found.share)} % of ${found.trains} drawn trains hold every limit on the motion ` +
-      `(95 % interval ${Math.round(100 * found.low)} to ${Math.round(100 * found.high)} %)${broken ? `; breaks first: ${broken}` : ""}.` +
-      (resting ? "" : " Few trains while you drag.");
+    this.trains.textContent = found.says + (resting || found.share === undefined ? "" : " Few trains while you drag.");
   }
   compare(answer, band, pinned) {
     if (!pinned) { this.compared.replaceChildren(); return; }
