@@ -103,7 +103,7 @@ def facts(run: RunFolder, cams: RunCams) -> list[tuple[str, str]]:
 
 HERE = Path(__file__).parent
 SCRIPTS = ("animation.js", "charts.js", "curves.js")
-WORDING = ("shown", "cell", "heading", "kind", "state", "share_kind", "used", "after_a_change")
+WORDING = ("shown", "cell", "heading", "kind", "state", "share_kind", "used")
 """Functions of `camopt.report.wording` that are filters of the page."""
 START = """
 const data = JSON.parse(document.getElementById("run-data").textContent);

@@ -41,15 +41,13 @@ def share_kind(share: float | None) -> str:
     return "unknown" if share is None else "bad" if share > 1 + 1e-6 else "near" if share >= NEAR else "calm"
 
 
-def used(share: float | None, bad: bool) -> str:
-    """A used share of a limit in words, crossed out where it is too much."""
-    words = "?" if share is None else f"{100 * share:.0f} %" if share < 10 else f"{share:.0f} times"
-    return ("✗ " if bad else "") + words
-
-
-def after_a_change(share: float) -> str:
-    """A used share that a change of the scene leads to, in words; infinite where no motion counts."""
-    return f"{100 * share:.0f} %" if share < 10 else "no motion that counts" if math.isinf(share) else "over 1000 %"
+def used(share: float | None, bad: bool = False) -> str:
+    """A used share of a limit in words, crossed out where it is too much; infinite where no motion counts."""
+    if share is None:
+        return "?"
+    if math.isinf(share):
+        return "no motion that counts"
+    return ("✗ " if bad else "") + (f"{100 * share:.0f} %" if share < 10 else f"{share:.0f} times")
 
 
 def as_number(text: str) -> float | None:

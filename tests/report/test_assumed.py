@@ -13,7 +13,7 @@ from camopt.report.advice import advice, assumed_numbers, first_to_measure, rank
 from camopt.report.cams import stress
 from camopt.report.folder import read_run_folder
 from camopt.report.motion import RunCams
-from camopt.report.wording import after_a_change
+from camopt.report.wording import used
 from camopt.scene import load_scene, parse_scene
 from camopt.scene.parameters import with_numbers
 from camopt.scene.text_file import scene_toml
@@ -53,7 +53,7 @@ def test_the_ranking_is_what_a_tenth_does_to_the_limits():
 def test_the_table_and_the_sentence_name_them_in_order():
     found = [{"name": f"m{i}.mass_kg", "moved_to": 0.9 - 0.1 * i} for i in range(6)]
     found[0] = {"name": "seat.damping_N_s_per_m", "moved_to": np.inf}
-    assert [after_a_change(row["moved_to"]) for row in found[:2]] == ["no motion that counts", "80 %"]
+    assert [used(row["moved_to"]) for row in found[:2]] == ["no motion that counts", "80 %"]
     said = "seat.damping_N_s_per_m, m1.mass_kg and 4 more, ranked in the valve train's section"
     assert first_to_measure(found) == said
     assert first_to_measure(found[:2]) == "seat.damping_N_s_per_m, m1.mass_kg" and first_to_measure([]) == ""
