@@ -218,16 +218,11 @@ def gain_sentences(run: RunFolder) -> list[str]:
     return sentences
 
 
-def yield_rows(run: RunFolder) -> list[dict]:
-    """By cam the share of trains as built that hold, with its interval in per cent; empty where none was stated."""
-    built = run.built
-    others = built.get("baselines")
-    cams = {"design": built, **(others if isinstance(others, dict) else {})}
-    return [
-        {"cam": name, "trains": one["trains"], **{key: 100 * one[key] for key in ("share", "low", "high")}}
-        for name, one in cams.items()
-        if isinstance(one, dict) and standing(one)
-    ]
+def yield_records(run: RunFolder) -> dict[str, dict]:
+    """By cam, the design first, what the run says of trains as built with it; empty where it says nothing."""
+    others = run.built.get("baselines")
+    cams = {"design": run.built, **(others if isinstance(others, dict) else {})}
+    return {name: one for name, one in cams.items() if isinstance(one, dict) and standing(one)}
 
 
 def as_built_words(run: RunFolder) -> str:
@@ -248,11 +243,7 @@ def yield_sentences(run: RunFolder) -> list[str]:
     if not built:
         return []
     lines = spoiling_sentences(built) + [one for one in (ideal_sentence(built), advised_sentence(built)) if one]
-    for row in yield_rows(run)[1:]:
-        lines.append(
-            f"trains as built, {row['cam']}: {row['share']:.1f} % of {row['trains']} hold every limit "
-            f"(95 % interval {row['low']:.1f} to {row['high']:.1f} %)"
-        )
+    lines += [f"trains as built, {cam}: {share_sentence(one)}" for cam, one in [*yield_records(run).items()][1:]]
     sample = built.get("independent")
     if isinstance(sample, list) and sample:
         lines.append(f"independent methods judged {len(sample)} of the trains")
