@@ -8,7 +8,6 @@ import html
 import json
 import math
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
@@ -26,6 +25,7 @@ from camopt.report.limits import limit_rows
 from camopt.report.motion import cams_of
 from camopt.report.outcome import outcome_lines, outcome_rows
 from camopt.report.page import render, write_report
+from camopt.report.tables import leaves
 from camopt.scene import InputError, Scene, load_scene
 from camopt.scene.schema import SIMULATED
 from camopt.scene.units import DEG, MM
@@ -134,21 +134,9 @@ def _trains_anew(run: RunFolder, scene: Scene, lift: Lift, settings: dict) -> di
 
 def _apart(file: str, stated: Any, fresh: Any) -> list[str]:
     """Sentences on the leaves of two JSON values that differ."""
-    old, new = dict(_leaves(stated)), dict(_leaves(fresh))
+    old, new = dict(leaves(stated)), dict(leaves(fresh))
     pairs = [(key, old.get(key), new.get(key)) for key in {**old, **new}]
     return [f"{file} {key} says {was}, it comes out as {now}" for key, was, now in pairs if not _same(was, now)]
-
-
-def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    if isinstance(value, dict):
-        for key, one in value.items():
-            yield from _leaves(one, f"{path}.{key}" if path else str(key))
-    elif isinstance(value, list):
-        yield f"{path} (length)", len(value)
-        for i, one in enumerate(value):
-            yield from _leaves(one, f"{path}[{i}]")
-    else:
-        yield path, value
 
 
 def _same(one: Any, other: Any) -> bool:

@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from camopt.optimizer.baselines.comparison_table import FAILED, NO_JERK
 from camopt.plots.style import DESIGN, cam_line, family_of
@@ -133,12 +134,14 @@ def method_tables(run: RunFolder) -> list[dict]:
     return tables
 
 
-def provenance_rows(data: dict, prefix: str = "") -> Iterator[tuple[str, object]]:
-    """Every entry of the provenance with its dotted name, in the file's order; its stages have a table of their own."""
-    for key, value in data.items():
-        if prefix + key == "stages":
-            continue
-        if isinstance(value, dict):
-            yield from provenance_rows(value, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}", value
+def leaves(value: Any, path: str = "", into_lists: bool = True) -> Iterator[tuple[str, Any]]:
+    """Every value inside nested tables with its dotted name, in their order; `into_lists` those inside lists too."""
+    if isinstance(value, dict):
+        for key, one in value.items():
+            yield from leaves(one, f"{path}.{key}" if path else str(key), into_lists)
+    elif into_lists and isinstance(value, list):
+        yield f"{path} (length)", len(value)
+        for i, one in enumerate(value):
+            yield from leaves(one, f"{path}[{i}]")
+    else:
+        yield path, value
