@@ -1,8 +1,5 @@
-"""The requests of a page, which a server of this machine or a notebook's kernel passes on.
-
-Among them is to save an edited scene and its cam as files that the command line reads: a scene file, or a run folder
-with a report.
-"""
+"""The requests of a page, which a server of this machine or a notebook's kernel passes on; among them to save an edited
+scene as a file, or with its cam as a run folder."""
 
 import json
 import platform

@@ -1,7 +1,5 @@
-"""The parts of an answer that take seconds: the certified bound, the literature's cams, and trains as built.
-
-They are functions of an edited scene and its cam alone, so that another process may compute them.
-"""
+"""The parts of an answer that take seconds, as functions of an edited scene and its cam alone, so that another process
+may compute them: the certified bound, the literature's cams, and trains as built."""
 
 from collections.abc import Callable
 from functools import partial

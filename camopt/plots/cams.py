@@ -182,11 +182,8 @@ def _mark_duration(axes: Axes, design: Design) -> None:
 
 
 def _leading(motions: Sequence[DrawnMotion]) -> Sequence[DrawnMotion]:
-    """The motions that the axes are made for: those of the design and of cams outside the families, or all of them
-    where there are none.
-
-    What a cam that bounces does would flatten them.
-    """
+    """The motions that the axes are made for, which a cam that bounces would flatten: those of the design and of cams
+    outside the families, or all of them where there are none."""
     return [m for m in motions if family_of(m.cam) in (DESIGN, "")] or motions
 
 

@@ -49,10 +49,8 @@ def front(against: str, limit: np.ndarray, area_ratio: np.ndarray, title: str) -
 def identification(
     table: "xr.Dataset", speeds_rpm: Sequence[float], angles_deg, residuals_um, noise_um: float
 ) -> Figure:
-    """Draws the estimates over their start values with intervals, and the residual (m) of each series.
-
-    A parameter that was not identified is a cross at its start value, without an interval.
-    """
+    """Draws the estimates over their start values with intervals, and the residual (m) of each series; a parameter that
+    was not identified is a cross at its start value."""
     figure = new_figure(9.6, 1.6 + 0.32 * max(table.sizes["parameter"], 6))
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.4))
     rows = np.arange(table.sizes["parameter"])
@@ -117,10 +115,8 @@ def modes(frequency_Hz: np.ndarray, shape: np.ndarray, mass_names: Sequence[str]
 
 @styled
 def verdict_matrix(rows: Sequence[Mapping], scene: str) -> Figure:
-    """Draws the verdicts of `rows`, which have `case` ("scene: case"), `method` and `verdict`.
-
-    The field of a case that a method did not run stays white.
-    """
+    """Draws the verdicts of `rows`, which have `case` ("scene: case"), `method` and `verdict`; the field of a case that
+    a method did not run stays white."""
     cases = list(dict.fromkeys(r["case"].split(": ", 1)[-1] for r in rows))
     methods = list(dict.fromkeys(r["method"] for r in rows))
     figure = new_figure(3.4 + 0.42 * len(methods), 1.9 + 0.2 * len(cases))

@@ -144,10 +144,8 @@ class ShownFigure(Figure):
 
 
 def draw_limit(axes: Axes, value: float | None, text: str, va: str = "center") -> None:
-    """Draws a limit as a dashed line, with its words to the right of the axes, where they hide no data.
-
-    Where the limit is None nothing is drawn.
-    """
+    """Draws a limit, unless it is None, as a dashed line with its words to the right of the axes, where they hide no
+    data."""
     if value is None:
         return
     axes.axhline(value, color=LIMIT, linestyle=(0, (5, 3)), linewidth=0.9, zorder=2.2)
@@ -197,10 +195,8 @@ def _shortened(label: str, room: float) -> str:
 
 
 def save(figure: Figure, folder: Path | str, name: str) -> tuple[Path, Path]:
-    """Writes `<name>.png` and `<name>.svg` into `folder` ; returns both paths. The same figure gives the same bytes.
-
-    Raises InputError where nothing can be written.
-    """
+    """Writes `<name>.png` and `<name>.svg` into `folder` and returns both paths; the same figure gives the same bytes.
+    Raises InputError where nothing can be written."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     paths = folder / f"{name}.png", folder / f"{name}.svg"

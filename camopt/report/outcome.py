@@ -1,8 +1,4 @@
-"""What a run came to, in a table and a few sentences: the same for the page's head and for the command line's end.
-
-Among the sentences is what makes a cam that is confirmed as designed break its limits when something small differs;
-each of these ends with what would mend it.
-"""
+"""What a run came to, in a table and a few sentences: the same for the page's head and for the command line's end."""
 
 from collections.abc import Iterable
 
@@ -98,10 +94,8 @@ LEAST_GAIN = 5e-6
 
 
 def outcome_rows(run: RunFolder) -> list[dict]:
-    """A row per figure: unit, value at the first step of the search, at the end, limit, speed, and where it stands.
-
-    The end's motion is the worst that verification.json states; the start is "–" where the history does not hold it.
-    """
+    """A row per figure: unit, value at the first step of the search ("–" where the history does not hold it), at the
+    end, which is the worst that verification.json states, limit, speed, and where it stands."""
     first = next((step for step in run.history if is_number(step.get("area_ratio"))), {})
     design, rows = run.demands, []
     cap = design.get("max_lift_mm")

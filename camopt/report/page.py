@@ -1,7 +1,4 @@
-"""The report of a run folder: one HTML file that opens offline and fetches nothing; its only script is its own.
-
-It first shows a banner, which says whether the cam holds as designed and as built, and the cam's figures.
-"""
+"""The report of a run folder: one HTML file that opens offline and fetches nothing; its only script is its own."""
 
 import base64
 import hashlib
@@ -38,11 +35,8 @@ POINTS = 241
 
 
 def banner(run: RunFolder) -> dict[str, Any]:
-    """The two lines with their words, the banner's class, and what the page's title begins with.
-
-    It is green only where both hold what was asked, which is not known of the trains as built where the scene does not
-    say how they differ.
-    """
+    """The two lines with their words, the banner's class, which is green only where both hold what was asked, and what
+    the page's title begins with."""
     word = run.verdict or "not verified"
     kind, mark, meaning = VERDICTS.get(word, NO_VERDICT)
     designed = {"which": "as designed", "kind": kind, "mark": mark, "word": word, "meaning": meaning}

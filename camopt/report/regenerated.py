@@ -40,11 +40,8 @@ MOST_SENTENCES = 20
 
 
 def regenerate(folder: Path) -> Path:
-    """Write comparison.csv, figures and report.html of a run folder again, from the cams and verdicts in it.
-
-    Returns the page's path. Raises InputError where a file is missing or cannot be understood, and where nothing can be
-    written.
-    """
+    """Write comparison.csv, figures and report.html of a run folder again, from the cams and verdicts in it; returns
+    the page's path. Raises InputError where a file is missing or cannot be understood, or nothing can be written."""
     scene = _scene_of(folder)
     check_file(folder / "report.html")
     compare_again(folder, scene, _accuracy_of(folder))
@@ -73,10 +70,8 @@ def stated_lines(run: RunFolder) -> list[str]:
 
 def differences(folder: Path) -> list[str]:
     """Sentences on every number of verification.json, design.json, the last table and report.html that comes out
-    otherwise when the run's cam is judged anew as the run did; empty where all stand.
-
-    Raises InputError where the folder does not say how it was judged, or a file cannot be understood.
-    """
+    otherwise when the run's cam is judged anew as the run did; empty where all stand. Raises InputError where the
+    folder does not say how it was judged, or a file cannot be understood."""
     run, scene = read_run_folder(folder), _scene_of(folder)
     fresh = _judged_anew(run, folder, scene)
     sentences = _apart("verification.json", run.verification, fresh.verification)

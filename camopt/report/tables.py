@@ -45,11 +45,9 @@ def area_rows(run: RunFolder) -> tuple[list[tuple], list[tuple]]:
 
 
 def comparison_groups(run: RunFolder) -> list[dict]:
-    """One entry per cam and set of limits: its worst figures over the speeds, and its verdict over all of them.
-
-    What is said of the design is what verification.json says; it comes first. `within` is whether a cam was made under
-    all limits of the scene and keeps those on its shape.
-    """
+    """One entry per cam and set of limits, the design first, of which verification.json has the word: its worst figures
+    over the speeds, its verdict over all of them, and whether it was made `within` all limits of the scene and keeps
+    those on its shape."""
     groups = []
     for entry in sorted(worst_by_cam(run.comparison), key=lambda e: (e["cam"] != DESIGN, e["limits"], e["cam"])):
         broken, failed = entry["broken"], entry["verdict"] == FAILED

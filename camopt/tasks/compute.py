@@ -1,8 +1,7 @@
 """Computing one task, in whatever process: its state and its outcome as text.
 
-Nothing here raises: a task that cannot be computed ends as "failed" with its sentence. BLAS is held to one thread, and
-nothing is carried from one task to the next but what is the same for every process (scenes, cams, settled states of the
-train as designed, by their content), so that a row does not depend on who computed it.
+A task that cannot be computed ends as "failed" with its sentence. BLAS is held to one thread, and nothing is carried
+from one task to the next but what is the same for every process, so that a row does not depend on who computed it.
 """
 
 import json
