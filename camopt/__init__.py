@@ -50,7 +50,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
     from camopt.cam.families.trapezoid import trapezoid
     from camopt.cam.read import read_cam
     from camopt.cam.tables.lift_table import read_lift_table
-    from camopt.designer.notebook import live
+    from camopt.designer import live
     from camopt.measure.as_built import trains_as_built
     from camopt.optimizer.ascent.ascent import ascend
     from camopt.optimizer.ascent.objective import objective
@@ -114,7 +114,7 @@ _PUBLIC = {
     "ascend": "camopt.optimizer.ascent.ascent",
     "nearest_free_cam": "camopt.optimizer.ascent.projection",
     "linear_program": "camopt.optimizer.program.differentiable",
-    "live": "camopt.designer.notebook",
+    "live": "camopt.designer",
 }
 __all__ = sorted(_PUBLIC)  # pyright: ignore[reportUnsupportedDunderAll]
 
