@@ -96,10 +96,8 @@ def room_for(drawn: dict, radius_mm: float) -> FollowerRoom:
 
 def strokes(train: Train, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What positions x (k, n) [mm] of all motions demand of the drawing, per element (e) [mm]: by how much its ends
-    come nearer than in the installed position, and how far its compression varies while it is compressed.
-
-    The cam's own lift is part of the cam, not of its element.
-    """
+    come nearer than in the installed position, and how far its compression, without the cam's own lift, varies while
+    it is compressed."""
     padded = np.concatenate([x, np.zeros((len(x), 1))], axis=1)
     d = padded[:, train.a] - padded[:, train.b]
     beyond = d - (train.gap + train.touch_compression) / MM

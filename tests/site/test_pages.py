@@ -93,7 +93,7 @@ def test_the_scene_of_the_tutorial_is_a_scene():
     [
         pytest.param(n, marks=[pytest.mark.long] * (n in SLOW))
         for n in sorted(PYTHON.keys() - {*GRADIENTS})
-        if not n.startswith("cluster-")  # two files of one experiment, which tests/tasks/test_cluster_page.py runs
+        if not n.startswith("cluster-")  # two files of one experiment, which tests/tasks/test_cluster.py runs
     ],
 )
 def test_python_runs(name, capsys, tmp_path, monkeypatch):
