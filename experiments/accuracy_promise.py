@@ -26,8 +26,7 @@ from camopt.verifier.accuracy import effort_of
 from camopt.verifier.record import bounce_error_um
 from camopt.verifier.verdict import verdict_on
 from experiments.support.drawn_cases import DrawnCase, drawn_cases
-from experiments.support.record import RESULTS, run_script, write_result
-from experiments.support.sweeping import called
+from experiments.support.record import RESULTS, called, run_script, write_result
 
 SEED = {"small": 25, "full": 20}
 DRAWS = {"small": 3, "full": 200}

@@ -1,4 +1,4 @@
-"""Do ten ordinary valve trains, drawn at random, all go through the job: confirmed, or refused with a sentence?
+"""Do ten ordinary trains drawn at random all end in a confirmed cam or a sentence, at draft accuracy?
 
 Bucket, finger and pushrod trains with rigid and elastic rods, two to fourteen masses, numbers as engines have them:
 each through the whole job at draft accuracy, comparison included. A crash, or a verdict without a word, is a defect.
@@ -16,8 +16,7 @@ from matplotlib.figure import Figure
 from camopt.optimizer.run import optimize
 from camopt.plots.style import new_figure, styled
 from camopt.scene import InputError, Scene, parse_scene
-from experiments.support.record import RESULTS, run_script, write_result
-from experiments.support.sweeping import called
+from experiments.support.record import RESULTS, called, run_script, write_result
 
 SCENES = {"small": (8,), "full": range(10)}  # number 8 is a bucket train of two masses, the quickest
 SPEEDS = {"small": "nominal", "full": "band"}

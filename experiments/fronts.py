@@ -1,4 +1,4 @@
-"""What does each limit cost in area, and what would a spring of its own allow?
+"""What does each limit of `kodama` cost in area over the band, and what would a spring of its own allow?
 
 `kodama`, accuracy draft, rows of the exact response: the largest area that the event-exact judge confirms over the band
 against the limit on bounce (jump and seating velocity released, which would hide it), on jump (seating velocity

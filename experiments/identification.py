@@ -1,4 +1,4 @@
-"""Does identification recover the parameters of `motori-1` and `pushrod-5mass` from a simulated lift with 2 um noise?
+"""Do masses, stiffnesses and dampings come back from a simulated valve lift with 2 um of noise?
 
 The truth is the built-in scene with a polydyne cam; valve positions every 0.1 cam degrees over the event, in the first
 revolution from rest, at speeds below the first jump, with white noise of 2 um. Every fit starts with each free

@@ -1,4 +1,4 @@
-"""MOTORI 2004 (Osman 2014): what do its two engines do, and does stiffening the valve train calm the contact force?
+"""Does a stiffer valve train calm the contact force, as Osman (2014) says of the tool MOTORI 2004?
 
 Figures 3 and 4 of the paper in kind (motion and forces over the cam angle), a span of speeds with a pitch, Figures 5
 and 6 (contact force against train stiffness), and the extreme conditions its abstract names. The paper's own Kurz cam

@@ -1,8 +1,9 @@
-"""What area do a scene's limits allow, and what does each demand cost? camopt's designs on three scenes.
+"""What area do a scene's limits allow, and what does each demand cost?
 
-`kodama`, `kodama` with its spring's coils a quarter heavier, and `pushrod-5mass`: nominal speeds and band, the band
-judged by event-exact on a 20 r/min grid that the search did not use. On `kodama` further: without jump, without the
-jerk limit, without the nose window, and up to 4850 and 7210 r/min. Every row has the certified bound beside it.
+camopt's designs on three scenes. `kodama`, `kodama` with its spring's coils a quarter heavier, and `pushrod-5mass`:
+nominal speeds and band, the band judged by event-exact on a 20 r/min grid that the search did not use. On `kodama`
+further: without jump, without the jerk limit, without the nose window, and up to 4850 and 7210 r/min. Every row has the
+certified bound beside it.
 """
 
 import time

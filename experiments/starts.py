@@ -25,8 +25,7 @@ from camopt.optimizer.search.region import largest_acceleration
 from camopt.optimizer.search.search import find_cam
 from camopt.plots.style import new_figure, styled
 from camopt.scene import InputError, Scene, load_scene
-from experiments.support.record import RESULTS, run_script, write_result
-from experiments.support.sweeping import called
+from experiments.support.record import RESULTS, called, run_script, write_result
 
 BEFORE = {
     "kodama": 0.5626,

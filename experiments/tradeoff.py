@@ -1,4 +1,5 @@
-"""What does each accuracy cost on the reference valve train, by every method and every dial of the job?
+"""What does each accuracy cost on `kodama`, by every method and every dial of the job (`camopt tradeoff kodama --cam
+polydyne`)?
 
 `camopt tradeoff` on `kodama` (small: the small size on `motori-1`): table and figures. Beside it, at full size, what
 single precision changes of the same motion: float32 against float64 at the same steps and layer, alone and side by

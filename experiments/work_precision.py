@@ -1,11 +1,12 @@
-"""What does an accurate motion cost by each method? Error of the valve's lift against time per cam revolution.
+"""What does an accurate motion cost by each method?
 
-`kodama` with plain `polydyne` at 7000 r/min, two revolutions from rest; error: largest difference of the valve's
-position to event-exact in 45 times smaller steps, at 300 angles per revolution (tests hold event-exact to a located
-DOP853 within 1e-6 mm). Time: processor time of one thread, minimum of repeats in rounds that are spread over the run,
-because a shared machine is slower for minutes at a time; ratios have a range over the rounds. Compilation, tables and
-preparation are apart, as the excess of the first call. In the second revolution the motion multiplies any error a
-million times: ratios are those at 1e-6 mm of the first. What fails stays in the table.
+Error of the valve's lift against time per cam revolution. `kodama` with plain `polydyne` at 7000 r/min, two revolutions
+from rest; error: largest difference of the valve's position to event-exact in 45 times smaller steps, at 300 angles per
+revolution (tests hold event-exact to a located DOP853 within 1e-6 mm). Time: processor time of one thread, minimum of
+repeats in rounds that are spread over the run, because a shared machine is slower for minutes at a time; ratios have a
+range over the rounds. Compilation, tables and preparation are apart, as the excess of the first call. In the second
+revolution the motion multiplies any error a million times: ratios are those at 1e-6 mm of the first. What fails stays
+in the table.
 """
 
 import time

@@ -1,18 +1,40 @@
-"""What every experiment leaves: a small JSON with its provenance, and figures as PNG."""
+"""What experiments share: cases computed by `camopt.sweep`, and what each leaves, a small JSON and figures as PNG."""
 
 import argparse
 import io
 import platform
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from importlib.metadata import version
 from pathlib import Path
 
 import matplotlib
 from matplotlib.figure import Figure
 
+import camopt
 from camopt.plots.style import RC
 from camopt.storage import write_bytes, write_json
+
+WORKERS = {"small": 0, "full": None}
+"""Processes: none beside the tests' own at small size, one for each core at full size."""
+OF_THE_TASK = ("task", "state", "verb", "function")
+
+
+def called(function: str, cases: Iterable[dict], size: str, store: Path | None = None) -> list[dict]:
+    """What `function`, "package.module:name", returns for each case, a dictionary of its arguments; with the arguments.
+
+    What is not finite comes back as None. A `store` that is given goes on after an interruption. Raises RuntimeError
+    with the reason where a case fails.
+    """
+    tasks = [{"verb": "call", "function": function, "arguments": case} for case in cases]
+    with tempfile.TemporaryDirectory() as made:
+        swept = camopt.sweep(tasks, store or Path(made) / "x.sqlite", workers=WORKERS[size], progress=size == "full")
+        rows = list(swept.rows())
+    if failed := [row for row in rows if row["state"] == "failed"]:
+        raise RuntimeError(f"{len(failed)} of {len(rows)} cases of {function} failed: {failed[0]['reason']}")
+    return [{key: value for key, value in row.items() if key not in OF_THE_TASK} for row in rows]
+
 
 PACKAGES = ("camopt", "numpy", "scipy", "numba", "jax")
 RESULTS = Path(__file__).parents[1] / "results"

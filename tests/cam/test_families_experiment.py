@@ -10,7 +10,7 @@ from camopt.cam.families.new_design import new_design
 from camopt.cam.lift import Lift
 from camopt.scene import load_scene
 from experiments import cam_families
-from experiments.support.cam_families_table import orders_of_continuity
+from experiments.cam_families import orders_of_continuity
 
 STORED = json.loads((cam_families.RESULTS / "cam_families.json").read_text())["cams"]
 

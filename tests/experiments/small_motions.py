@@ -10,9 +10,9 @@ from camopt.study.extremes.classification import WITHIN
 from camopt.study.extremes.extremes import STEP_METHODS
 from camopt.verifier.outside.forces import LAWS_OF_CONTACT
 from experiments.accuracy_promise import DRAWS
+from experiments.cam_follower import TIP
+from experiments.fixed_problems import PROBLEMS
 from experiments.linear_cost import SCENES
-from experiments.support.cam_follower_parts import TIP
-from experiments.support.problems import PROBLEMS
 from experiments.wandering import ABOUT
 from tests.experiments import stored_results
 

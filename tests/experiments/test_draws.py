@@ -15,9 +15,8 @@ from camopt.study.extremes.classification import REFUSED, WITHIN
 from camopt.study.modes import modes
 from camopt.verifier.convergence import first_steps
 from experiments import architectures, cost_scaling, linear_programs, outside_judges
-from experiments.random_scenes import REAL, judged
-from experiments.support.drawn_designs import drawn_design, scaled
-from experiments.support.drawn_scenes import LARGEST, REAL_BASES, SPEED_RPM, chain, drawn
+from experiments.never_nothing import drawn_design, scaled
+from experiments.random_scenes import LARGEST, REAL, REAL_BASES, SPEED_RPM, chain, drawn, judged
 from experiments.support.near_limit_scenes import KINDS, drawn_scene
 from experiments.support.outside_changes import CHANGES
 

@@ -7,8 +7,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.exact.adjoint.motion import value_and_gradient
 from camopt.scene import InputError, MotionRefused
 from camopt.study.gradient.paths import cosine, moved, with_bumps
-from experiments.ensemble_gradients import evolution_strategy_gradient
-from experiments.support.ensemble import CamEnsemble, ensemble_gradient, summary
+from experiments.ensemble_gradients import CamEnsemble, ensemble_gradient, evolution_strategy_gradient, summary
 from tests.exact.gradient_problems import kodama
 
 NAMES = ["jump_mm", "bounce_mm"]

@@ -17,8 +17,7 @@ from experiments import chords, drawing_limits, modes, sweep_scaling, table5
 from experiments.linear_programs import decided, programs
 from experiments.near_limit import scene_of
 from experiments.support.dormand_prince import DENSE, ERROR, A, dormand_prince, right_hand_side
-from experiments.support.near_limit_cams import band
-from experiments.support.near_limit_truth import from_rest, truth
+from experiments.support.near_limit_cams import band, from_rest, truth
 from experiments.work_precision import Case
 from tests.experiments import small_cams
 
