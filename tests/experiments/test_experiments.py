@@ -1,8 +1,9 @@
-"""Every experiment has its line, its page and its stored result, and its small size says what it must.
+"""Every experiment has its page and its stored result, and its small size says what it must.
 
 `small_motions`, `small_cams` and `stored_results` have, under the name of an experiment, what its content must say.
 """
 
+import ast
 import json
 import re
 import shutil
@@ -19,8 +20,7 @@ from camopt.scene import builtin_scenes
 from tests.experiments import small_cams, small_motions, stored_results
 
 FOLDER = Path(experiments.__file__).parent
-SCRIPTS = sorted(p.stem for p in FOLDER.glob("*.py") if "run_script(main, __doc__)" in p.read_text())
-LINES = dict(re.findall(r"^\| `(\w+)` \| (.+\?) \| \[.+\) \|$", (FOLDER / "README.md").read_text(), re.MULTILINE))
+SCRIPTS = sorted(p.stem for p in FOLDER.glob("*.py") if p.stem != "__init__")
 PAGES = FOLDER.parent / "docs" / "results"
 SMALL = vars(small_motions) | vars(small_cams)
 LONG = {
@@ -57,9 +57,14 @@ def stored(name: str) -> dict:
     return json.loads((FOLDER / "results" / f"{name}.json").read_text())
 
 
-def test_lines_and_scripts_are_the_same():
-    assert sorted(LINES) == SCRIPTS
-    assert {name for name in SMALL if name in LINES} == set(SCRIPTS) - ELSEWHERE
+def question(name: str) -> str:
+    """The first paragraph of a script's docstring."""
+    docstring = ast.get_docstring(ast.parse((FOLDER / f"{name}.py").read_text(encoding="utf-8"))) or ""
+    return " ".join(docstring.partition("\n\n")[0].split())
+
+
+def test_every_small_size_is_judged():
+    assert {name for name in SMALL if name in SCRIPTS} == set(SCRIPTS) - ELSEWHERE
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
@@ -74,8 +79,8 @@ def test_result_is_stored_at_full_size_with_its_provenance(name):
 @pytest.mark.parametrize("name", SCRIPTS)
 def test_its_page_answers_the_question_with_a_number(name):
     page = (PAGES / f"{name}.md").read_text(encoding="utf-8")
-    question, answer = re.split(r"\n\n", page, maxsplit=2)[1:]
-    assert " ".join(question.split()) == f"*{LINES[name]}*"
+    asked, answer = re.split(r"\n\n", page, maxsplit=2)[1:]
+    assert " ".join(asked.split()) == f"*{question(name)}*"
     assert re.search(r"\d|\{number\}", answer), "an answer has a number"
     assert f"```{{generated}} origin\n{name}\n```" in page
 
