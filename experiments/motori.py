@@ -16,6 +16,7 @@ from camopt.exact import prepare, settled_metrics
 from camopt.measure.settling import Settled, settled_from_rest
 from camopt.measure.sweep import at_speeds
 from camopt.scene import MotionRefused, Scene, build_train, load_scene
+from camopt.scene.parameters import Tied, matching, with_numbers, with_spring
 from camopt.scene.response import Response
 from camopt.scene.units import DEG, MM, RPM
 from experiments.support.panels import Panel, panels
@@ -53,10 +54,9 @@ def cam_of(scene: Scene) -> Lift:
     return kurz(scene, SECTIONS_DEG, DECELERATION)
 
 
-def changed(scene: Scene, **elements: dict[str, float]) -> Scene:
-    """The scene with keys of its elements replaced: name=dict(stiffness_N_per_m=...)."""
-    rows = tuple(e.model_copy(update=elements.get(e.name, {})) for e in scene.element)
-    return scene.model_copy(update={"element": rows})
+def changed(scene: Scene, numbers: Mapping[str, float]) -> Scene:
+    """The scene with other numbers by NAME.KEY."""
+    return with_numbers(scene, {n: value for name, value in numbers.items() for n in matching(scene, name)})
 
 
 def settled(scene: Scene, lift: Lift, cam_rpm: float) -> Settled:
@@ -95,10 +95,10 @@ def figures_of(scene: Scene, lift: Lift, cam_rpm: float) -> dict:
 
 def stiffened(scene: Scene, kN_per_mm: float, zeta: float | None) -> Scene:
     """The train's stiffness replaced; its damping constant kept (None), or set to a damping ratio `zeta`."""
-    new = {"stiffness_N_per_m": kN_per_mm * 1e6}
+    new = {"train.stiffness_N_per_m": kN_per_mm * 1e6}
     if zeta is not None:
-        new["damping_N_s_per_m"] = 2 * zeta * np.sqrt(kN_per_mm * 1e6 * scene.mass[0].mass_kg)
-    return changed(scene, train=new)
+        new["train.damping_N_s_per_m"] = 2 * zeta * np.sqrt(kN_per_mm * 1e6 * scene.mass[0].mass_kg)
+    return changed(scene, new)
 
 
 def stiffness_table(scene: Scene, size: str, zeta: float | None) -> list[dict]:
@@ -114,27 +114,17 @@ def stiffness_table(scene: Scene, size: str, zeta: float | None) -> list[dict]:
 
 def extremes(scene: Scene) -> list[dict]:
     """The extreme conditions of the abstract, one at a time, at SPEED unless the speed is the condition."""
-    spring, seat = (next(e for e in scene.element if e.name == name) for name in ("spring", "seat"))
-
-    def sprung(factor: float) -> Scene:
-        preload = {"preload_N": factor * spring.preload_N}
-        rate = {"stiffness_N_per_m": factor * spring.stiffness_N_per_m}
-        return changed(scene, spring=rate | preload, seat={"preload_N": factor * seat.preload_N})
-
-    def damped(factor: float) -> Scene:
-        rows = {e.name: {"damping_N_s_per_m": factor * e.damping_N_s_per_m} for e in scene.element}
-        return changed(scene, **rows)
-
+    dampings = Tied("dampings", tuple(matching(scene, "*.damping_N_s_per_m")))
     cases = {
         "as given": (scene, SPEED),
-        "soft spring (x 0.5)": (sprung(0.5), SPEED),
-        "hard spring (x 2)": (sprung(2.0), SPEED),
-        "low damping (x 0.1)": (damped(0.1), SPEED),
-        "high damping (x 4)": (damped(4.0), SPEED),
+        "soft spring (x 0.5)": (with_spring(scene, 0.5, 0.5), SPEED),
+        "hard spring (x 2)": (with_spring(scene, 2.0, 2.0), SPEED),
+        "low damping (x 0.1)": (dampings.scaled(scene, 0.1), SPEED),
+        "high damping (x 4)": (dampings.scaled(scene, 4.0), SPEED),
         "low speed (300)": (scene, 300.0),
         "high speed (4000)": (scene, 4000.0),
-        "clearance 0.2 mm, on the ramp": (changed(scene, train={"gap_mm": 0.2}), SPEED),
-        "clearance 0.4 mm, beyond the ramp": (changed(scene, train={"gap_mm": 0.4}), SPEED),
+        "clearance 0.2 mm, on the ramp": (changed(scene, {"train.gap_mm": 0.2}), SPEED),
+        "clearance 0.4 mm, beyond the ramp": (changed(scene, {"train.gap_mm": 0.4}), SPEED),
     }
     lift = cam_of(scene)
     return [{"engine": scene.name, "case": c} | figures_of(s, lift, v) for c, (s, v) in cases.items()]
