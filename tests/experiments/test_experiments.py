@@ -36,7 +36,15 @@ STORED_ALONE = {
     "yield_price": {"beside"},  # of an older tree
     "measured_tables": {"generated.acceleration_estimated_percent"},  # the script states other errors since
     "optimiser": {"rows.area_ratio_no_jump"},
-    "work_precision": {"times_slower_by_round.CVODE Adams"},  # of the extra `peers`
+    "work_precision": {"parts", "times_slower_by_round.CVODE Adams"},  # told by no page; of the extra `peers`
+    "cam_families": {
+        "long_search",
+        *(
+            f"cams.{at}_step_{of}"
+            for at in ("ramp", "section")
+            for of in ("velocity_mm_per_deg", "acceleration_mm_per_deg2", "jerk_mm_per_deg3")
+        ),
+    },  # told by no page, or by the order of continuity
 }
 """Fields that a stored result has and a small size has not."""
 DRAWN = {

@@ -14,7 +14,7 @@ from experiments import (
     outside_judges,
     starts,
 )
-from experiments.support.work_precision_parts import ratios
+from experiments.work_precision import ratios
 
 
 @pytest.mark.parametrize(
