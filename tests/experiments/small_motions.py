@@ -190,7 +190,7 @@ def modes(content):
 
 
 def motori(content):
-    """What Figures 5 and 6 of MOTORI 2004 say of the contact force, and what the extreme conditions must do."""
+    """What Figures 5 and 6 of MOTORI 2004 say of the contact force."""
     soft, middle, hard = (motori_stiffness(content, "damping constant 1200 kg/s", k) for k in (10, 50, 1000))
     assert middle["ripple_N"] < soft["ripple_N"] < hard["ripple_N"] / 2
     assert middle["jump_mm"] == 0 and middle["contact_force_min_N"] > 100
@@ -199,18 +199,6 @@ def motori(content):
     assert hard["landing_force_N"] == pytest.approx(0.132 * np.sqrt(1e9 * 0.24), rel=0.1)
     middle, hard = (motori_stiffness(content, "damping ratio 0.1", k) for k in (50, 1000))
     assert hard["jump_mm"] == 0 and hard["ripple_N"] < middle["ripple_N"] / 2
-    engines = {row["engine"] for row in content["extremes"]}
-    assert len(engines) == 2
-    for engine in engines:
-        by_case = {row["case"]: row for row in content["extremes"] if row["engine"] == engine}
-        fast, calm = by_case["high speed (4000)"], by_case["low speed (300)"]
-        assert fast["jump_mm"] > 1 and fast["bounce_mm"] > 1 and fast["clash_force_max_N"] > 1000
-        assert calm["jump_mm"] == 0 and calm["ripple_N"] < 5
-        wide = by_case["clearance 0.4 mm, beyond the ramp"]
-        assert wide["jump_mm"] > 0.1 and wide["contact_force_max_N"] > 1.3 * calm["contact_force_max_N"]
-        springs = ("soft spring (x 0.5)", "as given", "hard spring (x 2)")
-        least = [by_case[case]["contact_force_min_N"] for case in springs]
-        assert least[0] < least[1] - 50 and least[1] < least[2] - 200  # of a preload of 125, 250 and 500 N
 
 
 def motori_stiffness(content, kept, train_kN_per_mm):

@@ -36,6 +36,7 @@ STORED_ALONE = {
     "yield_price": {"beside"},  # of an older tree
     "measured_tables": {"generated.acceleration_estimated_percent"},  # the script states other errors since
     "optimiser": {"rows.area_ratio_no_jump"},
+    "motori": {"extremes"},  # told by no page
     "work_precision": {"parts", "times_slower_by_round.CVODE Adams"},  # told by no page; of the extra `peers`
     "cam_families": {
         "long_search",
