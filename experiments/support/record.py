@@ -42,10 +42,10 @@ DPI = 110
 """Enough for reading on a screen; the figures live in the repository and shall stay small."""
 
 
-def provenance(script: str, size: str) -> dict:
+def provenance(command: str) -> dict:
     """What a results file says of its origin."""
     return {
-        "command": f"python -m experiments.{Path(script).stem} {size}",
+        "command": command,
         "versions": {name: version(name) for name in PACKAGES} | {"python": platform.python_version()},
         "machine": platform.machine(),
         "date_utc": time.strftime("%Y-%m-%d", time.gmtime()),
@@ -55,7 +55,7 @@ def provenance(script: str, size: str) -> dict:
 def write_result(name: str, size: str, content: dict, figures: dict[str, Figure], folder: Path) -> dict:
     """Writes `<name>.json` (the content under its provenance) and `<name>-<key>.png` for each figure; the content."""
     folder.mkdir(parents=True, exist_ok=True)
-    write_json(folder / f"{name}.json", {"provenance": provenance(name, size), **content})
+    write_json(folder / f"{name}.json", {"provenance": provenance(f"python -m experiments.{name} {size}"), **content})
     for key, figure in figures.items():
         buffer = io.BytesIO()
         with matplotlib.rc_context(RC):
