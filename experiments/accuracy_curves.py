@@ -109,9 +109,6 @@ def main(size: str, folder=RESULTS) -> dict:
     curves["settling"] = curve("um", SETTLING_UM, of_settling(cases))
     curves["band_step"] = curve("r/min", BAND_STEPS[size], of_bands(cases[: BAND_DRAWS[size]], BAND_STEPS[size]))
     content = {"draws": DRAWS[size], "draws_without_truth": unknown, "curves": curves}
-    for name, one in curves.items():
-        pairs = zip(one["setting"], one["p90_um"], strict=True)
-        print(f"{name:<10}", *(f"{setting:g} {one['unit']}: {error:.2g} um;" for setting, error in pairs))
     write_result("accuracy_curves", size, content, {}, folder)
     if size == "full" and folder == RESULTS:
         package = Path(camopt.verifier.__file__).parent / FILE

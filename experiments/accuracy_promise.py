@@ -131,9 +131,6 @@ def keep(rows: list[dict], size: str, folder=RESULTS) -> dict:
         "truth_against_dop853_um": max((r["truth_against_dop853_um"] for r in located), default=None),
         "rows": [{k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in r.items()} for r in rows],
     }
-    for quantity, of in content["counts"].items():
-        print(f"{quantity:<16}", ", ".join(f"{k} {v if v is None else round(v, 2)}" for k, v in of.items()))
-    print("truth against located DOP853, largest:", content["truth_against_dop853_um"], "um in", len(located), "draws")
     return write_result("accuracy_promise", size, content, {}, folder)
 
 

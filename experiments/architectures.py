@@ -161,7 +161,6 @@ def main(size: str, folder=RESULTS) -> dict:
     """Draws, runs the job on each, prints and writes `architectures.json`."""
     cases = ({"number": number, "speeds": SPEEDS[size]} for number in SCENES[size])
     rows = called("experiments.architectures:one", cases, size)
-    print(*rows, sep="\n")
     ends = {e: sum(r["ends"] == e for r in rows) for e in sorted({r["ends"] for r in rows})}
     content = {"trains": len(rows), "ends": ends, "rows": rows}
     return write_result("architectures", size, content, {"areas": figure(rows)} if size == "full" else {}, folder)

@@ -34,7 +34,6 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     content = {"fronts": {}}
     for name, front in fronts.items():
         content["fronts"][name] = {k: front.table[k].values.tolist() for k in ("limit", *front.table.data_vars)}
-        print(name, content["fronts"][name], flush=True)
     found = joint_spring(scene, speeds=speeds, evaluations=30 if size == "full" else 4)
     effort = ACCURACIES["draft"]
     if size == "small":
@@ -48,7 +47,6 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         "area_ratio": together.area_ratio,
         "area_ratio_as_given": as_given.area_ratio,
     }
-    print("spring", content["spring"])
     return write_result(
         "fronts", size, content, {name.removesuffix("_mm"): f.plot() for name, f in fronts.items()}, folder
     )

@@ -69,8 +69,6 @@ def main(size: str = "full", folder=RESULTS) -> dict:
     absent = [name for module, name in ENGINES.items() if not find_spec(module)]
     missing = [f"{name} is not installed and is left out." for name in absent]
     content = {"ball": ball, "kodama": train, "metric": METRIC, "speed_rpm": SPEED_RPM, "missing": missing}
-    for row in [*ball, *train]:
-        print(row)
     return write_result("gradient_quality", size, content, {}, folder)
 
 

@@ -48,7 +48,6 @@ def main(size: str, folder=RESULTS) -> dict:
         rows = [row for f in fits for row in f["parameters"] if row["identified"]]
         counted = {"covered": sum(r["covered"] for r in rows), "intervals": len(rows)}
         content[name] = counted | {"sound": sum(not f["remarks"] for f in fits), "fits": len(fits)}
-        print(f"{name}: {counted['covered']} of {len(rows)} intervals hold the truth")
         figures[name] = figure(name, fits)
     return write_result("identification", size, content, figures if size == "full" else {}, folder)
 

@@ -170,7 +170,6 @@ def main(size: str, folder=RESULTS) -> dict:
     rows = rows[:wanted]
     content = {"scenes": first, "programs": len(rows), "kinds": {kind: counted(rows, kind) for kind in KINDS}}
     content["all"] = counted(rows)
-    print(content)
     return write_result("linear_programs", size, content, {}, folder)
 
 

@@ -163,8 +163,6 @@ def keep(rows: list[dict], plan: dict, size: str, folder: Path = RESULTS) -> dic
         "median_seconds_of_a_verdict": float(np.median([row["seconds"] for row in rows])),
         "rows": shown,
     }
-    for name, of in (*scenes.items(), ("all", content["table"])):
-        print(f"{name:<24}", ", ".join(f"{k} {v}" for k, v in of.items()))
     return write_result("near_limit", size, content, {"verdicts": figure(rows)} if size == "full" else {}, folder)
 
 

@@ -182,9 +182,6 @@ def main(size: str, folder: Path = RESULTS) -> dict:
     cases = ({"number": number} for number in SCENES[size])
     rows = called("experiments.never_nothing:outcome", cases, size, store)
     content = counted(rows) | {"rows": rows}
-    for row in content["losses"]:
-        print(row)
-    print({key: value for key, value in content.items() if key not in ("losses", "rows")})
     return write_result("never_nothing", size, content, {}, folder)
 
 

@@ -113,8 +113,6 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         return next((at for at, area in row["stairs"] if area >= NEAR * most[row["scene"]]), None)
 
     found = gathered(rows, lambda row: row["area_ratio"])
-    for method, by_scene in found.items():
-        print(method, {s: [a and round(a, 4) for a in ratios] for s, ratios in by_scene.items()})
     content = {
         "budget_s": SECONDS[size],
         "processor_s": sum(row["processor_s"] for row in rows),

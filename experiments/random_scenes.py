@@ -183,7 +183,6 @@ def found(numbers: range, size: str) -> dict:
     cases = ({"number": row["number"], "cams": cams} for row in doubtful + suspects)
     decided = called("experiments.random_scenes:against_dop853", cases, size)
     content = counted(rows, decided, SHOWN[size])
-    print({k: v for k, v in content.items() if k != "event_exact"})
     return content
 
 

@@ -61,8 +61,6 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     rows = called("experiments.starts:searched", cases, size, folder / "starts.sqlite")
     by_scene = {s: summary(s, rows) for s in asked}
     content = {"accuracy": ACCURACY[size], "speeds": SPEEDS[size], "scenes": by_scene, "rows": rows}
-    for name, found in by_scene.items():
-        print(name, found, flush=True)
     drawn = {"kodama": figure(rows)} if DRAWN in asked else {}
     return write_result("starts", size, content, drawn, folder)
 

@@ -238,7 +238,6 @@ def main(size: str, folder=RESULTS) -> dict:
     }
     if CVODE is None:
         content["missing"] = "CVODE Adams: scikit-sundae is not installed"
-    print(content)
     return write_result("work_precision", size, content, {"error": figure(rows)}, folder)
 
 

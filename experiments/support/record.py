@@ -53,7 +53,8 @@ def provenance(command: str) -> dict:
 
 
 def write_result(name: str, size: str, content: dict, figures: dict[str, Figure], folder: Path) -> dict:
-    """Writes `<name>.json` (the content under its provenance) and `<name>-<key>.png` for each figure; the content."""
+    """Writes `<name>.json` (the content under its provenance) and `<name>-<key>.png` for each figure; the content, of
+    which all but the tables are printed."""
     folder.mkdir(parents=True, exist_ok=True)
     write_json(folder / f"{name}.json", {"provenance": provenance(f"python -m experiments.{name} {size}"), **content})
     for key, figure in figures.items():
@@ -61,6 +62,7 @@ def write_result(name: str, size: str, content: dict, figures: dict[str, Figure]
         with matplotlib.rc_context(RC):
             figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
         write_bytes(folder / f"{name}-{key}.png", buffer.getvalue())
+    print(name, {key: value for key, value in content.items() if not isinstance(value, list)}, flush=True)
     return content
 
 
