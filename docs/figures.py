@@ -25,7 +25,7 @@ from camopt.scene.response import Response
 from camopt.scene.rest import rest_position
 from camopt.scene.train import build_train
 from camopt.scene.units import DEG, MM
-from camopt.smooth.laws import Layer, contact_force
+from camopt.smooth.laws import Layer, raw_force
 from camopt.storage import write_bytes
 
 STEEL, CAM, COIL = "#c8d2dc", "#9A6A00", "#0072B2"
@@ -106,7 +106,7 @@ def smoothing():
     u = np.linspace(-4.0, 6.0, 400)
     layer.plot(u, np.maximum(u, 0.0), color=INK, label="law of the scene")
     for width, line in zip(WIDTHS_UM, ((0, (5, 2)), (0, (1, 1.5))), strict=True):
-        force = contact_force(u * 1e-6, 0.0 * u, 1e6, 0.0, Layer(width * 1e-6))
+        force = raw_force(u * 1e-6, 0.0 * u, 1e6, 0.0, Layer(width * 1e-6))
         layer.plot(u, np.asarray(force), color=LIMIT, linestyle=line, label=f"width_um = {width:g}")
     layer.set(xlabel="compression [um]", ylabel="force [N] at 1 N/um", title="The layer")
     layer.legend(fontsize="small")
