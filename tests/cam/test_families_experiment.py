@@ -8,7 +8,7 @@ import pytest
 
 from camopt.cam.families.new_design import new_design
 from experiments import cam_families
-from experiments.support.cam_families_table import orders_of_continuity
+from experiments.cam_families import orders_of_continuity
 from tests.cam.cams import KODAMA, MULTI_POL
 
 STORED = json.loads((cam_families.RESULTS / "cam_families.json").read_text())["cams"]

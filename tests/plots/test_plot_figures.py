@@ -19,7 +19,7 @@ from camopt.scene.load import load_scene
 from camopt.scene.response import Response
 from camopt.scene.train import build_train
 from camopt.scene.units import DEG, MM
-from experiments.support.campbell import campbell
+from experiments.modes import campbell
 from experiments.support.panels import Panel, panels
 
 SCENE = load_scene("kodama")
