@@ -15,9 +15,10 @@ from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import radii_held_near
 from camopt.designer.controls import KINEMATIC, NO_JUMP
 from camopt.highs import Infeasible
-from camopt.optimizer.program.force_rows import PEAK, Margins, Window
+from camopt.optimizer.program.force_rows import PEAK
 from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities, sensitivities
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
+from camopt.optimizer.program.periodic import SAMPLE
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import converge_tangents
 from camopt.scene import InputError, Scene, Train
@@ -94,7 +95,7 @@ class CamFinder:
         if not coarse and takes_a_sequence:
             program = converge_tangents(program, margin_N, quick=True)
         try:
-            optimum = program.solve(Margins(margin_N, margin_N, margin_N), explain=False)
+            optimum = program.solve(margin_N, explain=False)
         except Infeasible:
             raise InputError(
                 f"no free cam keeps {margin_N:g} N at all of the program's speeds: lower the margin or the speeds"
@@ -109,9 +110,9 @@ class CamFinder:
         if program is not None and last_shape == shape and is_linear(train):
             held = program.cam.about.near is not None
             return replace(program, design=design, cam=_cam(design)) if held else program.under(design)
-        speeds, window = program_speeds_rpm(scene), Window(step=COARSE_STEP) if coarse else None
+        speeds, step = program_speeds_rpm(scene), COARSE_STEP if coarse else SAMPLE
         cam = free_cam(design, KNOT_DEG) if coarse else _cam(design)
-        return no_jump_program(train, design, cam, [scene.cam_speed(s) for s in speeds], window=window)
+        return no_jump_program(train, design, cam, [scene.cam_speed(s) for s in speeds], step=step)
 
 
 def _cam(design: Design) -> FreeCam:

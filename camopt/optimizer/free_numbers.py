@@ -15,7 +15,6 @@ from scipy.optimize import minimize
 from tqdm import tqdm
 
 from camopt.optimizer.accuracy import Accuracy
-from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.no_jump import NoCamHoldsContact, NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.phases import usual_margin
 from camopt.optimizer.program.program_cam import program_cam
@@ -190,7 +189,7 @@ class Programs:
 
     def _solved(self, program: NoJumpProgram) -> tuple[float, NoJumpOptimum | None]:
         try:
-            found = program.solve(Margins(self.margin_N, self.margin_N, self.margin_N))
+            found = program.solve(self.margin_N)
             return found.area_ratio, found
         except NoCamHoldsContact as short:
             return -SHORTFALL * min(short.shortfall_N, 1e6), None

@@ -11,7 +11,6 @@ import numpy as np
 
 from camopt.cam.families.free import FreeCam, free_cam
 from camopt.cam.lift import Lift
-from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import NoCamHoldsContact, no_jump_program
 from camopt.scene import Scene, build_train
@@ -71,12 +70,12 @@ def _line(scene: Scene, cam: FreeCam, rng: np.random.Generator) -> tuple[np.ndar
     program = no_jump_program(build_train(scene), design, cam, speeds)
     kept, tension = rng.uniform(*KEPT_N, 3), np.exp(rng.uniform(*np.log(TENSION_N), 3))
     try:
-        safe = program.solve(Margins(*kept)).z
+        safe = program.solve(kept).z
     except NoCamHoldsContact as none:
-        safe = program.solve(Margins(*(kept - none.shortfall_N - 1.0))).z
+        safe = program.solve(kept - none.shortfall_N - 1.0).z
     if rng.random() < KINEMATIC:
         return safe, kinematic_optimum(design, cam).z
-    return safe, program.solve(Margins(*-tension)).z
+    return safe, program.solve(-tension).z
 
 
 def _located(scene: Scene, cam: FreeCam, safe, risky, target: float) -> tuple[np.ndarray, Truth] | None:

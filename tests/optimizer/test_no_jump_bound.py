@@ -8,7 +8,7 @@ import pytest
 from camopt.cam.families.free import free_cam
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.bound.summary import force_terms, no_jump_bound
-from camopt.optimizer.program.force_rows import PEAK, Margins
+from camopt.optimizer.program.force_rows import PEAK
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.scene import build_train, load_scene
 
@@ -35,7 +35,7 @@ def test_kernel_gives_the_forces_of_any_cam(design):
     random = np.random.default_rng(1)
     z = random.normal(size=cam.Z.shape[1]) * 0.005
     multipliers = random.exponential(size=len(p.kind))
-    margins = Margins(20.0, np.array([10.0, 5.0]), -3.0).table(2)
+    margins = np.array([[20.0, 20.0], [10.0, 5.0], [-3.0, -3.0]])
     constant, kernel = force_terms(p, margins, multipliers)
     x = kernel.x
     node, weight = np.polynomial.legendre.leggauss(5)
@@ -51,11 +51,10 @@ def test_kernel_gives_the_forces_of_any_cam(design):
 
 
 def test_bound_is_above_every_spline_and_falls_with_better_multipliers():
-    margins = Margins(20.0, 20.0, 20.0)
     p = no_jump_program(TRAIN, FREE, free_cam(FREE), SPEEDS[1:])
-    coarse, fine = (no_jump_bound(p, margins, knot) for knot in (3.0, 1.5))
-    best = fine.program.solve(margins).area_ratio
-    assert p.solve(margins).area_ratio < best < fine.bound < coarse.bound
+    coarse, fine = (no_jump_bound(p, 20.0, knot) for knot in (3.0, 1.5))
+    best = fine.program.solve(20.0).area_ratio
+    assert p.solve(20.0).area_ratio < best < fine.bound < coarse.bound
     assert fine.bound < area_ratio_bound(FREE).bound - 0.02  # the dynamics cost something, and the bound knows
     spoiled = replace(fine, force=fine.force * np.random.default_rng(0).uniform(0.95, 1.05, len(fine.force)))
     assert best < spoiled.bound
@@ -63,7 +62,7 @@ def test_bound_is_above_every_spline_and_falls_with_better_multipliers():
 
 def test_without_force_multipliers_it_is_the_kinematic_bound():
     p = no_jump_program(TRAIN, FREE, free_cam(FREE), SPEEDS[:1])
-    found = no_jump_bound(p, Margins(), 3.0)
+    found = no_jump_bound(p, 20.0, 3.0)
     alone = replace(found, kinematic=area_ratio_bound(FREE), force=np.zeros_like(found.force))
     assert alone.bound == pytest.approx(area_ratio_bound(FREE).bound, abs=1e-12)
     with pytest.raises(ValueError, match="force multipliers of a certificate must be >= 0"):
@@ -73,4 +72,4 @@ def test_without_force_multipliers_it_is_the_kinematic_bound():
 def test_without_limits_on_the_control_there_is_no_such_bound():
     design = NO_JERK.model_copy(update={"acceleration_max_mm_per_deg2": None})
     p = no_jump_program(TRAIN, design, free_cam(design), SPEEDS[:1])
-    assert no_jump_bound(p, Margins(), 3.0) is None
+    assert no_jump_bound(p, 20.0, 3.0) is None

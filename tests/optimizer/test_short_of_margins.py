@@ -5,7 +5,6 @@ import pytest
 
 from camopt.cam.families.free import free_cam
 from camopt.optimizer.program import program_cam
-from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import NoCamHoldsContact, no_jump_program
 from camopt.optimizer.program.program_cam import WIDTHS, near, with_radii
@@ -31,9 +30,9 @@ def test_a_program_is_short_by_what_no_cam_near_holds(monkeypatch, margin_N):
 
     monkeypatch.setattr(program_cam, "_narrowed", narrowed)
     assert with_radii(program, margin_N).cam.about.near.lift(0.0) == pytest.approx(cam.about.near.lift(0.0))
-    short = looked[0][0].solve(looked[0][1]).z[-1]
+    short = looked[0].solve().z[-1]
     try:
-        program.solve(Margins(margin_N, margin_N, margin_N))
+        program.solve(margin_N)
         assert short == pytest.approx(0.0, abs=1e-6)
     except NoCamHoldsContact as refused:
         assert short == pytest.approx(refused.shortfall_N, rel=1e-3)

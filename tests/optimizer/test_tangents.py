@@ -4,7 +4,6 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.free import free_cam
-from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.periodic import periodic_response, sample_cam
 from camopt.optimizer.program.phases import tangents_along
@@ -27,7 +26,7 @@ def test_the_linear_motion_is_the_settled_one_of_its_cam(name):
     train, cam = build_train(scene), free_cam(scene.design, 4.0)
     speed = scene.cam_speed(scene.operation.speeds_rpm[-1])
     program = converge_tangents(no_jump_program(train, scene.design, cam, [speed]), MARGIN_N)
-    found = program.solve(Margins(60.0, 60.0, MARGIN_N))
+    found = program.solve((60.0, 60.0, MARGIN_N))
     real = settled_revolution(train, found.lift, speed, SETTLED)
     angles = located_angles(real)
     response = periodic_response(train, sample_cam(cam, angles), speed, angles)
@@ -42,7 +41,7 @@ def test_a_program_of_a_real_train_says_what_its_cam_does():
     train, cam = build_train(scene), free_cam(scene.design, 4.0)
     speeds = [scene.cam_speed(s) for s in scene.operation.speeds_rpm]
     program = converge_tangents(no_jump_program(train, scene.design, cam, speeds), MARGIN_N)
-    found = program.solve(Margins(MARGIN_N, MARGIN_N, MARGIN_N))
+    found = program.solve(MARGIN_N)
     least = []
     for speed in speeds:
         real = settled_revolution(train, found.lift, speed, 20)

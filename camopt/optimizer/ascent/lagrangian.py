@@ -21,7 +21,6 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.optimizer.ascent.objective import FORCE, GAP, SEAT_GAP, BoundObjective
-from camopt.optimizer.program.force_rows import Window
 from camopt.optimizer.search.smooth_rows import in_event, on_seat
 from camopt.scene.errors import InputError
 from camopt.scene.train import build_train
@@ -140,7 +139,7 @@ class PathLagrangian:
 
     def _event(self, parameters: Mapping[str, Any]) -> jax.Array:
         half = self._bound.cam.half_duration(dict(parameters))
-        return in_event(jnp.asarray(path_angles(self._steps)), (-half, half), Window().after_top)
+        return in_event(jnp.asarray(path_angles(self._steps)), (-half, half))
 
     def _seated(self, lift: Lift, paths: TiedPaths) -> jax.Array:
         gaps = np.asarray(paths.seat_gap).T

@@ -12,6 +12,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 from threadpoolctl import threadpool_limits
 
@@ -26,7 +27,7 @@ from camopt.optimizer.bound.certificate import (
     piecewise_sum,
 )
 from camopt.optimizer.bound.fine_program import DiscretisedControlProblem, equal_grid, left_out
-from camopt.optimizer.program.force_rows import PEAK, SEAT, Margins, SpeedRows, speed_rows
+from camopt.optimizer.program.force_rows import PEAK, SEAT, SpeedRows, speed_rows
 from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities
 from camopt.optimizer.program.no_jump import NoJumpProgram, no_jump_program
 from camopt.optimizer.program.periodic import exact_steps, sample_cam, velocity_scale
@@ -68,9 +69,9 @@ class NoJumpCertificate:
 
 
 def no_jump_bound(
-    program: NoJumpProgram, margins: Margins, knot_deg: float = SUPPLYING_KNOT_DEG
+    program: NoJumpProgram, margins: ArrayLike, knot_deg: float = SUPPLYING_KNOT_DEG
 ) -> NoJumpCertificate | None:
-    """The certificate of a program's speeds, angles and window; None where the design limits no control.
+    """The certificate of a program's speeds and angles; None where the design limits no control.
 
     The multipliers of the forces are the duals of the program on a free cam with knots every `knot_deg`; those of the
     limits then come from the discretised continuous problem. Raises NoCamHoldsContact where that cam keeps no such
@@ -100,9 +101,8 @@ def force_terms(program: NoJumpProgram, margins: np.ndarray, multipliers: np.nda
     constant, kernel = 0.0, None
     for i, block in enumerate(program.blocks):
         signed = np.where(block.kind == PEAK, -1.0, 1.0) * multipliers[program.speed == i]
-        without = speed_rows(
-            program.train, program.design, sample_cam(line, block.angles), block.cam_speed, block.angles, program.window
-        )
+        samples = sample_cam(line, block.angles)
+        without = speed_rows(program.train, program.design, samples, block.cam_speed, block.angles)
         peak = program.design.contact_force_max_N or 0.0
         level = np.where(block.kind == PEAK, peak, margins[np.minimum(block.kind, SEAT), i])
         constant += float(signed @ (without.offset - level))
@@ -209,7 +209,7 @@ def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float | None 
         train = build_train(scene)
         force, seat = kept(usual_margin(train))
         program = converge_tangents(no_jump_program(train, design, cam, speeds), force)
-        no_jump = program.solve(margins := Margins(force, force, seat)).area_ratio
+        no_jump = program.solve(margins := (force, force, seat)).area_ratio
         if is_linear(train):
             certificate = no_jump_bound(program, margins)
             no_jump_bounded = certificate and min(bound, float(certificate.bound))

@@ -5,8 +5,7 @@ Postoptimal Analyses, Parametric Programming and Related Topics). At a vertex th
 as long as they are the basis, dz = B^-1 (db_B - dB z) and dy_B = B^-T (dc - dB^T y_B).
 """
 
-from collections import OrderedDict
-from hashlib import blake2b
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import jax
@@ -90,8 +89,8 @@ _program.defvjp(_forward, _backward)
 
 def _solve(cost: Any, matrix: Any, bound: Any, size: Any) -> tuple[np.ndarray, ...]:
     """What `_solved` asks the host for."""
-    cost, matrix, bound, size = (np.array(part, dtype=float) for part in (cost, matrix, bound, size))
-    rows = _rows(matrix, size)
+    cost, matrix, bound, size = (np.asarray(part, dtype=float) for part in (cost, matrix, bound, size))
+    rows = _rows(matrix.tobytes(), size.tobytes())
     try:
         found = maximise(cost, rows, bound, np.arange(0, len(bound), max(1, len(bound) // ADDED_PER_ROUND)))
     except Infeasible:
@@ -115,14 +114,8 @@ def _nowhere(matrix: np.ndarray, value: float) -> tuple[np.ndarray, ...]:
     return *missing, np.zeros(m, dtype=np.int32), np.full((m, m), np.nan)
 
 
-_models: OrderedDict[bytes, Rows] = OrderedDict()
-
-
-def _rows(matrix: np.ndarray, size: np.ndarray) -> Rows:
+@lru_cache(maxsize=MOST_MODELS)
+def _rows(matrix: bytes, size: bytes) -> Rows:
     """The rows of a matrix, the same ones, with their solver, where it was solved lately."""
-    key = blake2b(matrix.tobytes() + size.tobytes() + str(matrix.shape).encode(), digest_size=16).digest()
-    rows = _models.pop(key, None) or Rows(matrix, size)
-    _models[key] = rows
-    while len(_models) > MOST_MODELS:
-        _models.popitem(last=False)
-    return rows
+    column = np.frombuffer(size)
+    return Rows(np.frombuffer(matrix).reshape(-1, len(column)), column)

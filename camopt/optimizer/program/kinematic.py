@@ -248,10 +248,8 @@ def peak_angle(lift: Lift) -> float:
     return float(angles[np.argmax(lift(angles))])
 
 
-def elastic_shape(
-    design: Design, cam: FreeCam, names: Iterable[str], cost: float, size: float
-) -> tuple[ElasticProgram, np.ndarray]:
-    """The program of largest area whose limits `names` may be broken at a `cost`, by about `size`, and its right sides.
+def elastic_shape(design: Design, cam: FreeCam, names: Iterable[str], cost: float, size: float) -> ElasticProgram:
+    """The program of largest area whose limits `names` may be broken at a `cost`, by about `size`.
 
     A maximum lift that is to be reached is reached in the middle.
     """
@@ -261,7 +259,7 @@ def elastic_shape(
     for name in names:
         give[limits.rows(name)] = 1.0
     working = np.union1d(first_working(limits), np.arange(len(limits.bound), len(bound)))
-    return ElasticProgram.of(spline_rows(matrix), give, row, cost, size, working), bound
+    return ElasticProgram(spline_rows(matrix), bound, give, row, cost, size, working)
 
 
 def _rounded(value: float, up: bool) -> str:

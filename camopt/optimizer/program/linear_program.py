@@ -152,42 +152,28 @@ def _optimum(objective, rows: Rows, model: WarmModel, u, multipliers, excess) ->
     return Optimum(z, float(objective @ z), duals, tightest)
 
 
-@dataclass(frozen=True)
 class ElasticProgram:
-    """A program with penalised constraint violation (elastic mode): the last entry of a point is s >= 0, by which the
-    rows that give may be broken, at a cost."""
+    """A program with penalised constraint violation (elastic mode): the last entry of a point is s >= 0, by which rows
+    (r, m) may be broken: each by what it gives for s = 1 (r), at a cost. `size` is a typical s, for the solver's
+    scaling."""
 
-    rows: Rows
-    objective: np.ndarray
-    working: np.ndarray
-
-    @classmethod
-    def of(cls, rows: Rows, give: np.ndarray, objective: np.ndarray, cost: float, size: float, working):
-        """Of rows (r, m), what each gives for s = 1 (r), an objective (m), what s costs and its typical size."""
+    def __init__(self, rows: Rows, bound: np.ndarray, give: np.ndarray, objective, cost: float, size: float, working):
         last = np.append(np.zeros(len(rows.column)), -1.0)
-        elastic = Rows(np.vstack([np.column_stack([rows.matrix, -give]), last]), np.append(rows.column, size))
-        return cls(elastic, np.append(objective, -cost), np.append(working, len(give)))
+        matrix = np.vstack([np.column_stack([rows.matrix, -give]), last])
+        self.bound, self._rows = bound, Rows(matrix, np.append(rows.column, size))
+        self._objective, self._working = np.append(objective, -cost), np.append(working, len(give))
 
-    def solve(self, bound: np.ndarray) -> Optimum:
-        """The point of largest value with these right sides (r); raises Infeasible where the other rows contradict
-        each other."""
-        return maximise(self.objective, self.rows, np.append(bound, 0.0), self.working)
-
-    def value(self, bound: np.ndarray) -> float:
-        """The largest value; minus infinity where the other rows contradict each other."""
-        try:
-            return self.solve(bound).value
-        except (Infeasible, ArithmeticError):  # of a pattern that the solver does not decide, too
-            return -np.inf
+    def solve(self, bound: np.ndarray | None = None) -> Optimum:
+        """The point of largest value, with other right sides (r) where they are given; raises Infeasible where the rows
+        that do not give contradict each other."""
+        bound = self.bound if bound is None else bound
+        return maximise(self._objective, self._rows, np.append(bound, 0.0), self._working)
 
 
 def least_relaxation(rows: Rows, bound: np.ndarray, give: np.ndarray, size: float, working: np.ndarray) -> float | None:
-    """Smallest s >= 0 with rows.matrix @ z <= bound + give (r) * s; None where no s is enough.
-
-    `size` is a typical s, for the solver's scaling.
-    """
+    """Smallest s >= 0 with rows.matrix @ z <= bound + give (r) * s; None where no s is enough."""
     try:
-        found = ElasticProgram.of(rows, give, np.zeros(len(rows.column)), 1.0, size, working).solve(bound)
+        found = ElasticProgram(rows, bound, give, np.zeros(len(rows.column)), 1.0, size, working).solve()
     except Infeasible:
         return None
     return max(float(found.z[-1]), 0.0)

@@ -33,7 +33,6 @@ from camopt.cam.geometry import sign_changes
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import radii_held_near
 from camopt.highs import Infeasible
-from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import (
     area_ratio_row,
     elastic_shape,
@@ -91,19 +90,17 @@ def with_radii(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
     held = program.cam.about.near
     if held is None:
         return program
-    margins = Margins(margin_N, margin_N, margin_N).table(len(program.blocks))
-    cam = _narrowed(lambda cam: replace(program, cam=cam).elastic(margins), program.cam, held.lift)
+    cam = _narrowed(lambda cam: replace(program, cam=cam).elastic(margin_N), program.cam, held.lift)
     return replace(program, cam=cam)
 
 
-def _narrowed(program_of: Callable[[FreeCam], tuple[ElasticProgram, np.ndarray]], cam: FreeCam, lift: Lift) -> FreeCam:
+def _narrowed(program_of: Callable[[FreeCam], ElasticProgram], cam: FreeCam, lift: Lift) -> FreeCam:
     """The free cam with its radii held near a cam that is the best one near itself, the one that the programs reach
-    from `lift` on; `program_of` gives the program of a free cam and its right sides."""
+    from `lift` on."""
     width, reached, missed = 0, -np.inf, np.inf
     for _ in range(MOST_NARROWINGS):
         try:
-            program, bound = program_of(near(cam, lift, WIDTHS[width]))
-            found = program.solve(bound)
+            found = program_of(near(cam, lift, WIDTHS[width])).solve()
         except (Infeasible, ArithmeticError):  # of a program that the solver does not decide, too
             break
         lift, short = cam.lift(found.z[:-1]), float(found.z[-1])
@@ -140,9 +137,8 @@ def kinematic_switches(design: Design, cam: FreeCam) -> Switches:
     starts = {_fewer(unlimited, cam, most) for most in (design.waves_max, min(design.waves_max, FEW))}
     first = _with_switches(cam, next(iter(starts)))
     jerk = (design.jerk_max_mm_per_deg3 or 1e-3) * MM_PER_DEG3
-    value = _value(
-        *elastic_shape(design, first, ["waves_max"], SHORT_OF_JERK, jerk), cam, first.limits(design).rows("waves_max")
-    )
+    program = elastic_shape(design, first, ["waves_max"], SHORT_OF_JERK, jerk)
+    value = _value(program, cam, first.limits(design).rows("waves_max"))
     return max((_climbed(value, start, cells(cam)) for start in sorted(starts)), key=value)
 
 
@@ -155,25 +151,26 @@ def with_switches(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
     design, cam = program.design, program.cam
     if design.waves_max is None or not cam.about.switches:
         return program
-    margins = Margins(margin_N, margin_N, margin_N)
-    elastic, bound = program.elastic(margins.table(len(program.blocks)))
-    value = _value(elastic, bound, cam, program.limits.rows("waves_max"))
+    value = _value(program.elastic(margin_N), cam, program.limits.rows("waves_max"))
     starts = [cam.about.switches]
     try:
-        unlimited = replace(program, cam=_with_switches(cam, ())).solve(margins, explain=False)
+        unlimited = replace(program, cam=_with_switches(cam, ())).solve(margin_N, explain=False)
         starts.append(_fewer(unlimited.lift, cam, design.waves_max))
     except Infeasible:
         pass
     return replace(program, cam=_with_switches(cam, _climbed(value, max(starts, key=value), cells(cam))))
 
 
-def _value(program: ElasticProgram, bound: np.ndarray, cam: FreeCam, signed: np.ndarray) -> Callable[[Switches], float]:
+def _value(program: ElasticProgram, cam: FreeCam, signed: np.ndarray) -> Callable[[Switches], float]:
     """The program's value as a function of the switches, which change the right sides of the rows `signed`."""
 
     def value(switches: Switches) -> float:
-        other = bound.copy()
-        other[signed] = sign_rows(cam, switches)[1]
-        return program.value(other)
+        bound = program.bound.copy()
+        bound[signed] = sign_rows(cam, switches)[1]
+        try:
+            return program.solve(bound).value
+        except (Infeasible, ArithmeticError):  # of a pattern that the solver does not decide, too
+            return -np.inf
 
     return value
 

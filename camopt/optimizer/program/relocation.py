@@ -101,7 +101,7 @@ def converge_tangents(program: NoJumpProgram, margin_N: float | None = None, qui
         return program
     area, short = -np.inf, 0
     for _ in range(MOST_SOLUTIONS):
-        found = program.solve_below(np.full((3, len(program.blocks)), margin_N))
+        found = program.solve_below(margin_N)
         short = short + 1 if found.margins.min() < margin_N else 0
         change = abs(found.area_ratio - area)
         if change < STANDS or (quick and (change < STANDS_ROUGHLY or short == NONE_HOLDS)):
