@@ -17,7 +17,7 @@ from camopt.cam.tables.lift_table import write_lift_table
 from camopt.optimizer.accuracy import Accuracy, accuracy_named, drawn_speeds
 from camopt.optimizer.as_built.checks import check_wanted
 from camopt.optimizer.bound.certificate import area_ratio_bound
-from camopt.optimizer.candidates import Families, KnownCam, largest_confirmed
+from camopt.optimizer.candidates import KnownCam, family_cams, largest_confirmed
 from camopt.optimizer.first_run import SAYING, compile_programs, programs_missing
 from camopt.optimizer.free_numbers import free_numbers, with_best_values
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_sensitivities
@@ -173,9 +173,9 @@ class _OpenRun:
     found: dict = field(default_factory=dict)  # of the search, for the provenance
 
     @cached_property
-    def families(self) -> Families:
+    def families(self) -> dict[str, Lift | str]:
         """Every family's largest member in the scene."""
-        return Families(self.scene)
+        return family_cams(self.scene)
 
     def make_programs(self, shown: Progress) -> None:
         """On the first run of an installation: the compiled programs."""
@@ -251,7 +251,7 @@ class _OpenRun:
         from camopt.optimizer.baselines.comparison import NO_JERK, plain_baselines
 
         def baselines() -> dict[str, Lift | str]:
-            found = plain_baselines(self.scene, known=self.families.cams) if self.compare else {}
+            found = plain_baselines(self.scene, known=self.families) if self.compare else {}
             return {name: cam for name, cam in found.items() if NO_JERK not in name}
 
         with self.clock.stage("yield"):
@@ -288,5 +288,5 @@ class _OpenRun:
             return
         from camopt.optimizer.baselines.comparison import compare_in, plain_baselines
 
-        baselines = plain_baselines(scene, without_jerk_limit=effort.without_jerk_limit, known=self.families.cams)
+        baselines = plain_baselines(scene, without_jerk_limit=effort.without_jerk_limit, known=self.families)
         compare_in(folder, scene, {"design": lift}, {"design": verdict}, effort, baselines, shown.advance)
