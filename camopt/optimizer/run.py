@@ -248,11 +248,11 @@ class _OpenRun:
     def state_yield(self, folder: Path, lift: Lift, verdict: Verdict, shown: Progress) -> "YieldStatement | None":
         """What fresh trains say of the cam, written into verification.json; None where nothing scatters."""
         from camopt.optimizer.as_built.statement import beside, statement_of_run
-        from camopt.optimizer.baselines.comparison import NO_JERK, plain_baselines
+        from camopt.optimizer.baselines.comparison import plain_baselines
 
         def baselines() -> dict[str, Lift | str]:
-            found = plain_baselines(self.scene, known=self.families) if self.compare else {}
-            return {name: cam for name, cam in found.items() if NO_JERK not in name}
+            known = {"without_jerk_limit": False, "known": self.families}
+            return plain_baselines(self.scene, **known) if self.compare else {}
 
         with self.clock.stage("yield"):
             asked = {"baselines": baselines, "advance": shown.advance}

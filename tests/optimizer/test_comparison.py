@@ -111,7 +111,7 @@ def test_the_jerk_limit_does_not_reject_in_the_table_without_it():
 
 def test_a_family_without_member_is_said(tmp_path, monkeypatch):
     monkeypatch.setattr(comparison, "draw", lambda *a: {"bounce_against_speed": Figure()})
-    monkeypatch.setitem(comparison.BASELINES, "plain", lambda *_: {"polydyne": "no member, because"})
+    monkeypatch.setattr(comparison, "plain_baselines", lambda *_: {"polydyne": "no member, because"})
     lift = polydyne(MOTORI)
     verdict = verdict_on(MOTORI, lift, None, ("event",), None, Tolerances(5.0, 0))
     monkeypatch.setattr(comparison, "verdict_on", lambda *a, **k: verdict)

@@ -24,8 +24,7 @@ from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.ascent.history import AscentHistory, Iterate, dataset_of, notable
 from camopt.optimizer.ascent.lagrangian import Held, PathLagrangian
 from camopt.optimizer.ascent.objective import Objective
-from camopt.optimizer.ascent.train_variables import Names, TrainVariables
-from camopt.optimizer.ascent.variables import FREE, FamilyVariables, FreeVariables, Variables
+from camopt.optimizer.ascent.variables import FREE, FamilyVariables, FreeVariables, Names, TrainVariables, Variables
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.search.judge import Judge
 from camopt.scene.errors import InputError

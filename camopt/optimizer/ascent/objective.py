@@ -17,7 +17,7 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import motion_limits
-from camopt.optimizer.ascent.train_variables import TrainVariables
+from camopt.optimizer.ascent.variables import TrainVariables
 from camopt.scene import QUANTITIES, InputError, Scene, build_train
 from camopt.scene.errors import did_you_mean
 from camopt.scene.smoothing import Smoothing, smoothing

@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 
 from matplotlib.figure import Figure
 
@@ -69,33 +68,27 @@ def compare(
     `note` is told of each family of which "best" found no member that holds.
     Raises InputError for an unusable folder or scene, and for other words.
     """
-    if baselines not in BASELINES:
-        raise InputError(f"baselines {baselines!r}: expected {', '.join(BASELINES)}")
+    others = {"plain": plain_baselines, "best": lambda _: best_baselines(scene, progress, note), "none": lambda _: {}}
+    if baselines not in others:
+        raise InputError(f"baselines {baselines!r}: expected {', '.join(others)}")
     if baselines == "none" and not designs:
         raise InputError("compare: nothing to compare: name a design, or leave the literature's cams in")
     effort = accuracy_named(accuracy)
     named = {"design" if len(designs) == 1 else name: lift for name, lift in designs.items()}
     with run_folder(out, run_identity("compare", scene, baselines=baselines), worth=["comparison.csv"]) as folder:
-        figures = compare_in(folder, scene, named, {}, effort, BASELINES[baselines](scene, progress, note))
+        figures = compare_in(folder, scene, named, {}, effort, others[baselines](scene))
     return Comparison(folder, figures)
 
 
 def plain_baselines(
-    scene: Scene,
-    progress: bool = False,
-    note: Callable[[str], object] = lambda sentence: None,
-    *,
-    without_jerk_limit: bool = True,
-    known: Mapping[str, Lift | str] = MappingProxyType({}),
+    scene: Scene, *, without_jerk_limit: bool = True, known: Mapping[str, Lift | str] | None = None
 ) -> dict[str, Lift | str]:
     """Polydyne, Multi-Pol and New Design by name, the latter two without the scene's jerk limit too; a sentence where a
     family has no member. What is `known` by name is not designed again."""
-    cams: dict[str, Lift | str] = {}
-    for name in ("polydyne", *SECTIONED):
-        cams[name] = known[name] if name in known else member_or_sentence(scene, name)
-    for name in SECTIONED:
-        if without_jerk_limit and _jerk_limited(scene):
-            cams[name + NO_JERK] = _member(scene, lambda name=name: read_cam(f"{name}:jerk=no", scene))
+    known = known or {}
+    cams = {name: known.get(name) or member_or_sentence(scene, name) for name in ("polydyne", *SECTIONED)}
+    for name in SECTIONED if without_jerk_limit and _jerk_limited(scene) else ():
+        cams[name + NO_JERK] = _member(scene, lambda name=name: read_cam(f"{name}:jerk=no", scene))
     return cams
 
 
@@ -133,9 +126,6 @@ def best_baselines(
         for name in FAMILIES:
             cams[name + ("" if jerk else NO_JERK)] = _member(scene, lambda name=name, jerk=jerk: searched(name, jerk))
     return cams
-
-
-BASELINES = {"plain": plain_baselines, "best": best_baselines, "none": lambda scene, progress, note: {}}
 
 
 def _jerk_limited(scene: Scene) -> bool:
