@@ -16,7 +16,7 @@ from camopt.cam.linear_limits import radii_held_near
 from camopt.designer.controls import KINEMATIC, NO_JUMP
 from camopt.highs import Infeasible
 from camopt.optimizer.program.force_rows import PEAK
-from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities, sensitivities
+from camopt.optimizer.program.kinematic import kinematic_optimum, sensitivities
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.periodic import SAMPLE
 from camopt.optimizer.program.program_cam import program_cam
@@ -84,7 +84,7 @@ class CamFinder:
         except Infeasible:
             raise InputError(CONTRADICTION) from None
         coarse = coarse and bool(radii_held_near(design))
-        return FoundCam(optimum.lift, KINEMATIC, optimum.area_ratio, limit_sensitivities(optimum), None, coarse, says)
+        return FoundCam(optimum.lift, KINEMATIC, optimum.area_ratio, optimum.sensitivities, None, coarse, says)
 
     def _no_jump(self, scene: Scene, train: Train, margin_N: float, coarse: bool) -> FoundCam:
         shape = _shape(scene, train)

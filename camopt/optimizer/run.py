@@ -20,7 +20,7 @@ from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.candidates import KnownCam, family_cams, largest_confirmed
 from camopt.optimizer.first_run import SAYING, compile_programs, programs_missing
 from camopt.optimizer.free_numbers import free_numbers, with_best_values
-from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_sensitivities
+from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.search import cams
 from camopt.optimizer.search.search import find_cam
@@ -205,7 +205,7 @@ class _OpenRun:
             area_ratio_no_jump=no_jump.area_ratio if no_jump else None,
             gradient_gain=cam.area_ratio - no_jump.area_ratio if no_jump and not why else None,
             verdict_fell_back=chosen.fell_back,
-            limit_worth=limit_sensitivities(kinematic),
+            limit_worth=kinematic.sensitivities,
             **({"why_a_family": why} if why else {}),
             **self.further,
         )

@@ -7,7 +7,7 @@ import pytest
 
 from camopt.cam.families.free import free_cam
 from camopt.optimizer.bound.certificate import Certificate, _constant, _switching_function, area_ratio_bound
-from camopt.optimizer.program.kinematic import first_working, kinematic_optimum, limit_sensitivities, spline_rows
+from camopt.optimizer.program.kinematic import first_working, kinematic_optimum, spline_rows
 from camopt.optimizer.program.linear_program import maximise
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG2
@@ -152,7 +152,7 @@ def test_worth_of_a_limit_is_the_change_of_area_for_one_per_cent(name):
     step = 1e-4
     more = changed(**{name: getattr(KODAMA, name) * (1 + step)})
     gain = kinematic_optimum(more, cam).lift.area / found.lift.area - 1
-    assert limit_sensitivities(found)[name] == pytest.approx(gain / step, rel=0.02)
+    assert found.sensitivities[name] == pytest.approx(gain / step, rel=0.02)
 
 
 def test_contradictory_limits_name_the_limits_and_the_values_that_resolve_them():

@@ -11,7 +11,7 @@ from scipy.optimize import linprog
 
 import camopt
 from camopt.optimizer.program import differentiable
-from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities
+from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.scene import InputError, load_scene
 
 SQUARE = jnp.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])
@@ -130,7 +130,7 @@ def test_slopes_of_the_area_by_a_limit_are_what_the_program_says_it_is_worth():
         return camopt.linear_program(row, limits.matrix, looser, size=np.full(len(row), 0.01)).value + constant
 
     value, slope = jax.value_and_grad(area)(1.0)
-    worth = limit_sensitivities(kinematic_optimum(design, free))["jerk_max_mm_per_deg3"]
+    worth = kinematic_optimum(design, free).sensitivities["jerk_max_mm_per_deg3"]
     assert worth > 0 and float(slope / value) == pytest.approx(worth, rel=1e-6)
 
 

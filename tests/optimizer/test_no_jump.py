@@ -249,9 +249,9 @@ def test_within_a_box_the_lift_may_be_reached_where_its_own_cam_reaches_it():
 
 def test_relocated_angles_are_those_of_the_motion_and_the_program_moves_with_them():
     found = optimum()
-    moved = relocate(program(), found.lift, 6)
+    moved = relocate(program(), found.lift)
     for block, speed in zip(moved.blocks, SPEEDS, strict=True):
-        real = settled_revolution(TRAIN, found.lift, speed, 6)
+        real = settled_revolution(TRAIN, found.lift, speed)
         seat = real.force[:, TRAIN.seat] > 0
         inside = (real.angle > block.angles.seat_opens + 1e-6) & (real.angle < block.angles.seat_closes - 1e-6)
         assert not np.any(seat[inside])

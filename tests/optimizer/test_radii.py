@@ -10,7 +10,7 @@ from camopt.measure.limits import broken_by_shape, drawing_excess
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.bound.fine_program import left_out
 from camopt.optimizer.bound.summary import no_jump_bound
-from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities
+from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.program_cam import near, near_its_best, program_cam
 from camopt.optimizer.program.relocation import converge_tangents, relocate
@@ -87,7 +87,7 @@ def test_a_radius_holds_at_every_angle_and_would_be_broken_without(free, what):
     assert abs(penetration_mm(held.lift, geometry)) < 1e-3
     assert held.area_ratio < free.area_ratio < area_ratio_bound(design).bound
     assert left_out(design) == [key]
-    assert limit_sensitivities(held)[key] < 0
+    assert held.sensitivities[key] < 0
 
 
 def test_a_cam_is_not_held_back_by_its_neighbourhood(free):

@@ -28,7 +28,7 @@ from camopt.optimizer.bound.certificate import (
 )
 from camopt.optimizer.bound.fine_program import DiscretisedControlProblem, equal_grid, left_out
 from camopt.optimizer.program.force_rows import PEAK, SEAT, SpeedRows, speed_rows
-from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities
+from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import NoJumpProgram, no_jump_program
 from camopt.optimizer.program.periodic import exact_steps, sample_cam, velocity_scale
 from camopt.optimizer.program.phases import HELD_N, usual_margin
@@ -229,7 +229,7 @@ def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float | None 
         "speeds_rpm": list(operation.speeds_rpm),
         "margins_N": force,
         "seat_margin_N": seat,
-        "worth_percent": limit_sensitivities(feasible),
+        "worth_percent": feasible.sensitivities,
     }
 
 

@@ -37,7 +37,6 @@ class KinematicOptimum:
     """The free cam of largest area: its coefficients z (m), area ratio, the program's solution and its limits."""
 
     cam: FreeCam
-    design: Design
     z: np.ndarray
     area_ratio: float
     optimum: Optimum
@@ -47,6 +46,12 @@ class KinematicOptimum:
     def lift(self) -> Lift:
         """The cam's lift law."""
         return self.cam.lift(self.z)
+
+    @property
+    def sensitivities(self) -> dict[str, float]:
+        """What one per cent more of each limit buys."""
+        duals = self.optimum.duals
+        return sensitivities(self.limits, duals, duals[len(self.limits.bound) :], self.area_ratio)
 
 
 def kinematic_optimum(design: Design, cam: FreeCam, explain: bool = True) -> KinematicOptimum:
@@ -64,7 +69,7 @@ def kinematic_optimum(design: Design, cam: FreeCam, explain: bool = True) -> Kin
         if not explain:
             raise
         raise InputError(conflict(design, cam)) from None
-    return KinematicOptimum(cam, design, optimum.z, optimum.value + constant, optimum, limits)
+    return KinematicOptimum(cam, optimum.z, optimum.value + constant, optimum, limits)
 
 
 def area_ratio_row(design: Design, cam: FreeCam) -> tuple[np.ndarray, float]:
@@ -121,12 +126,6 @@ def lift_to_reach(design: Design) -> float:
     return design.max_lift_mm * MM * (1 - REACH + ROUNDING)
 
 
-def limit_sensitivities(found: KinematicOptimum) -> dict[str, float]:
-    """`sensitivities` the limits of the kinematic problem."""
-    duals = found.optimum.duals
-    return sensitivities(found.limits, duals, duals[len(found.limits.bound) :], found.area_ratio)
-
-
 def sensitivities(limits: Limits, duals: np.ndarray, reaching: np.ndarray, area_ratio: float) -> dict[str, float]:
     """Per cent more area that one per cent more of each limit buys, from a program's duals, keyed by the limit's name.
 
@@ -135,12 +134,13 @@ def sensitivities(limits: Limits, duals: np.ndarray, reaching: np.ndarray, area_
     """
     worth = {}
     for g, name in enumerate(limits.names):
+        if name in SIGNS or name == NEAR:
+            continue
         rows = limits.rows(name)
-        if name not in SIGNS and name != NEAR:
-            gain = float(duals[rows] @ limits.slope[rows] * limits.size[g])
-            if name == "max_lift_mm":  # area itself, not the ratio to a maximum lift that grows with it
-                gain -= float(reaching.sum()) * limits.size[g]
-            worth[name] = float(gain / area_ratio)
+        gain = float(duals[rows] @ limits.slope[rows] * limits.size[g])
+        if name == "max_lift_mm":  # area itself, not the ratio to a maximum lift that grows with it
+            gain -= float(reaching.sum()) * limits.size[g]
+        worth[name] = float(gain / area_ratio)
     return worth
 
 
