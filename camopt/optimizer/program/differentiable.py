@@ -39,10 +39,10 @@ def linear_program(
     `jax.vmap` and `jax.grad` (once, in reverse mode) with respect to all three arguments. A program with a matrix that
     was solved before goes on from its last basis.
 
-    Derivatives are those of the vertex that was found, while its basis lasts. They are the true ones where the vertex
-    is not degenerate. Where more rows than m hold with equality, the value still has the slope of the duals found, but
-    to one side only, and z may turn another way on the other; where a dual of the basis is zero, the maximiser is one
-    of many. Where the rows leave a direction free that the objective does not ask for, nothing moves along it.
+    Derivatives are those of the vertex that was found, while its basis lasts: the true ones where it is not degenerate.
+    Where more rows than m hold with equality, the value has the slope of the duals found to one side only, and z may
+    turn another way on the other; where a dual of the basis is zero, the maximiser is one of many. Along a direction
+    that the rows leave free and the objective does not ask for, nothing moves.
 
     A program without any point has the value -inf, one without a largest value inf; z, duals and slopes are NaN then,
     and all is NaN where the solver gives up. Raises InputError for arguments whose shapes do not fit.

@@ -57,8 +57,8 @@ class KinematicOptimum:
 def kinematic_optimum(design: Design, cam: FreeCam, explain: bool = True) -> KinematicOptimum:
     """The largest area that the design's limits allow on the free cam `cam`.
 
-    Raises InputError where the limits contradict each other, naming what would have to change and by how much; without
-    `explain`, Infeasible.
+    Where the limits contradict each other, raises InputError, which names what would have to change and by how much;
+    without `explain`, Infeasible.
     """
     limits = cam.limits(design)
     row, constant = area_ratio_row(design, cam)
@@ -85,20 +85,15 @@ def spline_rows(matrix: np.ndarray) -> Rows:
 
 
 def first_working(limits: Limits) -> np.ndarray:
-    """Row indices to begin with: of the lift cap and of the limits of a drawing every tenth, of the others all.
-
-    Their rows lie close together and nearly repeat each other, of which a basis takes few.
-    """
+    """Row indices to begin with: of the lift cap and of the limits of a drawing, whose rows nearly repeat each other,
+    every tenth, of the others all."""
     dense = limits.group >= limits.names.index("max_lift_mm")
     return np.union1d(np.flatnonzero(~dense), np.flatnonzero(dense)[::10])
 
 
 def solve_over_peak_angles(cam: FreeCam, design: Design, objective, rows: Rows, bound, working) -> Optimum:
-    """`maximise`, over peak angles too where the design wants its maximum lift reached; raises Infeasible.
-
-    For each peak angle within 6 degrees of the middle the row lift(peak) >= maximum lift is added (rows appended at
-    the end of the duals; none where the cap alone leads there); the best answer is returned.
-    """
+    """`maximise`, where the design wants its maximum lift reached the best answer over peak angles within 6 degrees of
+    the middle: lift(peak) >= maximum lift is a last row then, unless the cap alone leads there. Raises Infeasible."""
     capped = maximise(objective, rows, bound, working)
     lowest = lift_to_reach(design)
     if not design.reach_max_lift or cam.lift(capped.z).max_lift >= lowest:
@@ -197,11 +192,9 @@ def conflict(design: Design, cam: FreeCam) -> str:
 
 @lru_cache(maxsize=16)
 def shortest_duration_deg(design: Design) -> float | None:
-    """The shortest duration_deg, to `DURATION_STEP_DEG`, with which some cam has the durations of `duration_at`.
-
-    None where no duration between two ramps has such a cam, or where none of the rows asks for a least duration. The
-    durations at a lift are taken about the middle of the event, and `waves_max` is left out.
-    """
+    """The shortest duration_deg, to `DURATION_STEP_DEG`, with which some cam has the durations of `duration_at` about
+    the middle of the event, without `waves_max`. None where no duration between two ramps has such a cam, or where none
+    of the rows asks for a least duration."""
     least = max((least for _, least, _ in design.duration_at), default=0.0)
     longest = round(longest_duration_deg(design) / DURATION_STEP_DEG)
     below = most = int(least / DURATION_STEP_DEG)  # in steps: no cam; perhaps one

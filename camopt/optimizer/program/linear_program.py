@@ -1,9 +1,8 @@
 """Linear programs with many dense rows and few columns: HiGHS on a working set of rows that grows as needed.
 
-Of several ten thousand limit and force rows only about as many bind as there are free coefficients. Each round solves
-on the working set and adds the rows that the answer breaks, until none is left: the optimum of the whole program. The
-rows keep their model and its basis: the dual simplex method goes on from it when rows are added, and when the program
-is solved again with other right sides (Huangfu and Hall 2018, as HiGHS has it).
+Of several ten thousand rows only about as many bind as there are columns. Each round solves on the working set and adds
+the rows that the answer breaks, until none is left. The rows keep their model and its basis, from which the dual
+simplex method goes on when rows are added and when right sides change (Huangfu and Hall 2018, as HiGHS has it).
 """
 
 from dataclasses import dataclass
@@ -80,15 +79,16 @@ class WarmModel:
 
     def keep(self, rows: np.ndarray) -> None:
         """Leave out the slack rows that are not among `rows`; a basis without them stays one."""
-        slack = [status == HighsBasisStatus.kBasic for status in self._highs.getBasis().row_status]
-        out = np.flatnonzero(slack & ~np.isin(self.held, rows)).astype(np.int32)
+        out = np.flatnonzero(self._slack() & ~np.isin(self.held, rows)).astype(np.int32)
         succeeds(self._highs.deleteRows(len(out), out))
         self.held = np.delete(self.held, out)
 
     def basis(self) -> np.ndarray:
         """Indices of the rows that hold the last solution, as many as columns at a vertex: those outside the basis."""
-        status = self._highs.getBasis().row_status
-        return self.held[[one != HighsBasisStatus.kBasic for one in status]]
+        return self.held[~self._slack()]
+
+    def _slack(self) -> np.ndarray:
+        return np.array([status == HighsBasisStatus.kBasic for status in self._highs.getBasis().row_status], dtype=bool)
 
     def pose(self, cost: np.ndarray, level: np.ndarray) -> None:
         """Another objective (m) and right sides (r) on the rows in the model."""
@@ -113,9 +113,8 @@ class WarmModel:
 def maximise(objective: np.ndarray, rows: Rows, bound: np.ndarray, working: np.ndarray) -> Optimum:
     """The point z (m) with the largest objective @ z under rows.matrix @ z <= bound (r), z free in sign.
 
-    `working` (w): row indices to begin with where these rows are new to the solver; else it goes on from where it
-    stands. Both decide the time taken, not the answer. Raises Infeasible, Unbounded, and ArithmeticError where the
-    solver gives up.
+    `working` (w) are row indices to begin with where these rows are new to the solver, which decide the time taken
+    alone. Raises Infeasible, Unbounded, and ArithmeticError where the solver gives up.
     """
     level, model = bound / rows.norm, rows.model
     if level.min(initial=0.0) < -FARTHEST * len(objective):

@@ -1,8 +1,8 @@
 """Largest area whose contacts stay closed at every speed: a linear program, under the linear model of `periodic`.
 
-While the contacts stay closed, each contact force is affine in the cam's free coefficients. Rows: force at least a
-margin, in contacts between cam and valve while the valve is lifted, and in the seat while the valve is seated. A
-negative margin allows the linear model some tension, which the real contact answers with a small separation.
+Its rows keep each contact force, affine in the cam's free coefficients, at a margin at least, in contacts between cam
+and valve while the valve is lifted, and in the seat while it is seated. A negative margin allows the linear model some
+tension, which the real contact answers with a small separation.
 """
 
 from collections.abc import Sequence
@@ -73,11 +73,9 @@ class NoJumpOptimum:
         return prices
 
     def value_in(self, other: "NoJumpProgram") -> float | None:
-        """The largest area ratio of a program that differs little, by another train or other ramps, to first order.
-
-        By this cam and its duals (the envelope theorem; Gal 1995, Postoptimal Analyses). None where a row that binds
-        has none beside it there.
-        """
+        """The largest area ratio of a program that differs little, by another train or other ramps, to first order: by
+        this cam and its duals (the envelope theorem; Gal 1995, Postoptimal Analyses). None where a row that binds has
+        none beside it there."""
         duals, first = self.optimum.duals, len(self.program.limits.bound)
         if len(other.limits.bound) != first:
             return None
@@ -188,11 +186,8 @@ class NoJumpProgram:
     def solve(
         self, margins: ArrayLike = HELD_N, explain: bool = True, working: np.ndarray | None = None
     ) -> NoJumpOptimum:
-        """The cam of largest area with these margins; quick after the first ones.
-
-        `working` are indices of rows to begin with, where another program says which. Raises NoCamHoldsContact, which
-        says by how much the margins are too large, where no cam keeps them; without `explain`, Infeasible.
-        """
+        """The cam of largest area with these margins; `working` are indices of rows to begin with, where another
+        program says which. Raises NoCamHoldsContact where no cam keeps them; without `explain`, Infeasible."""
         table = self.margin_table(margins)
         row, constant = area_ratio_row(self.design, self.cam)
         working = self.first_working() if working is None else working
@@ -205,10 +200,8 @@ class NoJumpProgram:
         return NoJumpOptimum(self, table, optimum.z, optimum.value + constant, optimum)
 
     def solve_below(self, margins: ArrayLike, working: np.ndarray | None = None) -> NoJumpOptimum:
-        """The same with the margins or, where no cam keeps them, with all of them lower by what it takes.
-
-        Raises NoCamHoldsContact where the other limits alone let no cam through.
-        """
+        """The same with the margins or, where no cam keeps them, with all of them lower by what it takes; raises
+        NoCamHoldsContact where the other limits alone let no cam through."""
         try:
             return self.solve(margins, working=working)
         except NoCamHoldsContact as short:
@@ -260,10 +253,8 @@ class NoJumpProgram:
         return NoCamHoldsContact(f"keeping {kept} {where} is impossible: {most}", needed)
 
     def under(self, design: Design) -> "NoJumpProgram":
-        """This program under other values of the limits: where no row's left side changes, the solver keeps its basis.
-
-        Duration, ramps and train are as they were, and so is whether the largest contact force is limited.
-        """
+        """This program under other values of the limits, with the same duration, ramps and kinds of limits: where no
+        row's left side changes, the solver keeps its basis."""
         other = replace(self, design=design)
         if np.array_equal(other.limits.matrix, self.limits.matrix):
             vars(other)["rows"] = self.rows

@@ -45,11 +45,8 @@ class CamSamples:
 
 
 def sample_cam(cam: FreeCam, angles: Angles, step: float = SAMPLE, about: Lift | None = None) -> CamSamples:
-    """Steps of at most `step` [rad] whose edges include every knot, ramp border and switching angle.
-
-    With `about`, a cam of pieces of degree six at most, its lift stands in column 0, and the edges include every `step`
-    from -pi on.
-    """
+    """Steps of at most `step` [rad] whose edges include every knot, ramp border and switching angle. With `about`, a
+    cam of pieces of degree six at most, its lift stands in column 0, and the edges include every `step` from -pi on."""
     knot = cam.breaks[1] - cam.breaks[0]
     fine, start = (knot / np.ceil(knot / step - 1e-9), cam.breaks[0]) if about is None else (step, -np.pi)
     uniform = start + fine * np.arange(np.ceil((-np.pi - start) / fine), np.floor((np.pi - start) / fine) + 1)
