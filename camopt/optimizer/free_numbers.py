@@ -2,13 +2,13 @@
 
 They go to where the no-jump program under one margin at all design speeds finds the largest area, by L-BFGS-B (Byrd,
 Lu, Nocedal and Zhu 1995, in SciPy) and the exact slopes of that area, from the program's duals. Where no cam keeps the
-margin, the shortfall guides the search. The search for the cam then begins with the scene that has these values, and
-confirms or rejects its cam as for any other.
+margin, the shortfall guides the search. The cam is then designed for the scene that has these values.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
@@ -103,8 +103,7 @@ def with_best_values(
     }
 
 
-@dataclass(frozen=True)
-class LargestOverParameters:
+class LargestOverParameters(NamedTuple):
     """The values whose program has the largest area, its area ratio there and at the start, and how often it was
     solved."""
 
@@ -166,9 +165,9 @@ class Programs:
         return self._solved(self._program(values))[0]
 
     def value_and_slopes(self, values: np.ndarray, steps: np.ndarray) -> tuple[float, np.ndarray]:
-        """The same with its slope by every value: of the area by the program's duals, which is exact but for the size
-        of the steps, and of a shortfall by its differences. Zero where a number does not move, and where no program on
-        either side is alike."""
+        """The same with its slope by every value: of the area by the program's duals, exact but for the size of the
+        steps, of a shortfall by its differences; zero where a number does not move or no program on either side is
+        alike."""
         value, found = self._solved(self._program(values))
         along, slopes = np.diag(steps), np.zeros(len(values))
         for k in np.flatnonzero(steps):
