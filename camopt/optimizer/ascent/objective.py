@@ -51,9 +51,8 @@ Terms = dict[str, jax.Array]
 class Objective:
     """A number to maximise, of any cam of a scene. `of(cam)` makes it a function of that cam's parameters.
 
-    `source` is "exact" or "smooth", `revolutions` the number of the revolution from rest that is measured, `trains` how
-    many drawn trains there are, by `seed`. `constraints` are limits along paths under a `smoothing`; the smooth motions
-    of metrics have a layer of the width `metric_width` [m].
+    Its numbers are as of `objective`. The smooth motions of metrics have a layer of the width `metric_width` [m], paths
+    with constraints the `smoothing`.
     """
 
     scene: Scene
@@ -69,10 +68,8 @@ class Objective:
     metric_width: float
 
     def of(self, cam: Lift, train: TrainVariables | None = None) -> "BoundObjective":
-        """The objective as a function of the parameters of `cam`, a free cam or a family's member, and of a train's.
-
-        Raises InputError for a cam that belongs to no family.
-        """
+        """The objective as a function of the parameters of `cam`, a free cam or a family's member, and of a train's;
+        raises InputError for a cam that belongs to no family."""
         return BoundObjective(self, cam, differentiable(self.scene, cam), train or TrainVariables(self.scene, {}))
 
     @property
@@ -94,10 +91,8 @@ class Objective:
 
 @dataclass(frozen=True, eq=False)
 class BoundObjective:
-    """The objective of one cam: a function of `parameters`, a dictionary of arrays, that JAX differentiates.
-
-    The parameters are those of `camopt.differentiable(scene, cam)`, and "train" the factors of a train's variables.
-    """
+    """The objective of one cam: a function of `parameters`, arrays by name, that JAX differentiates. They are those of
+    `camopt.differentiable(scene, cam)`, and "train" the factors of a train's variables."""
 
     objective: Objective
     template: Lift

@@ -58,15 +58,14 @@ def compare(
     progress: bool = False,
     note: Callable[[str], object] = lambda sentence: None,
 ) -> Comparison:
-    """Compare designs with the scene's baselines in the new folder `out`.
+    """Compare designs with the scene's baselines in the new folder `out`: comparison.csv and figures.
 
     `designs`: name -> lift law, each judged at the scene's listed speeds (k) [r/min] and over its band. `baselines`
     "plain": the literature's cams as their authors would draw them, for the largest area; "best": every family searched
     for the largest area within the scene's bounce limit at its listed speeds, which takes minutes and with `progress`
-    draws a bar. Either under all limits of the scene and without its jerk limit. "none": no other cams. Writes
-    comparison.csv and figures.
-    `note` is told of each family of which "best" found no member that holds.
-    Raises InputError for an unusable folder or scene, and for other words.
+    draws a bar; either under all limits of the scene and without its jerk limit. "none": no other cams. `note` is told
+    of each family of which "best" found no member that holds. Raises InputError for an unusable folder or scene, and
+    for other words.
     """
     others = {"plain": plain_baselines, "best": lambda _: best_baselines(scene, progress, note), "none": lambda _: {}}
     if baselines not in others:
@@ -100,11 +99,9 @@ def member_or_sentence(scene: Scene, family: str) -> Lift | str:
 def best_baselines(
     scene: Scene, progress: bool = False, note: Callable[[str], object] = lambda sentence: None
 ) -> dict[str, Lift | str]:
-    """Every family's largest area within the scene's bounce limit, by name.
-
-    Where no member was found that holds, it is the one with the least bounce, and `note` is told so. A member that
-    holds under the jerk limit holds without it, so that the latter search never ends in less area.
-    """
+    """Every family's largest area within the scene's bounce limit, by name; where no member was found that holds, the
+    one with the least bounce, and `note` is told so. A member that holds under the jerk limit holds without it, so that
+    the latter search never ends in less area."""
     from camopt.optimizer.baselines.largest_member import Baseline, largest_area_member
 
     bounce_max_mm = None if scene.design is None else scene.design.bounce_max_mm
@@ -133,11 +130,8 @@ def _jerk_limited(scene: Scene) -> bool:
 
 
 def _member(scene: Scene, design: Callable[[], Lift]) -> Lift | str:
-    """A family's member, or why it is none to compare with: the comparison says so and goes on with the others.
-
-    Whatever goes wrong in a family, be it a defect, costs its row alone. A member that exceeds the limits on lift,
-    acceleration or duration by more than `MOST_EXCESS` is no baseline under the scene's limits.
-    """
+    """A family's member, or why it is none to compare with: whatever goes wrong in a family, be it a defect, costs its
+    row alone, and a member may exceed the limits on lift, acceleration or duration by `MOST_EXCESS` at most."""
     try:
         lift = design()
     except Exception as error:
@@ -168,11 +162,10 @@ def compare_in(
     """comparison.csv and figures, by name, into a folder, without figures where there is no cam; cams with a verdict
     are not verified again.
 
-    `judged` is told after each baseline what share of the work it was.
-
     `baselines` as `plain_baselines` gives them; one that has no member gets a row that says why. They are judged at the
-    listed speeds and, unless a given verdict is without one, over the band in the same steps as the design. Cams and
-    verdicts are kept in the folder's `cams` and `verdicts`, for the report and for `--cam`.
+    listed speeds and, unless a given verdict is without one, over the band in the same steps as the design; `judged` is
+    told what share of the work each was. Cams and verdicts are kept in the folder's `cams` and `verdicts`, for the
+    report and for `--cam`.
     """
     band_step = None if any(v.band is None for v in verdicts.values()) else effort.verdict.band_step_rpm
     cams = dict(designs)
@@ -189,11 +182,11 @@ def compare_in(
 
 
 def compare_again(folder: Path, scene: Scene, accuracy: object = None) -> None:
-    """comparison.csv and figures of a run folder again, from the design, cams and verdicts that lie in it.
+    """comparison.csv and figures of a run folder again, from the design, cams and verdicts that lie in it; without
+    verdicts of baselines (of an older run) they stay.
 
-    The valve's motion is drawn as the run's `accuracy` has it; where that is none, at every listed speed. A folder
-    without verdicts of baselines (an older run's) keeps its comparison. Raises InputError for files that cannot be
-    understood.
+    The valve's motion is drawn as the run's `accuracy` has it; where that is none, at every listed speed. Raises
+    InputError for files that cannot be understood.
     """
     if not (folder / "verdicts").is_dir():
         return
@@ -222,10 +215,7 @@ def _judged(scene: Scene, lift: Lift, effort: Accuracy, band_step_rpm: float | N
 
 
 def _judged_baseline(scene: Scene, lift: Lift | str, effort: Accuracy, band_step_rpm: float | None) -> dict:
-    """A baseline's verdict, as far as its answer needs.
-
-    One that has no member, or that cannot be judged, is "failed" with its sentence.
-    """
+    """A baseline's verdict, as far as its answer needs; "failed" of one without a member or that cannot be judged."""
     if isinstance(lift, str):
         return failed(lift)
     try:

@@ -1,10 +1,9 @@
 """Baselines as good as their families allow: the largest area of a family, on request within a limit on bounce.
 
 The outer search is differential evolution (Storn and Price 1997) over the family's free parameters, the inner one a
-linear program in the levels. Differential evolution only asks which of two members is better, so
-no penalty has to be weighed: a member outside the limits on its shape is worse than one that bounces too much, and
-that one worse than any that holds; within each kind excess, bounce and area decide. Motion is judged by event-exact,
-settled from rest at every speed, and the metrics of the verifier.
+linear program in the levels. Differential evolution only asks which of two members is better, so no penalty has to be
+weighed: a member outside the limits on its shape is worse than one that bounces too much, and that one worse than any
+that holds. Motion is judged by event-exact, settled from rest at every speed.
 """
 
 import time
@@ -68,12 +67,11 @@ def largest_area_member(
 ) -> Baseline:
     """The member of `family` with the largest area under a scene's limits on the shape and one on bounce.
 
-    `jerk` false leaves the jerk limit out. `bounce_max_mm`: largest bounce at `speeds_rpm` [crankshaft r/min, the
-    scene's listed ones where None], judged by event-exact.
     `family` as on the command line, with the parameters that tell its readings apart (`new-design:start_ratio=0`).
-    About `evaluations` members are designed; the same call finds the same cam. Where no member holds, the one with the
-    least bounce, or nearest the limits on the shape, is returned and says so. Raises InputError for an unknown family
-    and a scene it cannot serve.
+    `jerk` false leaves the jerk limit out. `bounce_max_mm`: largest bounce at `speeds_rpm` [crankshaft r/min, the
+    scene's listed ones where None]. About `evaluations` members are designed; the same call finds the same cam. Where
+    no member holds, the one with the least bounce, or nearest the limits on the shape, is returned and says so. Raises
+    InputError for an unknown family and a scene it cannot serve.
     """
     design, operation = scene.design, scene.operation
     if design is None or operation is None or scene.seat is None:
@@ -102,12 +100,9 @@ def largest_area_member(
 
 
 def family_space(scene: Scene, family: str, jerk: bool) -> Space:
-    """The search space of a family under a scene's limits, the jerk limit only with `jerk`.
-
-    `family` is a name as of the command line, optionally with what tells its readings apart
-    (`new-design:start_ratio=0,quintic=yes`). Raises InputError for an unknown family, for a parameter that the search
-    chooses, and for a scene whose two ramps differ.
-    """
+    """The search space of a family, as of `largest_area_member`, under a scene's limits, the jerk limit only with
+    `jerk`. Raises InputError for an unknown family, for a parameter that the search chooses, and for a scene whose two
+    ramps differ."""
     name, given = family_and_keywords(family)
     record = family_named(name)
     chosen = sorted(p.keyword for p in record.parameters.values() if p.searched and p.keyword in given)

@@ -270,16 +270,14 @@ def no_jump_program(
     design: Design,
     cam: FreeCam,
     speeds: Sequence[float] | np.ndarray,
-    angles: Sequence[Angles] | None = None,
     step: float = SAMPLE,
 ) -> NoJumpProgram:
-    """The program at cam speeds [rad/s], with one set of switching angles per speed (default: static load transfer)."""
+    """The program at cam speeds [rad/s], at the switching angles of static load transfer."""
+    angles = [static_angles(train, cam)] * len(speeds)
     return NoJumpProgram(train, design, cam, _blocks(train, design, cam, speeds, angles, step), step=step)
 
 
 def _blocks(train, design, cam, speeds, angles, step) -> tuple[SpeedRows, ...]:
-    if angles is None:
-        angles = [static_angles(train, cam)] * len(speeds)
     sampled: dict[Angles, CamSamples] = {}
     for a in angles:
         if a not in sampled:
