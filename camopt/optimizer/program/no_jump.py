@@ -28,7 +28,7 @@ from camopt.optimizer.program.kinematic import (
     with_lift_reached,
 )
 from camopt.optimizer.program.linear_program import ElasticProgram, Optimum, Rows, least_relaxation
-from camopt.optimizer.program.periodic import SAMPLE, CamSamples, sample_cam
+from camopt.optimizer.program.periodic import SAMPLE, sample_cam
 from camopt.optimizer.program.phases import HELD_N, Angles, force_unit, static_angles
 from camopt.scene.design import Design
 from camopt.scene.errors import NoCamFound
@@ -278,9 +278,6 @@ def no_jump_program(
 
 
 def _blocks(train, design, cam, speeds, angles, step) -> tuple[SpeedRows, ...]:
-    sampled: dict[Angles, CamSamples] = {}
-    for a in angles:
-        if a not in sampled:
-            sampled[a] = sample_cam(cam, a, step)
+    sampled = {a: sample_cam(cam, a, step) for a in set(angles)}
     pairs = zip(speeds, angles, strict=True)
     return tuple(speed_rows(train, design, sampled[a], float(w), a) for w, a in pairs)
