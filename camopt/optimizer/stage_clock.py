@@ -131,7 +131,8 @@ class Progress:
     def __init__(self, wanted: bool, effort: Accuracy, gradient: str, compared: bool):
         search = OTHER_STEPS + (effort.feedback_rounds if gradient != "none" else 0)
         steps = search, VERDICT_STEPS, YIELD_STEPS, COMPARISON_STEPS if compared else 0
-        self._end = dict(zip(("search", "verdict", "yield", "comparison"), accumulate(steps), strict=True))
+        ends = zip(("search", "verdict", "yield", "comparison"), accumulate(steps), strict=True)
+        self._end: dict[str, int] = dict(ends)
         form = "{desc}: {percentage:3.0f}% |{bar}| {elapsed}, {remaining} left{postfix}"
         self._bar = tqdm(total=sum(steps), disable=None if wanted else True, dynamic_ncols=True, bar_format=form)
         self._stage, self._unwanted = "", not wanted
