@@ -105,12 +105,11 @@ def largest_confirmed(
     families: Mapping[str, Lift | str] | None = None,
     failed: str = "",
 ) -> Chosen:
-    """The largest cam that the full verdict confirms, of those that a search offers and of the `family_cams`, which
-    may be left out.
+    """The largest cam that the full verdict confirms, of those that a search offers, which grow, and of the
+    `family_cams`, which may be left out; a member is only judged where no larger cam is confirmed.
 
-    `searched` grow; a member is only judged where no larger cam is confirmed. Where none is confirmed, the largest one
-    of the search with its own verdict and all that were judged. Raises NoCamFound, with why the search `failed`, where
-    it has none either.
+    Where none is confirmed, the largest one of the search with its own verdict and all that were judged. Raises
+    NoCamFound, with why the search `failed`, where it has none either.
     """
     design = scene.required_design
     lifts = [cam for cam in (families or {}).values() if not isinstance(cam, str) and not broken_by_shape(cam, design)]

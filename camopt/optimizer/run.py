@@ -279,14 +279,13 @@ class _OpenRun:
 
     def compared(self, folder: Path, lift: Lift, verdict: Verdict, shown: Progress) -> None:
         """The comparison with its figures or, where none is asked for, the figures of the design alone."""
+        from camopt.optimizer.baselines.comparison import compare_in, plain_baselines  # matplotlib: once there is a cam
+        from camopt.optimizer.baselines.figures import draw
+
         scene, effort = self.scene, self.effort
         if not self.compare:
-            from camopt.optimizer.baselines.figures import draw  # loads matplotlib: only once there is a design
-
             speeds = drawn_speeds(scene.required_operation, effort)
             draw(folder, scene, {"design": lift}, {"design": verdict.as_dict()}, speeds)
             return
-        from camopt.optimizer.baselines.comparison import compare_in, plain_baselines
-
         baselines = plain_baselines(scene, without_jerk_limit=effort.without_jerk_limit, known=self.families)
         compare_in(folder, scene, {"design": lift}, {"design": verdict}, effort, baselines, shown.advance)

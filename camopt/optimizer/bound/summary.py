@@ -1,11 +1,11 @@
 """What a scene allows, before any search: the certified bound, the kinematic optimum, the no-jump optimum and a bound.
 
 The area of every cam that keeps the force margins, under the linear model, margins and angles, is bounded by weak
-duality again. To the area and the multiplier terms of `camopt.optimizer.bound.certificate`, every force row is added
+duality again: to the area and the multiplier terms of `camopt.optimizer.bound.certificate`, every force row is added
 times a multiplier >= 0. Each force is a linear functional of the jerk (or acceleration), whose kernel comes from the
-adjoint of the periodic motion. All rows of a speed share that adjoint, so that a speed takes one backward sweep. The
-kernel is exact at the edges of the sweep; between them it is a cubic Hermite interpolant, whose error is of fourth
-order in a step that is short compared with every period.
+adjoint of the periodic motion, by one backward sweep for all rows of a speed. It is exact at the edges of the sweep;
+between them it is a cubic Hermite interpolant, whose error is of fourth order in a step that is short compared with
+every period.
 """
 
 from dataclasses import dataclass, replace
@@ -48,11 +48,9 @@ SUPPLYING_KNOT_DEG = 1.0
 
 @dataclass(frozen=True)
 class NoJumpCertificate:
-    """Multipliers of the limits (`kinematic`) and of every force row of `program` (r), and the bound they give.
-
-    It bounds the area ratio of every cam, spline or not, whose forces keep `margins` (3, speeds) [N] on the rows of
-    `program`, under the linear model with its switching angles.
-    """
+    """Multipliers of the limits (`kinematic`) and of every force row of `program` (r), and the bound they give on the
+    area ratio of every cam, spline or not, whose forces keep `margins` (3, speeds) [N] on these rows, under the linear
+    model with its switching angles."""
 
     program: NoJumpProgram
     margins: np.ndarray
@@ -73,7 +71,7 @@ def no_jump_bound(
 ) -> NoJumpCertificate | None:
     """The certificate of a program's speeds and angles; None where the design limits no control.
 
-    The multipliers of the forces are the duals of the program on a free cam with knots every `knot_deg`; those of the
+    The multipliers of the forces are the duals of the program on a free cam with knots every `knot_deg`, those of the
     limits then come from the discretised continuous problem. Raises NoCamHoldsContact where that cam keeps no such
     margins.
     """
@@ -240,9 +238,8 @@ def bound_lines(content: dict) -> list[str]:
         _row("no cam has more (certified)", content["area_ratio_bound"]),
         _row("a cam within the limits on the shape has", content["area_ratio_feasible"]),
     ]
-    if content["bound_leaves_out"]:
-        left_out = ", ".join(content["bound_leaves_out"])
-        lines.append(f"  the bound ignores {left_out}, so that the true maximum may be lower")
+    if ignored := ", ".join(content["bound_leaves_out"]):
+        lines.append(f"  the bound ignores {ignored}, so that the true maximum may be lower")
     speeds = ", ".join(f"{speed:g}" for speed in content["speeds_rpm"])
     force, seat = content["margins_N"], content["seat_margin_N"]
     apart = "" if seat == force else f", and the seat by {seat:g} N,"
