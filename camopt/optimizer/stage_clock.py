@@ -14,7 +14,6 @@ from tqdm import tqdm
 
 from camopt.optimizer.accuracy import Accuracy
 
-KIB_PER_MB = 1000**2 / 1024
 VERDICT_STEPS, YIELD_STEPS, COMPARISON_STEPS = 30, 20, 40
 """What verdict, drawn trains and comparison take, in judged cams of the search: only the estimate of the time left
 hangs on it."""
@@ -83,7 +82,7 @@ def peak_memory_mb() -> float | None:
     except ImportError:  # Windows
         return None
     highest = getrusage(RUSAGE_SELF).ru_maxrss
-    return highest / 1000**2 if sys.platform == "darwin" else highest / KIB_PER_MB  # bytes there, KiB elsewhere
+    return highest * (1 if sys.platform == "darwin" else 1024) / 1000**2  # bytes there, KiB elsewhere
 
 
 class _Compilation(event.Listener):
