@@ -95,17 +95,13 @@ def solve_over_peak_angles(cam: FreeCam, design: Design, objective, rows: Rows, 
     """`maximise`, where the design wants its maximum lift reached the best answer over peak angles within 6 degrees of
     the middle: lift(peak) >= maximum lift is a last row then, unless the cap alone leads there. Raises Infeasible."""
     capped = maximise(objective, rows, bound, working)
-    lowest = lift_to_reach(design)
-    if not design.reach_max_lift or cam.lift(capped.z).max_lift >= lowest:
+    if not design.reach_max_lift or cam.lift(capped.z).max_lift >= lift_to_reach(design):
         return capped
     best, working = None, capped.working
-    peaks = np.arange(-4, 5) * PEAK_STEP
-    lift, offset = cam.basis(peaks)
-    for at, constant in zip(lift, offset + lift @ cam.x_p, strict=True):
-        reaching = spline_rows(np.vstack([rows.matrix, -(at @ cam.Z)]))
-        levels = np.append(bound, constant - lowest)
+    for peak in np.arange(-4, 5) * PEAK_STEP:
+        matrix, levels = with_lift_reached(cam, design, rows.matrix, bound, peak)
         try:
-            found = maximise(objective, reaching, levels, np.append(working, len(bound)))
+            found = maximise(objective, spline_rows(matrix), levels, np.append(working, len(bound)))
         except Infeasible:
             continue
         if best is None or found.value > best.value:
@@ -152,21 +148,21 @@ def conflict(design: Design, cam: FreeCam) -> str:
     for g, name in enumerate(limits.names):
         if name == NEAR:
             continue
-        give = np.zeros(len(bound))
+        value, give, size = limits.value[g], np.zeros(len(bound)), abs(limits.value[g])
         lowered = name == "max_lift_mm" and design.reach_max_lift  # a lift that must be reached resolves by falling
-        rows = np.array([len(bound) - 1]) if lowered else limits.rows(name)
-        give[rows] = 1.0 if name in SIGNS else limits.unit[g]
-        if not lowered and name not in SIGNS:
-            give[rows] *= np.abs(limits.slope[rows])
-        size = abs(limits.value[g]) if name not in SIGNS else TYPICAL * MM_PER_DEG2
+        rows = limits.rows(name)
+        if name in SIGNS:
+            give[rows], size = 1.0, TYPICAL * MM_PER_DEG2
+        elif lowered:
+            give[-1] = limits.unit[g]
+        else:
+            give[rows] = limits.unit[g] * np.abs(limits.slope[rows])
         relaxed = least_relaxation(spline, bound, give, size, working)
         if relaxed is None:
             continue
         if name in SIGNS:
-            value = getattr(design, name)
             remedies.append(f"{name} would have to be {SIGNS[name]} than {value:g} or be left out")
             continue
-        value = limits.value[g]
         needed = value + (-relaxed if lowered else limits.sign[g] * relaxed)
         if needed * value <= 0:
             continue  # no number of this limit would do
