@@ -165,7 +165,7 @@ class AscentState:
             moved = {name: self.point[name] + part for name, part in apart.items()}
             there, on = self.variables.nearest_and_faces(moved)
             with jax.disable_jit(False):
-                (value, _), slopes = self._slopes(_arrays(there), self._held)
+                (value, _), slopes = self._slopes(there, self._held)
             return -value, along(faces, along(on, {name: -part for name, part in slopes.items()}))
 
         loss = jax.custom_vjp(lambda other: fall(other)[0])
@@ -181,7 +181,7 @@ class AscentState:
         """Records the present point as an iterate, and goes to the next one."""
         if self._lagrangian is not None and self.iterates and len(self.iterates) % ROUND == 0:
             self._next_round(self._lagrangian)
-        (climbed, (value, terms, paths)), gradient = self._slopes(_arrays(self.point), self._held)
+        (climbed, (value, terms, paths)), gradient = self._slopes(self.point, self._held)
         gradient = jax.tree.map(np.asarray, gradient)
         if not np.all([np.isfinite(part).all() for part in (climbed, *gradient.values())]):
             raise InputError(
@@ -201,7 +201,7 @@ class AscentState:
     def _next_round(self, lagrangian: PathLagrangian) -> None:
         """Moves what the Lagrangian holds. The transformation begins anew: what it knows is of another function."""
         assert self._held is not None
-        (_, (_, _, paths)), _ = self._slopes(_arrays(self.point), self._held)
+        (_, (_, _, paths)), _ = self._slopes(self.point, self._held)
         lift = self.variables.cam.lift(self.variables.cam_vector(self.point))
         self._held = lagrangian.next(self.variables.parameters(self.point), lift, self._held, paths)
         self._begin_anew()

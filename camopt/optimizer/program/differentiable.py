@@ -93,25 +93,16 @@ def _solve(cost: Any, matrix: Any, bound: Any, size: Any) -> tuple[np.ndarray, .
     rows = _rows(matrix.tobytes(), size.tobytes())
     try:
         found = maximise(cost, rows, bound, np.arange(0, len(bound), max(1, len(bound) // ADDED_PER_ROUND)))
-    except Infeasible:
-        return _nowhere(matrix, -np.inf)
-    except Unbounded:
-        return _nowhere(matrix, np.inf)
-    except ArithmeticError:
-        return _nowhere(matrix, np.nan)
+    except (Infeasible, ArithmeticError) as none:  # there is no maximiser
+        value = {Infeasible: -np.inf, Unbounded: np.inf}.get(type(none), np.nan)
+        z, duals, inverse = (np.full(shape, np.nan) for shape in (len(size), len(bound), (len(size), len(size))))
+        return z, np.array(value), duals, np.zeros(len(size), dtype=np.int32), inverse
     basis = rows.model.basis()
     inverse = np.zeros((len(size), len(size)))
     inverse[:, : len(basis)] = np.linalg.pinv(rows.scaled[basis]) * size[:, None] / rows.norm[basis]
     padded = np.zeros(len(size), dtype=np.int32)  # beyond the basis the derivative is zero, whichever row stands there
     padded[: len(basis)] = basis
     return found.z, np.array(found.value), found.duals, padded, inverse
-
-
-def _nowhere(matrix: np.ndarray, value: float) -> tuple[np.ndarray, ...]:
-    """The answer where there is no maximiser."""
-    r, m = matrix.shape
-    missing = np.full(m, np.nan), np.array(value), np.full(r, np.nan)
-    return *missing, np.zeros(m, dtype=np.int32), np.full((m, m), np.nan)
 
 
 @lru_cache(maxsize=MOST_MODELS)
