@@ -159,14 +159,14 @@ class ElasticProgram:
     def __init__(self, rows: Rows, bound: np.ndarray, give: np.ndarray, objective, cost: float, size: float, working):
         last = np.append(np.zeros(len(rows.column)), -1.0)
         matrix = np.vstack([np.column_stack([rows.matrix, -give]), last])
-        self.bound, self._rows = bound, Rows(matrix, np.append(rows.column, size))
-        self._objective, self._working = np.append(objective, -cost), np.append(working, len(give))
+        self.bound, self.rows = bound, Rows(matrix, np.append(rows.column, size))
+        self.objective, self.working = np.append(objective, -cost), np.append(working, len(give))
 
     def solve(self, bound: np.ndarray | None = None) -> Optimum:
         """The point of largest value, with other right sides (r) where they are given; raises Infeasible where the rows
         that do not give contradict each other."""
         bound = self.bound if bound is None else bound
-        return maximise(self._objective, self._rows, np.append(bound, 0.0), self._working)
+        return maximise(self.objective, self.rows, np.append(bound, 0.0), self.working)
 
 
 def least_relaxation(rows: Rows, bound: np.ndarray, give: np.ndarray, size: float, working: np.ndarray) -> float | None:
