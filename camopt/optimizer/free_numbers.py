@@ -91,11 +91,9 @@ def with_best_values(
     """The scene with the best values of its free numbers, and `free` of design.json: by name the value beside the given
     one and the range."""
     given, ranges = [one.of(scene) for one in free], [(one.low, one.high) for one in free]
-    margin_N = usual_margin(build_train(scene))
+    programs = Programs(lambda x: with_values(scene, free, x), speeds, effort, usual_margin(build_train(scene)))
     with tqdm(total=EVALUATIONS, desc="free numbers", disable=None if progress else True, leave=False) as bar:
-        best = maximise_over_parameters(
-            lambda x: with_values(scene, free, x), given, ranges, speeds, effort, margin_N, show=lambda _: bar.update()
-        )
+        best = programs.largest(given, ranges, show=lambda _: bar.update())
     pairs = zip(free, best.values, given, strict=True)
     return with_values(scene, free, best.values), {
         one.name: {"of": one.named(scene), "value": value, "as_given": was, "low": one.low, "high": one.high}
@@ -113,40 +111,6 @@ class LargestOverParameters(NamedTuple):
     evaluations: int
 
 
-def maximise_over_parameters(
-    scene_of: Callable[[np.ndarray], Scene],
-    start: Sequence[float],
-    ranges: Sequence[tuple[float, float]],
-    speeds: str,
-    effort: Accuracy,
-    margin_N: float,
-    evaluations: int = EVALUATIONS,
-    show: Callable[[float], object] = lambda area: None,
-) -> LargestOverParameters:
-    """Of the scenes that `scene_of` makes of values within these ranges, the one whose no-jump program under a margin
-    has the largest area; the area of the start is taken as it is, within the ranges or not."""
-    low, high = np.array(ranges, dtype=float).T
-    programs = Programs(scene_of, speeds, effort, margin_N)
-    at_start, begin, met = programs.value(np.asarray(start, dtype=float)), np.clip(start, low, high), []
-
-    def fall(share: np.ndarray) -> tuple[float, np.ndarray]:
-        if len(met) == evaluations - 1:
-            raise BudgetExhausted
-        values = low + np.clip(share, 0.0, 1.0) * (high - low)
-        area, slopes = programs.value_and_slopes(values, STEP * np.where(share > 0.5, low - high, high - low))
-        met.append((area, values))
-        show(area)
-        return -area, -slopes * (high - low)
-
-    with suppress(BudgetExhausted):
-        minimize(
-            fall, (begin - low) / np.where(high > low, high - low, 1.0), jac=True, method="L-BFGS-B",
-            bounds=[(0.0, float(h > l)) for l, h in zip(low, high, strict=True)], options={"ftol": LEAST_GAIN},
-        )  # fmt: skip
-    area, values = max(met, key=lambda pair: pair[0])
-    return LargestOverParameters(tuple(values.tolist()), area, at_start, len(met) + 1)
-
-
 class BudgetExhausted(Exception):
     """As many programs were solved as may be."""
 
@@ -159,6 +123,35 @@ class Programs:
     speeds: str
     effort: Accuracy
     margin_N: float
+
+    def largest(
+        self,
+        start: Sequence[float],
+        ranges: Sequence[tuple[float, float]],
+        evaluations: int = EVALUATIONS,
+        show: Callable[[float], object] = lambda area: None,
+    ) -> LargestOverParameters:
+        """The values within these ranges whose program has the largest area; that of the start is taken as it is,
+        within the ranges or not."""
+        low, high = np.array(ranges, dtype=float).T
+        at_start, begin, met = self.value(np.asarray(start, dtype=float)), np.clip(start, low, high), []
+
+        def fall(share: np.ndarray) -> tuple[float, np.ndarray]:
+            if len(met) == evaluations - 1:
+                raise BudgetExhausted
+            values = low + np.clip(share, 0.0, 1.0) * (high - low)
+            area, slopes = self.value_and_slopes(values, STEP * np.where(share > 0.5, low - high, high - low))
+            met.append((area, values))
+            show(area)
+            return -area, -slopes * (high - low)
+
+        with suppress(BudgetExhausted):
+            minimize(
+                fall, (begin - low) / np.where(high > low, high - low, 1.0), jac=True, method="L-BFGS-B",
+                bounds=[(0.0, float(h > l)) for l, h in zip(low, high, strict=True)], options={"ftol": LEAST_GAIN},
+            )  # fmt: skip
+        area, values = max(met, key=lambda pair: pair[0])
+        return LargestOverParameters(tuple(values.tolist()), area, at_start, len(met) + 1)
 
     def value(self, values: np.ndarray) -> float:
         """The largest area ratio, or what stands for the shortfall where no cam keeps the margin."""

@@ -219,9 +219,10 @@ class AscentState:
         about = {"scene": self.objective.scene.name, "path": self.objective.source, "maximise": self.objective.maximise}
         steps = notable(self.iterates)
         data = dataset_of(self.iterates, self.variables.train.names).assign_attrs(about, **steps)
-        variables, cams = self.variables, {}
-        for name, one in ((name, self.iterates[step]) for name, step in steps.items()):
-            cams[name] = variables.cam.lift(one.cam), variables.train.scene_with(one.train)
+        cams = {}
+        for name, step in steps.items():
+            one = self.iterates[step]
+            cams[name] = self.variables.cam.lift(one.cam), self.variables.train.scene_with(one.train)
         return AscentHistory(data, *cams["nearest"], *cams.get("best", (None, None)))
 
     def save(self, path: Path) -> None:

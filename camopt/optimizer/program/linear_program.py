@@ -88,6 +88,7 @@ class WarmModel:
         return self.held[~self._slack()]
 
     def _slack(self) -> np.ndarray:
+        """Whether the last solution leaves room in each row of the model."""
         return np.array([status == HighsBasisStatus.kBasic for status in self._highs.getBasis().row_status], dtype=bool)
 
     def pose(self, cost: np.ndarray, level: np.ndarray) -> None:
