@@ -102,14 +102,14 @@ def optimize(
     `start`, by default from the calmest one (`camopt.optimizer.search.search`). The run folder (docs/run-folder.md)
     goes to `out` (default runs/<scene>-<UTC time>), but for report.html, which `camopt.report` makes from it. With
     `resume` an interrupted run in `out` goes on and ends in the same design. `seed`, where it is not zero, draws the
-    knots. Where the scene says how trains differ, fresh ones say in what share of them the cam holds, and `as_built`
-    of the answer has it. `designed` is called with the folder once the design, its verdict, that share and the
-    provenance are written, before the comparison, which can cost none of them; without `compare` there is none. With
-    `wanted_yield`, a share such as 0.99, the cam must hold in that share of them over its band, or the run is not
-    confirmed. `free` names numbers of the scene that the design may choose, with their ranges (low, high) in the key's
-    unit, as {"spring.preload_N": (200, 320)} (`camopt.optimizer.free_numbers`); the folder's scene.toml has the chosen
-    values. `source` is what `gradient` is called elsewhere; `width_um`, `tie` and `steps_per_revolution` are as of
-    `linearised`. Where a family's largest member is confirmed and larger than the search's cam, it is the design.
+    knots. Where the scene says how trains differ, `as_built` of the answer has the share of fresh ones in which the cam
+    holds; with `wanted_yield`, such as 0.99, the run is confirmed only where that share of them holds over the band.
+    `designed` is called with the folder once the design, its verdict, that share and the provenance are written, before
+    the comparison, which can cost none of them; without `compare` there is none. `free` names numbers of the scene that
+    the design may choose, with their ranges (low, high) in the key's unit, as {"spring.preload_N": (200, 320)}
+    (`camopt.optimizer.free_numbers`); the folder's scene.toml has the chosen values. `source` is what `gradient` is
+    called elsewhere; `width_um`, `tie` and `steps_per_revolution` are as of `linearised`. Where a family's largest
+    member is confirmed and larger than the search's cam, it is the design.
 
     Raises InputError for unknown words, contradictory limits, an unusable folder or one of another run, and NoCamFound,
     which is one, where the search finds no cam and no family's largest one is confirmed.

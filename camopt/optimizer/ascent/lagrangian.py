@@ -7,7 +7,7 @@ maximised stands
 
     v - sum_i (max(0, m_i - w h_i)^2 - m_i^2) / (2 w)
 
-with multipliers m >= 0 and a weight w (Powell 1969; Rockafellar 1973). For a round of steps these are held, and the
+with multipliers m >= 0 and a weight w (Powell 1969; Rockafellar 1973). These are held for a round of steps, with the
 angles at which the valve is to be seated. Then m becomes max(0, m - w h), and w grows where the largest violation has
 not shrunk. At each step the revolution starts in the state in which that of the step before ended, which no slope sees.
 """

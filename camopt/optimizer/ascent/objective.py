@@ -1,9 +1,5 @@
 """What gradient ascent maximises: area or a metric, less penalties, over several speeds and drawn trains, and what it
-keeps along paths (`camopt.optimizer.ascent.lagrangian`).
-
-A metric that the scene limits is penalised by how much of its limit it uses beyond `AIM`; any other one by its value in
-its unit. Both are means over speeds and trains, times the penalty's weight.
-"""
+keeps along paths (`camopt.optimizer.ascent.lagrangian`)."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -39,9 +35,9 @@ CONSTRAINED_SPEEDS = 9
 """Speeds of the band at which constraints hold where none are asked for: between them a contact force is smooth."""
 SOURCES = ("auto", "exact", "smooth")
 REPRESENTATIVE = 4
-"""Number of the revolution from rest whose metrics stand for the settled motion's: it is the first in which nearly all
-bounces and jumps that break a limit are within a fifth of the settled ones, of which the first revolution may have less
-than a tenth (`experiments.first_revolutions`). Each further revolution costs as much as the first."""
+"""Number of the revolution from rest whose metrics stand for the settled motion's: the first in which nearly all
+bounces and jumps that break a limit are within a fifth of the settled ones, of which that from rest may have less than
+a tenth (`experiments.first_revolutions`). Each further revolution costs as much."""
 
 Terms = dict[str, jax.Array]
 """Parts of the objective by name: what is maximised, and every penalised metric's mean over speeds and trains."""

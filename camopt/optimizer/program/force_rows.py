@@ -82,12 +82,11 @@ def speed_rows(train: Train, design: Design, samples: CamSamples, cam_speed: flo
     lifted = lifted[angles.phase(theta[lifted]) == LIFTED]
     parts = []
     for e in train.cam_side:
-        force = response.force(e, lifted)
-        parts.append((force, np.where(theta[lifted] < 0, OPENING, CLOSING), e, theta[lifted]))
+        force, own = response.force(e, lifted), (np.full(len(lifted), e), theta[lifted])
+        parts.append((force, np.where(theta[lifted] < 0, OPENING, CLOSING), *own))
         if design.contact_force_max_N is not None:
-            parts.append((force, np.full(len(lifted), PEAK), e, theta[lifted]))
-    parts.append((response.force(train.seat, seated), np.full(len(seated), SEAT), train.seat, theta[seated]))
-    force = np.concatenate([p[0] for p in parts])
-    kind, angle = (np.concatenate([p[i] for p in parts]) for i in (1, 3))
-    element = np.concatenate([np.full(len(p[1]), p[2]) for p in parts])
+            parts.append((force, np.full(len(lifted), PEAK), *own))
+    own = np.full(len(seated), train.seat), theta[seated]
+    parts.append((response.force(train.seat, seated), np.full(len(seated), SEAT), *own))
+    force, kind, element, angle = (np.concatenate(part) for part in zip(*parts, strict=True))
     return SpeedRows(cam_speed, angles, np.ascontiguousarray(force[:, 1:]), force[:, 0], kind, element, angle)

@@ -233,13 +233,12 @@ def _generator(
     g[:n, n : 2 * n] = np.eye(n) * omega
     g[n : 2 * n, :n] = -per_mass * (d.T * k @ d) / omega
     g[n : 2 * n, n : 2 * n] = -per_mass * (d.T * c @ d + np.diag(train.mass_damping))
-    push = [-d.T @ (k * drive), -cam_speed * d.T @ (c * drive)]
-    rest = train.mass_force - d.T @ (train.preload[closed] - k * train.gap[closed])
-    for column, force in zip((2 * n, 2 * n + 1), push, strict=True):
-        g[n : 2 * n, column] = force / train.mass / omega
+    g[n : 2 * n, 2 * n] = -d.T @ (k * drive) / train.mass / omega
+    g[n : 2 * n, 2 * n + 1] = -cam_speed * d.T @ (c * drive) / train.mass / omega
     if further:
         g[n : 2 * n, -n:] = np.diag(1.0 / train.mass) / omega
     else:
+        rest = train.mass_force - d.T @ (train.preload[closed] - k * train.gap[closed])
         g[n : 2 * n, -1] = rest / train.mass / omega
     g[: 2 * n] /= cam_speed
     chain = np.arange(2 * n, 2 * n + LIFT_DERIVATIVES - 1)
