@@ -24,7 +24,6 @@ from camopt.optimizer.search.judge import Judge
 from camopt.optimizer.stage_clock import StageClock
 from camopt.report import write_report
 from camopt.scene import InputError, build_train, load_scene
-from camopt.scene.errors import NoCamFound
 from camopt.scene.units import MM
 from camopt.storage.journal import StepFiles
 from camopt.verifier.methods import rkg
@@ -253,13 +252,3 @@ def test_a_draft_alone_draws_the_motion_at_both_ends_too(accuracy, listed, tmp_p
     job = module._OpenRun(scene, {}, ACCURACIES[accuracy], StageClock(), compare=False)
     job.compared(tmp_path, polydyne(scene), verdict, None)
     assert drawn == [listed]
-
-
-def test_a_search_without_a_cam_leaves_no_folder_behind(tmp_path, monkeypatch):
-    def none(*_, **__):
-        raise NoCamFound("no cam of the no-jump program holds")
-
-    monkeypatch.setattr(module, "find_cam", none)
-    with pytest.raises(NoCamFound, match="no cam of the no-jump program"):
-        optimize(load_scene("motori-1"), "nominal", "draft", "none", tmp_path / "run")
-    assert not (tmp_path / "run").exists()
