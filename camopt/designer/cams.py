@@ -18,7 +18,6 @@ from camopt.highs import Infeasible
 from camopt.optimizer.program.force_rows import PEAK
 from camopt.optimizer.program.kinematic import kinematic_optimum, sensitivities
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
-from camopt.optimizer.program.periodic import SAMPLE
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import converge_tangents
 from camopt.scene import InputError, Scene, Train
@@ -110,9 +109,9 @@ class CamFinder:
         if program is not None and last_shape == shape and is_linear(train):
             held = program.cam.about.near is not None
             return replace(program, design=design, cam=_cam(design)) if held else program.under(design)
-        speeds, step = program_speeds_rpm(scene), COARSE_STEP if coarse else SAMPLE
+        speeds, step = program_speeds_rpm(scene), {"step": COARSE_STEP} if coarse else {}
         cam = free_cam(design, KNOT_DEG) if coarse else _cam(design)
-        return no_jump_program(train, design, cam, [scene.cam_speed(s) for s in speeds], step=step)
+        return no_jump_program(train, design, cam, [scene.cam_speed(s) for s in speeds], **step)
 
 
 def _cam(design: Design) -> FreeCam:
