@@ -36,6 +36,7 @@ from importlib import import_module
 from importlib.metadata import version
 from typing import TYPE_CHECKING
 
+# ruff: noqa: F401
 if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr__`
     from camopt.cam.card import CrankTiming, cam_card
     from camopt.cam.conversion import converted
@@ -49,7 +50,7 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
     from camopt.cam.families.trapezoid import trapezoid
     from camopt.cam.read import read_cam
     from camopt.cam.tables.lift_table import read_lift_table
-    from camopt.designer.notebook import live
+    from camopt.designer import live
     from camopt.measure.as_built import trains_as_built
     from camopt.optimizer.ascent.ascent import ascend
     from camopt.optimizer.ascent.objective import objective
@@ -74,47 +75,6 @@ if TYPE_CHECKING:  # for editors and type checkers, which do not run `__getattr_
 
 __version__ = version("camopt")
 
-__all__ = [
-    "CrankTiming",
-    "MeasuredLift",
-    "area_bound",
-    "ascend",
-    "cam_card",
-    "camshaft_torque",
-    "compare",
-    "converted",
-    "cycloidal",
-    "differentiable",
-    "exponent",
-    "free_cam",
-    "identify",
-    "joint_spring",
-    "kurz",
-    "linear_program",
-    "linearised",
-    "live",
-    "load_scene",
-    "manufacturing_yield",
-    "modes",
-    "multi_pol",
-    "nearest_free_cam",
-    "new_design",
-    "objective",
-    "optimize",
-    "pareto",
-    "polydyne",
-    "polynomial_345",
-    "polynomial_4567",
-    "read_cam",
-    "read_lift_table",
-    "reduce",
-    "simulate",
-    "sweep",
-    "tradeoff",
-    "trains_as_built",
-    "trapezoid",
-    "verify",
-]
 _PUBLIC = {
     "optimize": "camopt.optimizer.run",
     "verify": "camopt.verifier.accuracy",
@@ -154,8 +114,9 @@ _PUBLIC = {
     "ascend": "camopt.optimizer.ascent.ascent",
     "nearest_free_cam": "camopt.optimizer.ascent.projection",
     "linear_program": "camopt.optimizer.program.differentiable",
-    "live": "camopt.designer.notebook",
+    "live": "camopt.designer",
 }
+__all__ = sorted(_PUBLIC)  # pyright: ignore[reportUnsupportedDunderAll]
 
 
 def __getattr__(name: str):

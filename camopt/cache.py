@@ -5,11 +5,9 @@ from pathlib import Path
 
 
 def cache_folder(name: str) -> Path | None:
-    """`name` below the user's cache folder (XDG_CACHE_HOME, else ~/.cache), in a folder camopt; made where missing.
-
-    What is kept there is executed, so the folder is made for this user alone. Returns None where it cannot be made or
-    written to, or where others may write to it: programs are then compiled anew in each process.
-    """
+    """`name` in a folder camopt of the user's cache folder (XDG_CACHE_HOME, else ~/.cache), made where missing. What is
+    kept there is executed, so the folder is made for this user alone; None where it cannot be made or written to, or
+    where others may write to it: programs are then compiled anew in each process."""
     try:
         home = Path(os.environ.get("XDG_CACHE_HOME") or Path("~/.cache").expanduser())
         folder = home / "camopt" / name

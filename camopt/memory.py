@@ -7,9 +7,7 @@ from functools import cache
 MALLOPT = {"M_TRIM_THRESHOLD": (-1, 1 << 26), "M_MMAP_THRESHOLD": (-3, 1 << 22)}
 """Parameters of glibc's mallopt(3), with their numbers in <malloc.h>: free memory at the end of the heap is given back
 from 64 MiB on, and arrays from 4 MiB on have pages of their own, which go with them. By itself glibc keeps freed arrays
-of up to 32 MiB in one heap for each of the threads: a third of the memory of `kodama`, and more where laws are curved,
-since each drawn train has larger tables of its own. With pages of their own from 1 MiB on the search on `kodama` takes
-70 MB less, and a second more to have them cleared."""
+of up to 32 MiB in one heap for each of the threads: a third of the memory of `kodama`, more where laws are curved."""
 ONE_HEAP = (-8, 1)
 """M_ARENA_MAX: all threads share one heap."""
 
@@ -22,3 +20,10 @@ def give_memory_back(one_heap: bool = False) -> None:
     if mallopt is not None:
         for number, value in (*MALLOPT.values(), *([ONE_HEAP] if one_heap else [])):
             mallopt(number, value)
+
+
+def trim_heaps() -> None:
+    """Gives the free pages between arrays in use back to the system (glibc's malloc_trim(3))."""
+    trim = getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform == "linux" else None
+    if trim is not None:
+        trim(0)

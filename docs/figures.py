@@ -1,9 +1,9 @@
 """Draws the figures of the pages: `python -m docs.figures` writes docs/model-metrics.png, docs/model-train.png and
 docs/smoothing.png.
 
-Everything in the first is computed: the cam is the scene's Polydyne, the motion is the settled event-exact one, and the
-angles and values that the figure names are those that the metrics use. The second is a sketch; the
-third is computed (`docs.smoothing_figure`).
+The first shows the settled event-exact motion of a scene's Polydyne; the angles and values that it names are those that
+the metrics use. The second is a sketch of a bucket tappet as camopt sees it. The third, of docs/how-to/smoothing.md, is
+the force of a contact by the width of its layer and by the share of the tie, computed too.
 """
 
 import io
@@ -12,6 +12,7 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.patches import Polygon, Rectangle
 
 import camopt
 from camopt.cam.lift import Lift
@@ -19,19 +20,114 @@ from camopt.exact.engine import prepare
 from camopt.measure.hermite import Hermite
 from camopt.measure.metrics import measure
 from camopt.measure.settling import settle
-from camopt.plots.style import BASE, LIMIT, new_figure, styled
+from camopt.plots.style import BASE, INK, LIMIT, new_figure, styled
 from camopt.scene.response import Response
 from camopt.scene.rest import rest_position
 from camopt.scene.train import build_train
 from camopt.scene.units import DEG, MM
+from camopt.smooth.laws import Layer, raw_force
 from camopt.storage import write_bytes
-from docs.smoothing_figure import smoothing
-from docs.train_figure import model_train
+
+STEEL, CAM, COIL = "#c8d2dc", "#9A6A00", "#0072B2"
+VALVE = COIL
+
+
+@styled
+def model_train():
+    """The train beside its elements' forces by compression."""
+    figure = new_figure(8.4, 3.6)
+    scheme, laws = figure.subplots(1, 2, width_ratios=(1.15, 1))
+    _scheme(scheme)
+    _laws(laws)
+    return figure
+
+
+def _scheme(axes: Axes) -> None:
+    """Cam, mass, spring and seat on the valve's axis; x grows downwards, as the valve opens."""
+    angle = np.linspace(0, 2 * np.pi, 200)
+    radius = 0.62 + 0.33 * np.exp(-(((angle - 1.1 * np.pi) / 0.5) ** 2))
+    axes.add_patch(Polygon(np.column_stack([radius * np.cos(angle), 4.8 + radius * np.sin(angle)]), fc="w", ec=CAM))
+    axes.add_patch(Rectangle((-0.9, 3.3), 1.8, 0.75, fc=STEEL, ec="k"))
+    axes.plot([0, 0], [3.3, 1.0], color="k", linewidth=3)
+    axes.plot([-0.75, 0.75], [1.03, 1.03], color="k", linewidth=3)
+    y = np.linspace(1.75, 3.3, 60)
+    axes.plot(
+        1.35 + 0.16 * np.sign(np.sin(9 * (y - 1.75) * np.pi)) * np.abs(np.sin(9 * (y - 1.75) * np.pi)), y, color=COIL
+    )
+    axes.plot([0.9, 1.35], [3.3, 3.3], color=COIL)
+    for left in (-1.7, 0.35):
+        axes.add_patch(Rectangle((left, 1.08), 1.35, 0.28, fc="w", ec="k", hatch="////"))
+    axes.add_patch(Rectangle((1.05, 1.36), 0.65, 0.39, fc="w", ec="k", hatch="////"))
+    axes.annotate("", (-2.1, 2.3), (-2.1, 4.2), arrowprops={"arrowstyle": "-|>", "linewidth": 1})
+    axes.text(-2.2, 3.2, "x: the valve opens", rotation=90, ha="right", va="center", fontsize=BASE - 1)
+    words = (
+        (4.6, "cam, which turns and pushes by the lift"),
+        (4.18, 'contact "cam": pushes only, its gap is the lash'),
+        (3.65, "mass: valve, bucket, retainer"),
+        (2.6, 'spring: ["valve", "ground"], preloaded'),
+        (0.95, 'contact "seat": ["ground", "valve"]'),
+    )
+    for height, text in words:
+        axes.text(2.0, height, text, va="center", fontsize=BASE - 1)
+    axes.plot([0.35, 1.9], [4.22, 4.18], color="#888888", linewidth=0.6)
+    axes.plot([0.8, 1.9], [0.99, 0.95], color="#888888", linewidth=0.6)
+    axes.set(xlim=(-2.7, 6.6), ylim=(0.5, 6.1), aspect="equal")
+    axes.set_axis_off()
+    axes.set_title("A train of one mass and three elements")
+
+
+def _laws(axes: Axes) -> None:
+    """Elastic force by compression, with what a spring, a contact and a contact with a gap do."""
+    d = np.linspace(-1.2, 1.0, 200)
+    axes.axhline(0, color="#888888", linewidth=0.6)
+    axes.axvline(0, color="#888888", linewidth=0.6)
+    axes.plot(d, 0.5 + 0.55 * d, color=COIL, label="spring with a preload: pushes and pulls")
+    axes.plot(
+        d, np.maximum(0.0, 0.3 + 1.3 * d), color=LIMIT, linestyle="--", label="contact with a preload: pushes only"
+    )
+    axes.plot(d, np.maximum(0.0, 1.3 * (d - 0.3)), color=CAM, linestyle=":", label="contact with a gap: touches later")
+    axes.set(xticks=[0], yticks=[0], xlabel="compression d", ylabel="elastic force p")
+    axes.legend(fontsize=BASE - 1, loc="upper left")
+    axes.set(ylim=(-0.3, 2.2))
+    axes.set_title("What elements do")
+
+
+SMOOTHED, SMOOTHED_RPM = "kodama", 7000
+"""At this speed the scene's Polydyne jumps."""
+WIDTHS_UM = (2.0, 6.0)
+TIES = {0.0: "#9A6A00", 0.01: "#009E73", 1.0: "#0072B2"}
+
+
+@styled
+def smoothing():
+    """Force by compression for two widths, and force by angle for three shares of the tie."""
+    figure = new_figure(8.4, 3.4)
+    layer, tie = figure.subplots(1, 2, width_ratios=(1, 1.35))
+    u = np.linspace(-4.0, 6.0, 400)
+    layer.plot(u, np.maximum(u, 0.0), color=INK, label="law of the scene")
+    for width, line in zip(WIDTHS_UM, ((0, (5, 2)), (0, (1, 1.5))), strict=True):
+        force = raw_force(u * 1e-6, 0.0 * u, 1e6, 0.0, Layer(width * 1e-6))
+        layer.plot(u, np.asarray(force), color=LIMIT, linestyle=line, label=f"width_um = {width:g}")
+    layer.set(xlabel="compression [um]", ylabel="force [N] at 1 N/um", title="The layer")
+    layer.legend(fontsize="small")
+    scene = camopt.load_scene(SMOOTHED)
+    cam = camopt.polydyne(scene)
+    contact = next(one.name for one in scene.element if one.cam_driven)
+    motions = {"exact": camopt.simulate(scene, cam, SMOOTHED_RPM)}
+    motions |= {f"tie = {share:g}": camopt.simulate(scene, cam, SMOOTHED_RPM, "smooth", tie=share) for share in TIES}
+    for (name, motion), color in zip(motions.items(), (INK, *TIES.values()), strict=True):
+        shown = (motion.revolution == 1) & (abs(motion.cam_angle_deg) < 80)
+        force = motion.force_N.sel(element=contact)[shown]
+        line = (0, (5, 2)) if name == "tie = 0" else "-"
+        tie.plot(motion.cam_angle_deg[shown], force, color=color, label=name, linestyle=line, linewidth=1.2)
+    tie.axhline(0.0, color=INK, linewidth=0.6)
+    tie.set(xlabel="cam angle [deg]", ylabel="force at the cam [N]", ylim=(-500, 1800), title="The tie")
+    tie.legend(fontsize="small", ncols=2)
+    return figure
+
 
 SCENE, SPEED_RPM = "motori-1", 6000
 """At this speed the scene's Polydyne jumps and bounces by amounts that can be seen."""
-PICTURE, TRAIN = (Path(__file__).with_name(f"model-{name}.png") for name in ("metrics", "train"))
-CAM, VALVE = "#9A6A00", "#0072B2"
 EVENT, WINDOW = "#e8eef4", "#f6ecd9"
 
 
@@ -155,9 +251,9 @@ def _closing(axes: Axes, drawn: Drawn) -> None:
 
 def main() -> None:
     """Writes the pictures."""
-    drawn = {PICTURE: model_metrics(motion()), TRAIN: model_train(), PICTURE.with_name("smoothing.png"): smoothing()}
-    for path, figure in drawn.items():
-        content = io.BytesIO()
+    drawn = {"model-metrics": model_metrics(motion()), "model-train": model_train(), "smoothing": smoothing()}
+    for name, figure in drawn.items():
+        path, content = Path(__file__).with_name(f"{name}.png"), io.BytesIO()
         figure.savefig(content, format="png", dpi=130)
         write_bytes(path, content.getvalue())
         print(path)

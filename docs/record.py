@@ -68,9 +68,7 @@ def main(names: Sequence[str] = ()) -> None:
             for command in commands_of(page):
                 found[command] = printed(command, Path(name))
                 print(command, found[command]["exit_code"], flush=True)
-    write_json(
-        RECORDED, {"provenance": provenance("record", "") | {"command": "python -m docs.record"}, "printed": found}
-    )
+    write_json(RECORDED, {"provenance": provenance("python -m docs.record"), "printed": found})
 
 
 if __name__ == "__main__":

@@ -44,8 +44,7 @@ def recorded(path: Path) -> nbformat.NotebookNode:
     for number, cell in enumerate(code_cells(notebook)):
         cell.execution_count = number + 1
         cell.outputs = [kept(one) for one in cell.outputs if one.get("name") != "stderr"]
-    made = {"provenance": provenance(path.stem, "small") | {"command": "python -m docs.record_notebooks"}}
-    notebook.metadata["camopt"] = made
+    notebook.metadata["camopt"] = {"provenance": provenance("python -m docs.record_notebooks")}
     return notebook
 
 

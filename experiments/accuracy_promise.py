@@ -26,8 +26,7 @@ from camopt.verifier.accuracy import effort_of
 from camopt.verifier.record import bounce_error_um
 from camopt.verifier.verdict import verdict_on
 from experiments.support.drawn_cases import DrawnCase, drawn_cases
-from experiments.support.record import RESULTS, run_script, write_result
-from experiments.support.sweeping import called
+from experiments.support.record import RESULTS, called, run_script, write_result
 
 SEED = {"small": 25, "full": 20}
 DRAWS = {"small": 3, "full": 200}
@@ -132,9 +131,6 @@ def keep(rows: list[dict], size: str, folder=RESULTS) -> dict:
         "truth_against_dop853_um": max((r["truth_against_dop853_um"] for r in located), default=None),
         "rows": [{k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in r.items()} for r in rows],
     }
-    for quantity, of in content["counts"].items():
-        print(f"{quantity:<16}", ", ".join(f"{k} {v if v is None else round(v, 2)}" for k, v in of.items()))
-    print("truth against located DOP853, largest:", content["truth_against_dop853_um"], "um in", len(located), "draws")
     return write_result("accuracy_promise", size, content, {}, folder)
 
 

@@ -1,4 +1,4 @@
-"""Do ten ordinary valve trains, drawn at random, all go through the job: confirmed, or refused with a sentence?
+"""Do ten ordinary trains drawn at random all end in a confirmed cam or a sentence, at draft accuracy?
 
 Bucket, finger and pushrod trains with rigid and elastic rods, two to fourteen masses, numbers as engines have them:
 each through the whole job at draft accuracy, comparison included. A crash, or a verdict without a word, is a defect.
@@ -16,8 +16,7 @@ from matplotlib.figure import Figure
 from camopt.optimizer.run import optimize
 from camopt.plots.style import new_figure, styled
 from camopt.scene import InputError, Scene, parse_scene
-from experiments.support.record import RESULTS, run_script, write_result
-from experiments.support.sweeping import called
+from experiments.support.record import RESULTS, called, run_script, write_result
 
 SCENES = {"small": (8,), "full": range(10)}  # number 8 is a bucket train of two masses, the quickest
 SPEEDS = {"small": "nominal", "full": "band"}
@@ -162,7 +161,6 @@ def main(size: str, folder=RESULTS) -> dict:
     """Draws, runs the job on each, prints and writes `architectures.json`."""
     cases = ({"number": number, "speeds": SPEEDS[size]} for number in SCENES[size])
     rows = called("experiments.architectures:one", cases, size)
-    print(*rows, sep="\n")
     ends = {e: sum(r["ends"] == e for r in rows) for e in sorted({r["ends"] for r in rows})}
     content = {"trains": len(rows), "ends": ends, "rows": rows}
     return write_result("architectures", size, content, {"areas": figure(rows)} if size == "full" else {}, folder)

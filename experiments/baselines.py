@@ -1,4 +1,5 @@
-"""How good is the best cam of every family on `kodama`, with the scene's jerk limit and without any?
+"""How good is the best cam of every family on `kodama` within 0.05 mm of bounce, with the scene's jerk limit and
+without?
 
 Every family of the registry is searched over its own free parameters (section angles and levels, exponents and design
 speed) for the largest area whose bounce stays within 0.05 mm at the four listed speeds, under all limits on the shape

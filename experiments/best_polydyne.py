@@ -1,8 +1,9 @@
-"""How good is the best Polydyne within the scene's limits? Exponents and design speed searched, judged by event-exact.
+"""How good is the best Polydyne within the scene's limits?
 
-Two answers on `kodama`: the largest area that holds the bounce limit at the listed speeds, and, because none may, the
-least bounce that any member reaches. Members must keep the acceleration limits; the jerk limit is reported, not asked
-for, as in the paper's Table 4. Searched by SciPy's differential evolution on (four exponents, design speed).
+Exponents and design speed searched, judged by event-exact. Two answers on `kodama`: the largest area that holds the
+bounce limit at the listed speeds, and, because none may, the least bounce that any member reaches. Members must keep
+the acceleration limits; the jerk limit is reported, not asked for, as in the paper's Table 4. Searched by SciPy's
+differential evolution on (four exponents, design speed).
 """
 
 from pathlib import Path

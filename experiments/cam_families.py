@@ -1,13 +1,10 @@
-"""What do the cam families of the literature reach under the same limits?
+"""What do the literature's cams reach under the paper's Table 4, and under all limits of `kodama`?
 
 All families on the conditions of the paper's Table 4 (no jerk limit, no limit on the nose; the ramp is 0.265 mm for
-all), and under all limits of `kodama`: area ratio, peaks, and the steps of velocity, acceleration and jerk where the
-ramp and where sections meet. Under Table 4 also the order of continuity of every junction and the bounce on `kodama`
-at its listed speeds, by event-exact and Runge-Kutta-Gill; the table of README.md is printed. Polydyne and the exponent
+all), and under all limits of `kodama`: area ratio, peaks, and the order of continuity of every junction. Under Table 4
+also the bounce on `kodama` at its listed speeds, by event-exact and Runge-Kutta-Gill. Polydyne and the exponent
 polynomial have no searched parameters: they are the members with exponents 2-10-18-26-34, and may break a limit. Plain
-`new-design` starts at a12* = 0.95 a12 where there is no jerk limit and at 0 where there is one. `full` also searches
-the sectioned families for five times as many generations without any start: how far the plain members are below that,
-with their few generations and known starts.
+`new-design` starts at a12* = 0.95 a12 where there is no jerk limit and at 0 where there is one.
 """
 
 from pathlib import Path
@@ -15,12 +12,8 @@ from pathlib import Path
 import numpy as np
 from matplotlib.figure import Figure
 
-from camopt.cam.families import kurz, multi_pol, new_design, trapezoid
-from camopt.cam.families.largest_area import GENERATIONS, best_angles, best_levels
 from camopt.cam.families.registry import FAMILIES
-from camopt.cam.families.sections import flank
 from camopt.cam.lift import Lift, lift_table
-from camopt.cam.ramps import scene_ramps
 from camopt.cam.read import read_cam
 from camopt.measure.limits import broken_by_shape
 from camopt.plots.cams import profiles
@@ -28,11 +21,77 @@ from camopt.plots.style import save
 from camopt.scene import Scene, load_scene
 from camopt.scene.design import Design
 from camopt.scene.units import DEG, MM
-from camopt.storage import write_json
 from camopt.verifier.convergence import Tolerances
-from camopt.verifier.verdict import verdict_on
-from experiments.support.cam_families_table import bounces, markdown, orders_of_continuity
-from experiments.support.record import RESULTS, provenance, run_script
+from camopt.verifier.verdict import Verdict, verdict_on
+from experiments.support.record import RESULTS, run_script, write_result
+
+CONTINUOUS = 1e-6
+"""Largest step at a junction, relative to the derivative's largest value in the event, that counts as round-off."""
+HIGHEST = 4
+"""Highest derivative that is looked at."""
+SAME_MM = 0.005
+"""Ranges of bounce that are wider are printed."""
+HEADS = (
+    "cam", "area ratio", "acceleration [mm/deg²]", "jerk [mm/deg³]", "continuity: ramp; sections; nose",
+)  # fmt: skip
+
+
+def orders_of_continuity(lift: Lift) -> dict[str, list[int]]:
+    """Order of the highest continuous derivative where the opening ramp ends, where sections meet, and at the nose.
+
+    A derivative counts as continuous where all lower ones are and its step is at most CONTINUOUS of its largest value
+    in the event; none above HIGHEST is looked at. Cams without sections have no junction but ramp and nose.
+    """
+    half = lift.half_duration
+    first, last = np.searchsorted(lift.borders, [-half - 1e-9, half - 1e-9])
+    widths = np.diff(lift.borders)
+    ends = []  # per derivative: values at the start and the end of every piece
+    for k in range(HIGHEST + 1):
+        pieces = [np.polynomial.Polynomial(c).deriv(k) for c in lift.coefficients]
+        ends.append(np.array([[p(0.0), p(w)] for p, w in zip(pieces, widths, strict=True)]))
+    scale = [np.abs(values[first:last]).max() for values in ends]
+
+    def order(angle: float) -> int:
+        i = int(np.argmin(np.abs(lift.borders - angle)))
+        for k, (values, largest) in enumerate(zip(ends, scale, strict=True)):
+            if abs(values[i, 0] - values[i - 1, 1]) > CONTINUOUS * largest:
+                return k - 1
+        return HIGHEST
+
+    inside = -half + np.cumsum(lift.parameters.get("sections_deg", ())[:-1]) * DEG
+    return {"ramp": [order(-half)], "sections": [order(a) for a in inside], "nose": [order(0.0)]}
+
+
+def bounces(verdict: Verdict) -> list[dict]:
+    """Bounce per speed: the first method's with its error, its range over neighbouring motions, agreement."""
+    keys = ("speed_rpm", "bounce_mm", "bounce_error_mm", "bounce_range_mm")
+    found = [speed.as_dict() for speed in verdict.speeds]
+    return [{**{k: s[k] for k in keys}, "methods_agree": s["verdict"] != "not converged"} for s in found]
+
+
+def markdown(cams: list[dict]) -> list[str]:
+    """Lines of the table: one row per cam under the conditions of Table 4."""
+    rows = [cam for cam in cams if cam["limits"] == "Table 4"]
+    speeds = [f"bounce {b['speed_rpm']:g}" for b in rows[0]["bounce"]]
+    lines = ["| " + " | ".join([*HEADS, *speeds]) + " |", "|---" * (len(HEADS) + len(speeds)) + "|"]
+    for cam in rows:
+        low, high = cam["acceleration_min_mm_per_deg2"], cam["acceleration_max_mm_per_deg2"]
+        orders = "; ".join(" ".join(map(str, found)) or "–" for found in cam["continuity"].values())
+        shape = [f"{cam['area_ratio']:.4f}", f"{high:.4f} / −{-low:.4f}", f"{cam['jerk_max_mm_per_deg3']:.4f}", orders]
+        lines.append("| " + " | ".join([f"`{cam['cam']}`", *shape, *(_bounce(b) for b in cam["bounce"])]) + " |")
+    return lines
+
+
+def _bounce(found: dict) -> str:
+    """A bounce [mm] with the range of neighbouring motions where it is wide, marked where the methods disagree."""
+    if found["bounce_mm"] is None:
+        return "never seats"
+    mark = "" if found["methods_agree"] else "*"
+    low, high = found["bounce_range_mm"]
+    if high - low > SAME_MM:
+        return f"{low:.2f} to {high:.2f}{mark}"
+    return f"{found['bounce_mm']:.3f}{mark}"
+
 
 CAMS = (*FAMILIES, "new-design:start_ratio=0", "new-design:quintic=yes")
 SMALL = ("polydyne", "exponent", "trapezoid")
@@ -40,16 +99,6 @@ SPEEDS = {"small": (5000.0,), "full": None}
 HALVINGS = {"small": 2, "full": 4}
 TOLERANCE_UM = 5.0
 JERK_SHOWN = 0.0055
-LONG = 5 * GENERATIONS
-SEARCHED = {
-    "multi-pol": multi_pol.TABLE_1,
-    "new-design:start_ratio=0.95": new_design.table_2(False, 0.95),
-    "new-design:start_ratio=0": new_design.table_2(False, 0.0),
-    "new-design:start_ratio=0.95,quintic=yes": new_design.table_2(True, 0.95),
-    "new-design:start_ratio=0,quintic=yes": new_design.table_2(True, 0.0),
-    "kurz": kurz.TABLE,
-    "trapezoid": trapezoid.TABLE,
-}
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
@@ -67,15 +116,11 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
             for where, found in cams.items()
             for name, lift in found.items()
         ],
-        "long_search": long_search(scenes) if size == "full" else None,
-        "provenance": provenance(__file__, size),
     }
-    ending = "" if size == "full" else "-small"
-    write_json(folder / f"cam_families{ending}.json", result)
     print("\n".join(markdown(result["cams"])))
     drawn = {name: lift for name, lift in cams["Table 4"].items() if name in FAMILIES}
-    save(opening_flanks(drawn, freed), folder, f"cam_families{ending}")
-    return result
+    save(opening_flanks(drawn, freed), folder, "cam_families")
+    return write_result("cam_families", size, result, {}, folder)
 
 
 def opening_flanks(cams: dict[str, Lift], design: Design) -> Figure:
@@ -96,60 +141,23 @@ def motion(lift: Lift, scene: Scene, where: str, size: str) -> dict:
     """Bounce at the listed speeds by two methods, where it is asked for: under the conditions of Table 4."""
     if where != "Table 4":
         return {}
-    return {
-        "bounce": bounces(
-            verdict_on(scene, lift, SPEEDS[size], ("event", "rkg"), None, Tolerances(TOLERANCE_UM, HALVINGS[size]))
-        )
-    }
+    tolerances = Tolerances(TOLERANCE_UM, HALVINGS[size])
+    return {"bounce": bounces(verdict_on(scene, lift, SPEEDS[size], ("event", "rkg"), None, tolerances))}
 
 
 def figures(lift: Lift, scene: Scene) -> dict:
-    """Area ratio, peaks inside the duration, steps at the ramp top and between sections, limits that are broken."""
+    """Area ratio, peaks inside the duration, continuity of the junctions, limits that are broken."""
     half = lift.half_duration
-    units = {"velocity_mm_per_deg": 1, "acceleration_mm_per_deg2": 2, "jerk_mm_per_deg3": 3}
     low, high = (value / MM * DEG**2 for value in lift.extremes(2, -half, half))
-    inside = lift.borders[(lift.borders > -half + 1e-9) & (lift.borders < half - 1e-9)]
-    steps = {
-        f"{place}_step_{name}": largest_step(lift, borders, k) / MM * DEG**k
-        for place, borders in (("ramp", np.array([-half, half])), ("section", inside))
-        for name, k in units.items()
-    }
     return {
         "area_ratio": lift.area_ratio(scene.required_design.max_lift_mm * MM),
         "acceleration_max_mm_per_deg2": high,
         "acceleration_min_mm_per_deg2": low,
         "jerk_max_mm_per_deg3": float(np.abs(lift.extremes(3, -half, half)).max()) / MM * DEG**3,
-        **steps,
         "continuity": orders_of_continuity(lift),
         "broken": broken_by_shape(lift, scene.design),
         "parameters": lift.parameters,
     }
-
-
-def largest_step(lift: Lift, borders: np.ndarray, order: int) -> float:
-    """Largest step of a derivative at piece borders [rad], from the pieces on both sides."""
-    found = [0.0]
-    for right in np.searchsorted(lift.borders, borders - 1e-9):
-        before, after = (np.polynomial.Polynomial(c).deriv(order) for c in lift.coefficients[[right - 1, right]])
-        found.append(abs(float(after(0.0) - before(lift.borders[right] - lift.borders[right - 1]))))
-    return max(found)
-
-
-def long_search(scenes: dict[str, Scene]) -> list[dict]:
-    """Angles and area ratio of the sectioned families from a search without starts."""
-    rows = []
-    for where, scene in scenes.items():
-        design = scene.required_design
-        ramp, _ = scene_ramps(design)
-        for name, table in SEARCHED.items():
-            angles = best_angles(table, design, ramp, True, (), LONG)
-            one = flank(table, angles)
-            x, stretch = best_levels(table, one, design, ramp, True, {})
-            ratio = one.lift(x, ramp, name, {}).area_ratio(design.max_lift_mm * MM)
-            shares = (angles / angles.sum()).tolist()
-            row = {"cam": name, "limits": where, "generations": LONG, "area_ratio": ratio, "stretch": stretch}
-            rows.append({**row, "sections_deg": (angles / DEG).tolist(), "shares_of_half_duration": shares})
-    return rows
 
 
 if __name__ == "__main__":

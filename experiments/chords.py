@@ -45,7 +45,6 @@ def main(size: str = "full", folder=RESULTS) -> dict:
     """Errors and times against N, and the price of tables."""
     chords = {name: of_scene(name, CHORDS[size], REPEATS[size], BUMPS[size]) for name in MOTIONS}
     content = {"chords": chords, "tables_over_linear": price_of_tables(REPEATS[size])}
-    print(content)
     return write_result("chords", size, content, {}, folder)
 
 

@@ -52,7 +52,6 @@ def main(size: str, folder=RESULTS) -> dict:
         "contacts": (contacts := [contacts_row(scene, cam, n) for n in IDLE[size]]),
         "never_closing": [never_closing(scene, cam), never_closing(load_scene("motori-1"), cam)],
     }
-    print(content)
     return write_result("cost_scaling", size, content, figures(rows, contacts) if size == "full" else {}, folder)
 
 

@@ -1,14 +1,18 @@
 """Above the jump: does the gradient of a mean over neighbouring cams say what a step does, where a single one does not?
 
-`kodama` with a Polydyne at 7000 r/min, the first revolution from rest, 10 bumps on the lift. The mean is over cams
-whose bumps have heights of standard deviation `SIGMA`. Three gradients of a metric: of the single cam (exact), of the
-mean (pathwise: exact gradients averaged) and of the mean by an evolution strategy (values only). Each proposes a step
+`kodama` with a Polydyne at 7000 r/min, the first revolution from rest, 10 bumps on the lift. The mean of a metric is
+J_sigma(z) = E J(z + sigma xi) over cams whose bumps have heights of standard deviation `SIGMA`, with xi normal; members
+come in pairs, xi and -xi. Three gradients of a metric: of the single cam (exact), of the mean (pathwise: exact
+gradients averaged) and of the mean by an evolution strategy (values only). The pathwise one misses what steps of the
+metric contribute (a contact that closes once more or once less), which agreement of its halves does not show; once the
+motion is chaotic its variance has no bound, which their disagreement shows (`split_half_cosine`). Each proposes a step
 of a given length downhill; other members than those of the gradients then say by how much the mean changed.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -17,14 +21,13 @@ from tqdm import tqdm
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.motion import TracedMotion, value_and_gradient
-from camopt.exact.affine.lines import rest_of
 from camopt.plots.style import INK, legend_above, lines, new_figure, styled
 from camopt.scene import MotionRefused, Train, build_train, load_scene
 from camopt.scene.rest import state_at_rest
 from camopt.study.gradient.paths import cosine, moved, with_bumps
-from experiments.support.ensemble import WORKERS, CamEnsemble, EnsembleGradient, ensemble_gradient, summary
 from experiments.support.record import RESULTS, run_script, write_result
 
+WORKERS = 2
 RPM = 7000.0
 METRICS = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s", "contact_force_max_N")
 SIGMA = 2e-6
@@ -37,27 +40,87 @@ LENGTHS = {"small": (1e-6,), "full": (2e-7, 5e-7, 1e-6, 2e-6, 5e-6)}
 """Lengths of the steps [m]: root of the sum of squared heights."""
 
 
+class Bumped(NamedTuple):
+    """A cam with m bumps in a train at one speed, whose l metrics in the first revolution from rest are asked."""
+
+    train: Train
+    lift: Lift
+    directions: np.ndarray  # (m, p, q), as of `with_bumps`
+    cam_speed: float  # rad/s
+    metrics: tuple[str, ...] = METRICS
+
+    def values(self, heights: np.ndarray) -> np.ndarray:
+        """The metrics (l) with the bumps at heights (m) [m]."""
+        lift = moved(self.lift, self.directions, heights)
+        return TracedMotion(self.train, lift, self.cam_speed, state_at_rest(self.train)).values(self.metrics)
+
+    def values_and_slopes(self, heights: np.ndarray) -> np.ndarray:
+        """The metrics (l) in the first column of (l, 1 + m), and their slopes by the heights [unit per m]."""
+        lift = moved(self.lift, self.directions, heights)
+        found = value_and_gradient(self.train, lift, self.cam_speed, self.metrics)
+        return np.column_stack([found.values, np.einsum("lpq,mpq->lm", found.by_coefficients, self.directions)])
+
+
+def drawn_heights(members: int, bumps: int, sigma_m: float, seed: int) -> np.ndarray:
+    """Heights (members / 2, bumps) [m] of the bumps of the first member of every pair."""
+    return sigma_m * np.random.default_rng(seed).normal(size=(members // 2, bumps))
+
+
+def of_pairs(numbers: Callable[[np.ndarray], np.ndarray], heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """(heights (k, m), numbers (k, 2, ...) of the cams with these and with the opposite heights), without the pairs of
+    which a motion is refused or a number is none."""
+
+    def of_pair(one: np.ndarray) -> np.ndarray | None:
+        try:
+            pair = np.array([numbers(one), numbers(-one)])
+        except MotionRefused:
+            return None
+        return pair if np.all(np.isfinite(pair)) else None
+
+    with ThreadPoolExecutor(WORKERS) as pool:
+        pairs = list(pool.map(of_pair, heights))
+    kept = [i for i, pair in enumerate(pairs) if pair is not None]
+    return heights[kept], np.array([pairs[i] for i in kept])
+
+
+def pathwise(bumped: Bumped, heights: np.ndarray) -> np.ndarray:
+    """Slopes (k, l, m) of every pair of members: their mean is the gradient of the mean metrics."""
+    _, pairs = of_pairs(bumped.values_and_slopes, heights)
+    return pairs[..., 1:].mean(axis=1)
+
+
+def evolution_strategy(bumped: Bumped, heights: np.ndarray, sigma_m: float) -> np.ndarray:
+    """The same from values alone: noisier, and right however the motion behaves.
+
+    It is E [J(z + sigma xi) - J(z - sigma xi)] xi / (2 sigma) (Nesterov, Spokoiny 2017).
+    """
+    heights, values = of_pairs(bumped.values, heights)
+    rise = (values[:, 0] - values[:, 1]) / (2.0 * sigma_m**2)
+    return rise[:, :, None] * heights[:, None, :]
+
+
+def split_half_cosine(slopes: np.ndarray) -> list[float]:
+    """Cosines (l) between the mean slopes of the two halves of (k, l, m); far from 1 means noise."""
+    halves = slopes[: len(slopes) // 2].mean(axis=0), slopes[len(slopes) // 2 :].mean(axis=0)
+    return [cosine(a, b) for a, b in zip(*halves, strict=True)]
+
+
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
     """The three gradients of each metric, the change each promises for a step downhill, and the change of the mean."""
     scene = load_scene("kodama")
-    train, speed = build_train(scene), scene.cam_speed(RPM)
-    lift, directions = with_bumps(polydyne(scene), BUMPS[size])
-    single = value_and_gradient(train, lift, speed, METRICS)
-    pathwise = ensemble_gradient(train, CamEnsemble(lift, directions, SIGMA, MEMBERS[size], seed=1), speed, METRICS)
-    strategy = evolution_strategy_gradient(
-        train, CamEnsemble(lift, directions, SIGMA, 4 * MEMBERS[size], seed=2), speed, METRICS
-    )
+    bumped = Bumped(build_train(scene), *with_bumps(polydyne(scene), BUMPS[size]), scene.cam_speed(RPM))
+    slopes = pathwise(bumped, drawn_heights(MEMBERS[size], BUMPS[size], SIGMA, seed=1))
+    strategy = evolution_strategy(bumped, drawn_heights(4 * MEMBERS[size], BUMPS[size], SIGMA, seed=2), SIGMA)
     gradients = {
-        "single cam": np.einsum("lpq,mpq->lm", single.by_coefficients, directions),
-        "mean, pathwise": pathwise.gradient,
-        "mean, evolution strategy": strategy.gradient,
+        "single cam": bumped.values_and_slopes(np.zeros(BUMPS[size]))[:, 1:],
+        "mean, pathwise": slopes.mean(axis=0),
+        "mean, evolution strategy": strategy.mean(axis=0),
     }
     noise = SIGMA * np.random.default_rng(3).normal(size=(JUDGES[size], BUMPS[size]))
 
     def members(heights: np.ndarray) -> np.ndarray:
         """Values (k, l) of the judging members about the cam with the bumps at heights (m) [m]."""
-        lifts = (moved(lift, directions, heights + one) for one in noise)
-        return np.array([TracedMotion(train, one, speed, state_at_rest(train)).values(METRICS) for one in lifts])
+        return np.array([bumped.values(heights + one) for one in noise])
 
     before, rows = members(np.zeros(BUMPS[size])), []
     for i, metric in enumerate(METRICS):
@@ -69,37 +132,15 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
                     "metric": metric, "gradient": name, "length_um": 1e6 * length,
                     "promised": float(gradient[i] @ downhill * length), "change": float(change.mean()),
                     "standard_error": float(change.std() / np.sqrt(len(change))),
-                    "cosine_with_strategy": cosine(gradient[i], strategy.gradient[i]),
+                    "cosine_with_strategy": cosine(gradient[i], strategy.mean(axis=0)[i]),
                 })  # fmt: skip
     content = {
         "speed_rpm": RPM, "sigma_um": 1e6 * SIGMA, "members": MEMBERS[size], "metrics": METRICS,
         "mean": before.mean(axis=0).tolist(), "scatter": before.std(axis=0).tolist(),
-        "split_half_cosine": pathwise.split_half_cosine.tolist(),
-        "strategy_split_half_cosine": strategy.split_half_cosine.tolist(), "rows": rows,
+        "split_half_cosine": split_half_cosine(slopes),
+        "strategy_split_half_cosine": split_half_cosine(strategy), "rows": rows,
     }  # fmt: skip
     return write_result("ensemble_gradients", size, content, {} if size == "small" else {"steps": figure(rows)}, folder)
-
-
-def evolution_strategy_gradient(
-    train: Train, ensemble: CamEnsemble, cam_speed: float, metrics: Sequence[str]
-) -> EnsembleGradient:
-    """Like `ensemble_gradient`, but from values alone: noisier, and right however the motion behaves.
-
-    It is E [J(z + sigma xi) - J(z - sigma xi)] xi / (2 sigma) (Nesterov, Spokoiny 2017). Arguments, result and errors
-    are those of `ensemble_gradient`.
-    """
-    at, pairs = rest_of(train), ensemble.heights()
-
-    def values_of(member: Lift) -> np.ndarray:
-        try:
-            return TracedMotion(train, member, cam_speed, at).values(metrics)
-        except MotionRefused:
-            return np.full(len(metrics), np.nan)
-
-    with ThreadPoolExecutor(WORKERS) as pool:
-        values = np.array(list(pool.map(values_of, ensemble.lifts()))).reshape(len(pairs), 2, -1)
-    rise = (values[:, 0] - values[:, 1]) / (2.0 * ensemble.sigma_m**2)
-    return summary(metrics, values, rise[:, :, None] * pairs[:, None, :])
 
 
 @styled

@@ -36,9 +36,6 @@ def main(size: str, folder=RESULTS) -> dict:
         "seconds": {name: sum(float(r["seconds"] or 0) for r in mine) for name, mine in by_scene.items()},
         "verdicts": {name: _by_case(name, mine) for name, mine in by_scene.items()},
     }
-    for method, verdicts in content["by_method"].items():
-        print(f"{method:<20}" + ", ".join(f"{n} {v}" for v, n in verdicts.items()))
-    print(f"{len(rows)} rows, {len(content['wrong'])} wrong without a warning")
     figures = {name: verdict_matrix(mine, name) for name, mine in by_scene.items()} if size == "full" else {}
     return write_result("extremes", size, content, figures, folder)
 

@@ -80,7 +80,6 @@ def main(size: str, folder=RESULTS) -> dict:
         for r in range(REVOLUTIONS)
     ]
     content = {"motions": len(found), "figures": int(true.size), "broken": int(true.sum()), "rows": rows}
-    print(content)
     return write_result("first_revolutions", size, content, {}, folder)
 
 

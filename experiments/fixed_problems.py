@@ -1,19 +1,161 @@
-"""How accurate is every method on the fixed problems, and with which power of the step does its error fall?
+"""How accurate is every method on the fixed problems that the tests hold it to?
 
-The table of `experiments.support.problems`, which the tests hold every method to: the motion of one mass over one
-revolution against a formula, or event-exact at finer samples. Steps grow tenfold up to the number of the table.
+The motion of one mass over one revolution is compared with a formula where there is one, and else with event-exact in
+smaller steps, which tests hold to DOP853 and to formulas. `PROBLEMS` has the tolerance that each method must meet on
+each problem; here the error falls with some power of the step, as steps grow tenfold up to the number of the table.
 """
 
 import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from matplotlib.figure import Figure
 
+from camopt.cam.families.polydyne import polydyne
+from camopt.cam.lift import Lift
+from camopt.exact import prepare as event_exact
 from camopt.plots.style import new_figure, styled
+from camopt.scene import Response, Train, build_train, load_scene, parse_scene
+from camopt.scene.rest import state_at_rest
 from camopt.scene.units import UM
+from camopt.study.extremes.cases import fast_mode
 from camopt.study.extremes.extremes import LOCATING, STEP_METHODS
-from experiments.support.problems import PROBLEMS, Problem, position
 from experiments.support.record import RESULTS, run_script, write_result
+
+REFERENCE_STEPS = 7200
+MICROMETRE = 1e-6
+
+
+@dataclass(frozen=True)
+class Setting:
+    """A train under a cam at one speed, from a state (2n) on; `mass` is the index of the mass compared."""
+
+    train: Train
+    lift: Lift
+    cam_speed: float  # rad/s
+    start: np.ndarray
+    mass: int
+
+
+@dataclass(frozen=True)
+class Problem:
+    """`tolerance` [m]: largest error of the position by method at `steps` per revolution; `motion` is the position [m]
+    at times [s] from the start where a formula gives it."""
+
+    name: str
+    setting: Callable[[], Setting]
+    steps: int
+    tolerance: dict[str, float]
+    motion: Callable[[np.ndarray], np.ndarray] | None = None
+
+    def reference(self, angle: np.ndarray) -> np.ndarray:
+        """Position [m] at cam angles (k) [rad], of which event-exact knows every REFERENCE_STEPS-th of a revolution."""
+        s = self.setting()
+        if self.motion is not None:
+            return self.motion((angle + np.pi) / s.cam_speed)
+        return position(s, event_exact(s.train, s.lift, s.cam_speed, REFERENCE_STEPS)(s.start), angle)
+
+
+def position(s: Setting, response: Response, angle: np.ndarray) -> np.ndarray:
+    """Position of the compared mass [m] at angles (k) that are among the samples of a response."""
+    i = np.searchsorted(response.angle, angle - 1e-9).clip(max=len(response.angle) - 1)
+    assert np.abs(response.angle[i] - angle).max() < 1e-9, "the angles must be samples"
+    return response.x[i, s.mass]
+
+
+BALL = """
+format = 1
+name = "ball"
+valve = "ball"
+seat = "floor"
+[[mass]]
+name = "ball"
+mass_kg = 1.0
+force_N = -10.0
+[[element]]
+name = "cam"
+kind = "contact"
+between = ["ground", "ball"]
+stiffness_N_per_m = 1.0e6
+gap_mm = 500.0
+cam_driven = true
+[[element]]
+name = "floor"
+kind = "contact"
+between = ["ground", "ball"]
+stiffness_N_per_m = 4.0e4
+"""
+HEIGHT, GRAVITY, FLOOR = 0.2, 10.0, 4e4
+
+
+@cache
+def ball() -> Setting:
+    """1 kg let go HEIGHT above an undamped seat, under a cam that does nothing; a revolution lasts 1 s."""
+    flat = Lift(np.array([-np.pi, np.pi]), np.zeros((1, 7)), np.pi / 2)
+    return Setting(build_train(parse_scene(BALL, "ball")), flat, 2 * np.pi, np.array([HEIGHT, 0.0]), 0)
+
+
+def bouncing(time: np.ndarray) -> np.ndarray:
+    """Position [m] of the ball at times [s]: parabolas, and arcs of a sine about the sag while it touches."""
+    fall, omega, sag = np.sqrt(2 * HEIGHT / GRAVITY), np.sqrt(FLOOR), GRAVITY / FLOOR
+    speed = GRAVITY * fall
+    contact = 2 * (np.pi - np.arctan(speed / (omega * sag))) / omega
+    t = np.mod(time + fall, 2 * fall + contact)  # from the moment it leaves the floor
+    flying = speed * t - GRAVITY * t**2 / 2
+    c = omega * (t - 2 * fall)
+    return np.where(t < 2 * fall, flying, sag * (np.cos(c) - 1) - speed / omega * np.sin(c))
+
+
+@cache
+def valve(name: str, speed_rpm: float, frequency_Hz: float | None = None) -> Setting:
+    """The valve of a built-in scene under its plain Polydyne from rest, with a highest mode of its own if asked."""
+    scene = load_scene(name)
+    changed = scene if frequency_Hz is None else fast_mode(scene, frequency_Hz)
+    train = build_train(changed)
+    return Setting(train, polydyne(scene), scene.cam_speed(speed_rpm), state_at_rest(train), train.valve)
+
+
+def micrometres(**by_method: float) -> dict[str, float]:
+    """Tolerances [m] from micrometres, by method with underscores for hyphens."""
+    return {name.replace("_", "-"): value * MICROMETRE for name, value in by_method.items()}
+
+
+FINE = 36_000
+PROBLEMS = (  # three times what was measured, but for the locating method, which is held to round-off
+    Problem(
+        "ball on its seat",
+        ball,
+        FINE,
+        micrometres(rkg=3, tmm=27, tmm_exponential=27, houbolt=11, houbolt_explicit=9, event=1e-6),
+        bouncing,
+    ),
+    Problem(
+        "motori-1",
+        lambda: valve("motori-1", 6000),
+        FINE,
+        micrometres(rkg=1.0, tmm=3.5, tmm_exponential=3.5, houbolt=2.6, houbolt_explicit=2.0, event=1e-3),
+    ),
+    Problem(
+        "pushrod",
+        lambda: valve("pushrod-5mass", 5000),
+        FINE,
+        micrometres(rkg=0.09, tmm=0.13, tmm_exponential=0.13, houbolt=0.02, houbolt_explicit=0.02, event=1e-3),
+    ),
+    Problem(
+        "kodama, nominal",
+        lambda: valve("kodama", 5000),
+        FINE,
+        micrometres(rkg=0.005, tmm=0.03, tmm_exponential=0.03, houbolt=0.02, houbolt_explicit=0.015, event=1e-3),
+    ),
+    Problem(
+        "kodama, 72 kHz",
+        lambda: valve("kodama", 7000, 72e3),
+        FINE,
+        micrometres(rkg=1.4, tmm=12, tmm_exponential=12, houbolt=8, houbolt_explicit=2.2, event=1e-3),
+    ),
+)
 
 ANGLE = np.linspace(-np.pi, np.pi, 361)
 DIVISORS = {"small": (5, 1), "full": (10, 5, 2, 1)}

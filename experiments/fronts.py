@@ -1,4 +1,4 @@
-"""What does each limit cost in area, and what would a spring of its own allow?
+"""What does each limit of `kodama` cost in area over the band, and what would a spring of its own allow?
 
 `kodama`, accuracy draft, rows of the exact response: the largest area that the event-exact judge confirms over the band
 against the limit on bounce (jump and seating velocity released, which would hide it), on jump (seating velocity
@@ -34,7 +34,6 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     content = {"fronts": {}}
     for name, front in fronts.items():
         content["fronts"][name] = {k: front.table[k].values.tolist() for k in ("limit", *front.table.data_vars)}
-        print(name, content["fronts"][name], flush=True)
     found = joint_spring(scene, speeds=speeds, evaluations=30 if size == "full" else 4)
     effort = ACCURACIES["draft"]
     if size == "small":
@@ -48,7 +47,6 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         "area_ratio": together.area_ratio,
         "area_ratio_as_given": as_given.area_ratio,
     }
-    print("spring", content["spring"])
     return write_result(
         "fronts", size, content, {name.removesuffix("_mm"): f.plot() for name, f in fronts.items()}, folder
     )

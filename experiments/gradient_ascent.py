@@ -1,4 +1,5 @@
-"""What does gradient ascent alone reach on `motori-1` from a Polydyne, by which optimiser, and at what price?
+"""What does gradient ascent alone (`camopt.ascend`) reach on `motori-1` from a Polydyne, by which optimiser, and at
+what price?
 
 The free cam nearest to the plain Polydyne within the limits (knots every 6 deg) climbs the area ratio less penalties on
 bounce and jump, on the exact path by Adam at two rates, plain gradient steps and L-BFGS, and on the smooth path by Adam

@@ -1,4 +1,4 @@
-"""What does a gradient through the contacts cost when 64 cams at 4 speeds want one, beside a single diffrax trajectory?
+"""What does a gradient through the contacts cost for 64 cams at 4 speeds, beside one diffrax trajectory?
 
 One run times, per trajectory with its gradient by 20 bumps on the lift: diffrax's Tsit5 alone with the recursive
 checkpoint adjoint, the exact path (its NumPy interface, and `jax.vmap` of `jax.grad`), the smooth path on equal steps
@@ -30,9 +30,7 @@ from camopt.scene.units import DEG
 from camopt.smooth.exact_rule import exact_metrics
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.laws import Layer
-from camopt.smooth.metrics import revolution_metrics
-from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import EPS, lift_samples, prepare, response_arrays
+from camopt.smooth.simulate import EPS, prepare, response_arrays
 from camopt.smooth.system import build_system
 from camopt.study.measurements import fastest
 from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, problem
@@ -85,24 +83,21 @@ def main(size: str, folder=RESULTS) -> dict:
 def diffrax_tsit5(p: Problem, z: np.ndarray) -> Timed:
     """One trajectory with its gradient at a time; the mean over the speeds."""
     system, angle = build_system(p.train), jnp.asarray(equal_grid(DIFFRAX_SAMPLES))
-    base, parts = jnp.asarray(lift_samples(p.lift)), jnp.asarray(np.stack([lift_samples(b) for b in p.bumps], -1))
+    under = p.under(system)
 
     def motion(z, speed, y0, tolerance):
-        driven = DrivenSystem(system, base + parts @ z, speed)
-        return tsit5_states(driven, y0, angle, Layer(BATCH_EPS), tolerance)
+        return tsit5_states(under(z, speed), y0, angle, Layer(BATCH_EPS), tolerance)
 
     def value(z, speed, y0, tolerance):
-        found = motion(z, speed, y0, tolerance)
-        layer = Layer(BATCH_EPS).half_width
-        return revolution_metrics(system, found, speed, p.lift.half_duration, p.lift.opening_foot, layer=layer)[METRIC]
+        return p.metric(system, motion(z, speed, y0, tolerance), speed, BATCH_EPS)
 
     def valve(s: int, tolerance: float):
-        found = jax.jit(motion)(jnp.zeros(len(p.bumps)), *at(p, s), tolerance)
+        found = jax.jit(motion)(jnp.zeros(len(p.bumps)), *p.at(s), tolerance)
         return np.asarray(found.angle), np.asarray(found.x[:, p.train.valve])
 
     tolerance, error = loosest(p, TOLERANCES, valve)
     gradient = jax.jit(jax.value_and_grad(value))
-    one = [timed(lambda s=s: gradient(jnp.asarray(z[:, 0]), *at(p, s), tolerance)) for s in range(len(p.speeds_rpm))]
+    one = [timed(lambda s=s: gradient(jnp.asarray(z[:, 0]), *p.at(s), tolerance)) for s in range(len(p.speeds_rpm))]
     setting = {"eps_m": BATCH_EPS, "tolerance_m": tolerance, "error_mm": error}
     return np.mean([t for t, _ in one], axis=0), np.array([g for _, (_, g) in one]), setting
 
@@ -115,7 +110,7 @@ def equal_steps(p: Problem, z: np.ndarray) -> Timed:
         return stage_lifts(p.lift, steps), np.stack([stage_lifts(b, steps) for b in p.bumps], -1)
 
     def valve(s: int, steps: int):
-        speed, y0 = at(p, s)
+        speed, y0 = p.at(s)
         found = jax.jit(batch_motion)(system, jnp.asarray(lifts(steps)[0])[..., None], jnp.full(1, speed), y0)
         return np.asarray(found.angle[0]), np.asarray(found.x[0, :, p.train.valve])
 
@@ -123,11 +118,8 @@ def equal_steps(p: Problem, z: np.ndarray) -> Timed:
     base, parts = (jnp.asarray(q) for q in lifts(steps))
 
     def total(z, speed, y0):
-        motions, layer = batch_motion(system, base[..., None] + parts @ z, speed, y0), Layer(BATCH_EPS).half_width
-        half, foot = p.lift.half_duration, p.lift.opening_foot
-        found = jax.vmap(lambda one, at: revolution_metrics(system, one, at, half, foot, layer=layer)[METRIC])(
-            motions, speed
-        )
+        motions = batch_motion(system, base[..., None] + parts @ z, speed, y0)
+        found = jax.vmap(lambda one, at: p.metric(system, one, at, BATCH_EPS))(motions, speed)
         return jnp.sum(found), found
 
     @jax.jit
@@ -135,7 +127,7 @@ def equal_steps(p: Problem, z: np.ndarray) -> Timed:
         return jax.grad(total, has_aux=True)(z, jnp.full(cams, speed), y0)[0]
 
     def one_speed(s: int):
-        return jax.block_until_ready(gradients(jnp.asarray(z), *at(p, s)))
+        return jax.block_until_ready(gradients(jnp.asarray(z), *p.at(s)))
 
     with ThreadPoolExecutor(WORKERS) as pool:
         seconds, slopes = timed(lambda: list(pool.map(one_speed, range(len(p.speeds_rpm)))))
@@ -146,12 +138,10 @@ def equal_steps(p: Problem, z: np.ndarray) -> Timed:
 def refined_grid(p: Problem, z: np.ndarray) -> Timed:
     """The smooth path at its defaults, whose gradients are those of the exact motion: a few cams stand for all."""
     system, some = build_system(p.train), z[:, :2].T
-    base, parts = jnp.asarray(lift_samples(p.lift)), jnp.asarray(np.stack([lift_samples(b) for b in p.bumps], -1))
+    under = p.under(system)
 
     def value(z, speed, y0):
-        found = response_arrays(DrivenSystem(system, base + parts @ z, speed), y0)
-        layer = Layer(EPS).half_width
-        return revolution_metrics(system, found, speed, p.lift.half_duration, p.lift.opening_foot, layer=layer)[METRIC]
+        return p.metric(system, response_arrays(under(z, speed), y0), speed, EPS)
 
     states = jnp.asarray(p.states.reshape(len(p.states), 2, -1))
     many = jax.jit(jax.vmap(jax.vmap(jax.grad(value), (0, None, None)), (None, 0, 0)))
@@ -225,10 +215,6 @@ METHODS: dict[str, Callable[[Problem, np.ndarray], Timed]] = {
     "smooth, refined grid, batch": refined_grid,
 }
 """The first is the yardstick."""
-
-
-def at(p: Problem, s: int):
-    return p.cam_speeds[s], jnp.asarray(p.states[s].reshape(2, -1))
 
 
 def loosest(p: Problem, settings, valve) -> tuple[float, float]:

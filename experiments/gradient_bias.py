@@ -14,9 +14,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.plots.style import LIMIT, legend_above, lines, new_figure, styled
 from camopt.scene import load_scene
 from camopt.smooth.laws import Layer
-from camopt.smooth.metrics import revolution_metrics
-from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import TOLERANCE, lift_samples, response_arrays
+from camopt.smooth.simulate import TOLERANCE, response_arrays
 from camopt.smooth.system import build_system
 from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, exact_value, problem
 from experiments.support.record import RESULTS, run_script, write_result
@@ -57,21 +55,18 @@ def compiled(p: Problem, grid: str | int, precision: str):
     """Value and gradient (m) as a function of eps and the index of the speed: one program per grid and precision."""
     dtype = jnp.dtype(precision)
     system = build_system(p.train, dtype)
-    base = jnp.asarray(lift_samples(p.lift), dtype)
-    parts = jnp.asarray(np.stack([lift_samples(b) for b in p.bumps], -1), dtype)
+    under = p.under(system)
     steps, refine = (8192, True) if grid == "refined" else (int(grid), False)
     tolerance = TOLERANCE if precision == "float64" else TOLERANCE_32
 
     def value(z, eps, speed, y0):
-        driven = DrivenSystem(system, base + parts @ z, speed)
-        motion = response_arrays(driven, y0, Layer(eps), tolerance, steps=steps, refine=refine)
-        layer, numbers = Layer(eps).half_width, (p.lift.half_duration, p.lift.opening_foot)
-        return revolution_metrics(system, motion, speed, *numbers, layer=layer)[METRIC]
+        motion = response_arrays(under(z, speed), y0, Layer(eps), tolerance, steps=steps, refine=refine)
+        return p.metric(system, motion, speed, eps)
 
     program = jax.jit(jax.value_and_grad(value))
 
     def run(eps: float, s: int):
-        speed, y0 = jnp.asarray(p.cam_speeds[s], dtype), jnp.asarray(p.states[s].reshape(2, -1), dtype)
+        speed, y0 = (jnp.asarray(q, dtype) for q in p.at(s))
         return program(jnp.zeros(len(p.bumps), dtype), jnp.asarray(eps, dtype), speed, y0)
 
     return run

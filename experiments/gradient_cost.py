@@ -1,4 +1,4 @@
-"""What does the exact gradient cost beside its value, by 20 and by 200 coefficients of a cam?
+"""What does the exact gradient cost beside its value?
 
 Processor time of one event-exact revolution from rest with one metric, and of the same with its gradient by the free
 coefficients of a spline cam: least of many repeats, the two in turn so that a loaded machine slows both.

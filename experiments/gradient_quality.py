@@ -21,17 +21,22 @@ from camopt.exact.adjoint.motion import value_and_gradient
 from camopt.scene import load_scene
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.laws import Layer
-from camopt.smooth.metrics import revolution_metrics
-from camopt.smooth.scan import DrivenSystem
-from camopt.smooth.simulate import lift_samples
 from camopt.smooth.system import build_system
 from camopt.study.measurements import fastest
 from experiments.gradient_batch import on_common_pieces
 from experiments.gradient_bias import compiled
-from experiments.support.gradient_ball import Answer, diffrax_events, diffrax_switch, exact_path, judged, smooth_path
+from experiments.support.gradient_ball import (
+    Answer,
+    diffrax_events,
+    diffrax_switch,
+    exact_path,
+    judged,
+    mjx_contact,
+    mjx_force,
+    smooth_path,
+    warp_kernel,
+)
 from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, exact_value, problem
-from experiments.support.gradient_mjx import mjx_contact, mjx_force
-from experiments.support.gradient_warp import warp_kernel
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.smooth_batch import tsit5_states
 
@@ -64,8 +69,6 @@ def main(size: str = "full", folder=RESULTS) -> dict:
     absent = [name for module, name in ENGINES.items() if not find_spec(module)]
     missing = [f"{name} is not installed and is left out." for name in absent]
     content = {"ball": ball, "kodama": train, "metric": METRIC, "speed_rpm": SPEED_RPM, "missing": missing}
-    for row in [*ball, *train]:
-        print(row)
     return write_result("gradient_quality", size, content, {}, folder)
 
 
@@ -113,13 +116,11 @@ def exact(p: Problem) -> tuple[float, np.ndarray]:
 def by_switch(p: Problem) -> Callable:
     """Value and gradient by the bumps (m), by reverse mode through diffrax's Tsit5."""
     system, angle = build_system(p.train), jnp.asarray(equal_grid(SAMPLES))
-    base, parts = jnp.asarray(lift_samples(p.lift)), jnp.asarray(np.stack([lift_samples(b) for b in p.bumps], -1))
-    layer, y0 = Switch(1e-12), jnp.asarray(p.states[0].reshape(2, -1))
+    under, (speed, y0) = p.under(system), p.at(0)
 
     def value(z):
-        motion = tsit5_states(DrivenSystem(system, base + parts @ z, p.cam_speeds[0]), y0, angle, layer, 1e-12)
-        shape = p.lift.half_duration, p.lift.opening_foot
-        return revolution_metrics(system, motion, p.cam_speeds[0], *shape, layer=Layer(1e-12).half_width)[METRIC]
+        motion = tsit5_states(under(z, speed), y0, angle, Switch(1e-12), 1e-12)
+        return p.metric(system, motion, speed, 1e-12)
 
     both = jax.jit(jax.value_and_grad(value))
     return lambda: both(jnp.zeros(len(p.bumps)))

@@ -1,4 +1,4 @@
-"""Does identification recover the parameters of `motori-1` and `pushrod-5mass` from a simulated lift with 2 um noise?
+"""Do masses, stiffnesses and dampings come back from a simulated valve lift with 2 um of noise?
 
 The truth is the built-in scene with a polydyne cam; valve positions every 0.1 cam degrees over the event, in the first
 revolution from rest, at speeds below the first jump, with white noise of 2 um. Every fit starts with each free
@@ -48,7 +48,6 @@ def main(size: str, folder=RESULTS) -> dict:
         rows = [row for f in fits for row in f["parameters"] if row["identified"]]
         counted = {"covered": sum(r["covered"] for r in rows), "intervals": len(rows)}
         content[name] = counted | {"sound": sum(not f["remarks"] for f in fits), "fits": len(fits)}
-        print(f"{name}: {counted['covered']} of {len(rows)} intervals hold the truth")
         figures[name] = figure(name, fits)
     return write_result("identification", size, content, figures if size == "full" else {}, folder)
 

@@ -1,4 +1,4 @@
-"""What does the main job take, cold, warm and at draft, and what of it is compiling?
+"""What does `camopt optimize kodama` take, cold, warm and at draft, and where do the seconds go?
 
 `camopt optimize kodama` in a fresh process each: standard with every cache of compiled programs empty, standard again
 with the programs that this left, and draft twice, of which the first compiles what has the shape of its speeds. By

@@ -45,7 +45,6 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         "largest_ratio": max(ratios.values()),
         "allowed": ALLOWED,
     }
-    print(json.dumps(content, indent=2))
     return write_result("linear_cost", size, content, {}, folder)
 
 

@@ -23,9 +23,8 @@ from camopt.optimizer.program.linear_program import Rows, WarmModel, maximise
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.scene import InputError, Scene, build_train, parse_scene
 from experiments.architectures import ARCHITECTURES, train
-from experiments.support.drawn_scenes import between
-from experiments.support.record import RESULTS, run_script, write_result
-from experiments.support.sweeping import called
+from experiments.random_scenes import between
+from experiments.support.record import RESULTS, called, run_script, write_result
 
 PROGRAMS = {"small": 20, "full": 2000}
 PER_SCENE = 10
@@ -171,7 +170,6 @@ def main(size: str, folder=RESULTS) -> dict:
     rows = rows[:wanted]
     content = {"scenes": first, "programs": len(rows), "kinds": {kind: counted(rows, kind) for kind in KINDS}}
     content["all"] = counted(rows)
-    print(content)
     return write_result("linear_programs", size, content, {}, folder)
 
 

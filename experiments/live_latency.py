@@ -1,4 +1,4 @@
-"""How soon does the designer's page show an answer while a hand drags, and the band's curve once it rests?
+"""How soon does the page of `camopt design` answer while a number is dragged, and when the hand rests?
 
 `camopt design` in a process of its own and Chromium by Playwright, on five scenes: three built-in ones, and a bucket
 tappet and a pushrod train from ../shared/data/scenes beside the repository, which are left out where that folder is

@@ -1,4 +1,4 @@
-"""How well does a measured lift table give the cam's acceleration, and does the error that is stated hold?
+"""How well does a measured lift table give the cam's acceleration?
 
 The truth is the polydyne of `kodama`; its table is read over a whole turn in steps of 0.25 to 2 cam degrees with normal
 noise of 0.5 to 10 um on every row, base circle included, and rounded to 0.1 um. Each table is smoothed as camopt does

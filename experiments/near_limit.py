@@ -21,11 +21,9 @@ from matplotlib.figure import Figure
 import camopt
 from camopt.plots.style import new_figure
 from camopt.storage import write_bytes
-from experiments.support.near_limit_cams import PER_LINE, band, lift_of, near_limit_cams
+from experiments.support.near_limit_cams import COLD, PER_LINE, band, from_rest, lift_of, near_limit_cams
 from experiments.support.near_limit_scenes import KINDS, drawn_scene
-from experiments.support.near_limit_truth import COLD, from_rest
-from experiments.support.record import RESULTS, run_script, write_result
-from experiments.support.sweeping import called
+from experiments.support.record import RESULTS, called, run_script, write_result
 
 PER_SCENE = 20
 MOST_LINES = 60
@@ -165,8 +163,6 @@ def keep(rows: list[dict], plan: dict, size: str, folder: Path = RESULTS) -> dic
         "median_seconds_of_a_verdict": float(np.median([row["seconds"] for row in rows])),
         "rows": shown,
     }
-    for name, of in (*scenes.items(), ("all", content["table"])):
-        print(f"{name:<24}", ", ".join(f"{k} {v}" for k, v in of.items()))
     return write_result("near_limit", size, content, {"verdicts": figure(rows)} if size == "full" else {}, folder)
 
 

@@ -22,8 +22,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from camopt.plots.style import new_figure, styled
-from experiments.support.record import RESULTS, run_script, write_result
-from experiments.support.sweeping import called
+from experiments.support.record import RESULTS, called, run_script, write_result
 
 METHODS = (
     "Adam",
@@ -114,8 +113,6 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         return next((at for at, area in row["stairs"] if area >= NEAR * most[row["scene"]]), None)
 
     found = gathered(rows, lambda row: row["area_ratio"])
-    for method, by_scene in found.items():
-        print(method, {s: [a and round(a, 4) for a in ratios] for s, ratios in by_scene.items()})
     content = {
         "budget_s": SECONDS[size],
         "processor_s": sum(row["processor_s"] for row in rows),

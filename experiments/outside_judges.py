@@ -67,7 +67,6 @@ def main(size: str = "full", folder=RESULTS) -> dict:
     figures = {} if size == "small" else {"motion": motion_figure([_drawn(cams, *case) for case in DRAWN])}
     if beside["undamped"]:
         figures["halvings"] = halvings_figure(beside["undamped"])
-    print(content["summary"])
     return write_result("outside_judges", size, content, figures, folder)
 
 

@@ -25,8 +25,7 @@ from camopt.optimizer.search.region import largest_acceleration
 from camopt.optimizer.search.search import find_cam
 from camopt.plots.style import new_figure, styled
 from camopt.scene import InputError, Scene, load_scene
-from experiments.support.record import RESULTS, run_script, write_result
-from experiments.support.sweeping import called
+from experiments.support.record import RESULTS, called, run_script, write_result
 
 BEFORE = {
     "kodama": 0.5626,
@@ -62,8 +61,6 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     rows = called("experiments.starts:searched", cases, size, folder / "starts.sqlite")
     by_scene = {s: summary(s, rows) for s in asked}
     content = {"accuracy": ACCURACY[size], "speeds": SPEEDS[size], "scenes": by_scene, "rows": rows}
-    for name, found in by_scene.items():
-        print(name, found, flush=True)
     drawn = {"kodama": figure(rows)} if DRAWN in asked else {}
     return write_result("starts", size, content, drawn, folder)
 

@@ -113,10 +113,8 @@ def main(size: str, folder=RESULTS) -> dict:
                 print(kind, name, row)
     rates = {name: row["tasks_per_second"] for name, row in content["settled"].items()}
     content["speedup"] = {name: rate / rates["one process"] for name, rate in rates.items()}
-    print("settled motions, times as many per second as one process:", content["speedup"])
     with tempfile.TemporaryDirectory() as place:
         content["many"] = memory(*MANY[size], Path(place))
-    print("many stand-ins:", content["many"])
     return write_result("sweep_scaling", size, content, {}, folder)
 
 

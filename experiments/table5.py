@@ -1,4 +1,5 @@
-"""Table 5 of Kodama et al.: can their two methods disagree by a fifth of a millimetre on one model?
+"""Can Runge-Kutta-Gill and the transition matrix method differ by up to 0.3 mm on one model, as Table 5 of Kodama et
+al. says?
 
 Bounce of the three cams on `kodama` by Runge-Kutta-Gill and the transition matrix method at the paper's kind of step
 and at a fine one, under this project's separation criterion (force) and the paper's (displacement), beside the

@@ -1,4 +1,5 @@
-"""What does each accuracy cost on the reference valve train, by every method and every dial of the job?
+"""What does each accuracy cost on `kodama`, by every method and every dial of the job (`camopt tradeoff kodama --cam
+polydyne`)?
 
 `camopt tradeoff` on `kodama` (small: the small size on `motori-1`): table and figures. Beside it, at full size, what
 single precision changes of the same motion: float32 against float64 at the same steps and layer, alone and side by
@@ -69,8 +70,6 @@ def keep(run: Path, size: str, folder: Path = RESULTS, more: Sequence[dict] = ()
     short = [{k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in row.items()} for row in rows]
     content = {"float32": rounding(lines), "rows": short}
     print("\n\n".join("\n".join(table) for table in tables_of(rows).values()))
-    for row in content["float32"]:
-        print(", ".join(f"{k} {v:.3g}" if isinstance(v, float) else v for k, v in row.items()))
     return write_result("tradeoff", size, content, figures(rows) if size == "full" else {}, folder)
 
 

@@ -110,7 +110,6 @@ def main(size: str, folder=RESULTS) -> dict:
         "furthest": max(row["left_by"] for row in rows),
         "rows": rows,
     }
-    print({key: value for key, value in content.items() if key != "rows"})
     return write_result("wandering", size, content, {}, folder)
 
 

@@ -1,21 +1,25 @@
-"""What does an accurate motion cost by each method? Error of the valve's lift against time per cam revolution.
+"""What does an accurate motion cost by each method?
 
-`kodama` with plain `polydyne` at 7000 r/min, two revolutions from rest; error: largest difference of the valve's
-position to event-exact in 45 times smaller steps, at 300 angles per revolution (tests hold event-exact to a located
-DOP853 within 1e-6 mm). Time: processor time of one thread, minimum of repeats in rounds that are spread over the run,
-because a shared machine is slower for minutes at a time; ratios have a range over the rounds. Compilation, tables and
-preparation are apart, as the excess of the first call. In the second revolution the motion multiplies any error a
-million times: ratios are those at 1e-6 mm of the first. What fails stays in the table.
+Error of the valve's lift against time per cam revolution. `kodama` with plain `polydyne` at 7000 r/min, two revolutions
+from rest; error: largest difference of the valve's position to event-exact in 45 times smaller steps, at 300 angles per
+revolution (tests hold event-exact to a located DOP853 within 1e-6 mm). Time: processor time of one thread, minimum of
+repeats in rounds that are spread over the run, because a shared machine is slower for minutes at a time; ratios have a
+range over the rounds. Compilation, tables and preparation are apart, as the excess of the first call. In the second
+revolution the motion multiplies any error a million times: ratios are those at 1e-6 mm of the first. What fails stays
+in the table.
 """
 
 import time
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
+from matplotlib.figure import Figure
 from scipy.integrate import solve_ivp
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare
+from camopt.plots.style import INK, LIMIT, new_figure, styled
 from camopt.scene import build_train, load_scene
 from camopt.scene.response import end_state
 from camopt.scene.rest import state_at_rest
@@ -24,19 +28,13 @@ from camopt.study.measurements import fastest
 from camopt.verifier.methods import METHOD_NAMES, houbolt, rkg, tmm
 from experiments.support.dormand_prince import dormand_prince, problem, right_hand_side
 from experiments.support.record import RESULTS, run_script, write_result
-from experiments.support.work_precision_parts import (
-    band_seconds,
-    fastest_rows,
-    figure,
-    parts,
-    ratios,
-)
 
 try:
     from sksundae.cvode import CVODE
 except ImportError:
     CVODE = None
 
+TARGET_MM = 1e-6
 SPEED_RPM = 7000
 SAMPLES = 300
 FINE = {"small": 14_400, "full": 64_800}
@@ -161,6 +159,72 @@ def adaptive(case: Case, size: str) -> list[dict]:
     return rows
 
 
+def fastest_rows(rounds: list[list[dict]]) -> list[dict]:
+    """Each row of the rounds with its least time and the first call of the first round, which alone compiles."""
+    rows = []
+    for same in zip(*rounds, strict=True):
+        times = [row["ms"] for row in same if row["ms"] is not None]
+        rows.append({**same[0], "ms": min(times, default=None)})
+    return rows
+
+
+def ratios(rows: list[dict]) -> dict[str, dict[str, float] | None]:
+    """Time at TARGET_MM of the first revolution over event-exact's, by method: with 300 samples, and to the end state.
+
+    Interpolated on the logarithms between the first setting that gets there and the one before; None where none does.
+    The compared methods take the same time for both.
+    """
+    sampled = next(r["ms"] for r in rows if r["method"] == "event-exact")
+    end = next(r["ms"] for r in rows if r["method"] == "event-exact, end state")
+    found = {}
+    for name in dict.fromkeys(r["method"] for r in rows if not r["method"].startswith("event-exact")):
+        points = [(r["error_mm"][0], r["ms"]) for r in rows if r["method"] == name and r["ms"] is not None]
+        ms = _time_at(points)
+        found[name] = None if ms is None else {"ms": ms, "sampled": ms / sampled, "end_state": ms / end}
+    return found
+
+
+def _time_at(points: list[tuple[float, float]]) -> float | None:
+    for i, (error, ms) in enumerate(points):
+        if error <= TARGET_MM:
+            if i == 0:
+                return ms
+            (e0, t0), (e1, t1) = np.log(points[i - 1]), np.log((max(error, 1e-15), ms))
+            return float(np.exp(t0 + (t1 - t0) * (e0 - np.log(TARGET_MM)) / (e0 - e1)))
+    return None
+
+
+def band_seconds(case, speeds: int) -> dict:
+    """Wall seconds of 8 revolutions at `speeds` speeds from 5000 to 7000 r/min, tables included, on 1 and 2 threads."""
+    cam_speeds = [case.scene.cam_speed(s) for s in np.linspace(5000, 7000, speeds)]
+    seconds = {}
+    for workers in (1, 2):
+        train = build_train(case.scene)  # a new train: no tables yet
+        begin = time.perf_counter()
+        with ThreadPoolExecutor(workers) as pool:
+            motions = [prepare(train, case.lift, speed) for speed in cam_speeds]
+            list(pool.map(lambda motion: motion.advance(case.rest, 8), motions))
+        seconds[f"threads_{workers}_s"] = time.perf_counter() - begin
+    return {"speeds": speeds, "revolutions": 8, **seconds}
+
+
+@styled
+def figure(rows: list[dict]) -> Figure:
+    """Error of the first revolution against time per revolution, both logarithmic."""
+    drawing = new_figure(6.4, 4.6)
+    axes = drawing.subplots()
+    rows = [r for r in rows if r["method"] != "event-exact, end state"]
+    colours = ("#0072B2", "#D55E00", "#009E73", "#B0518E", "#E69F00", "#56B4E9", "#7A5C2E", INK)
+    names = dict.fromkeys(r["method"] for r in rows)
+    for name, colour, marker in zip(names, colours, "os^vDPX*", strict=False):
+        points = [(r["ms"], r["error_mm"][0]) for r in rows if r["method"] == name and r["ms"] is not None]
+        axes.plot(*zip(*sorted(points), strict=True), marker=marker, markersize=4.5, color=colour, label=name)
+    axes.axhline(TARGET_MM, color=LIMIT, linestyle=(0, (5, 3)), linewidth=0.9)
+    axes.set(xscale="log", yscale="log", xlabel="time per cam revolution [ms]", ylabel="error of the valve's lift [mm]")
+    drawing.legend(loc="outside upper left", ncols=3)
+    return drawing
+
+
 def main(size: str, folder=RESULTS) -> dict:
     """Measures, prints and writes `work_precision.json` and the figure."""
     case = Case(size)
@@ -170,12 +234,10 @@ def main(size: str, folder=RESULTS) -> dict:
         "methods": rows,
         "times_slower_than_event_exact": ratios(rows),
         "times_slower_by_round": [ratios(one) for one in rounds],
-        "parts": parts(case, REPEATS[size]),
         "band": band_seconds(case, 200 if size == "full" else 4),
     }
     if CVODE is None:
         content["missing"] = "CVODE Adams: scikit-sundae is not installed"
-    print(content)
     return write_result("work_precision", size, content, {"error": figure(rows)}, folder)
 
 

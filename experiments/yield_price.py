@@ -1,4 +1,5 @@
-"""How large a cam do 99 of 100 trains as built hold, for other shares, other trains, and other tolerances?
+"""How large a cam do 99 of 100 trains as built of `kodama` hold, with tolerances half as wide, as given, and twice as
+wide?
 
 The search of `camopt optimize --yield` on five scenes; of `kodama` also with a tolerance left out and, at accuracy
 draft, with all tolerances half and twice as wide and for smaller shares of its trains. Each cam is stated by 2000 fresh
@@ -38,8 +39,7 @@ from camopt.scene import load_scene
 from camopt.scene.as_built import scatter_labels, with_scatter
 from camopt.scene.design import Design
 from experiments.job_time import OLDER_TREE, job
-from experiments.support.record import RESULTS, run_script, write_result
-from experiments.support.sweeping import called
+from experiments.support.record import RESULTS, called, run_script, write_result
 
 SCENE = {"small": "motori-1", "full": "kodama"}
 WIDTHS = {"small": (1.0,), "full": (0.5, 1.0, 2.0)}

@@ -8,21 +8,15 @@ adjoint.integrals, adjoint.metrics). What has no shapes to check is left out as 
 from beartype import beartype
 
 MODULES = [
-    "camopt.cam.polynomials",
-    "camopt.study.gradient.paths",
     "camopt.cam.card",
+    "camopt.cam.contact",
     "camopt.cam.conversion",
     "camopt.cam.exports",
-    "camopt.cam.contact",
     "camopt.cam.followers",
     "camopt.cam.geometry",
     "camopt.cam.hertz",
     "camopt.cam.lift",
-    "camopt.smooth.exact_rule",
-    "camopt.smooth.families",
-    "camopt.smooth.simulate",
-    "camopt.smooth.varying_motion",
-    "camopt.exact.adjoint.motion",
+    "camopt.cam.polynomials",
     "camopt.exact.adjoint.motion",
     "camopt.exact.engine",
     "camopt.measure.energy",
@@ -32,12 +26,16 @@ MODULES = [
     "camopt.measure.resonance",
     "camopt.measure.settling",
     "camopt.measure.sweep",
+    "camopt.smooth.exact_rule",
+    "camopt.smooth.families",
     "camopt.smooth.grid",
     "camopt.smooth.metrics",
     "camopt.smooth.rest",
     "camopt.smooth.scan",
     "camopt.smooth.simulate",
     "camopt.smooth.system",
+    "camopt.smooth.varying_motion",
+    "camopt.study.gradient.paths",
 ]
 
 

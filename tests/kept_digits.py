@@ -14,10 +14,10 @@ import pytest
 
 from camopt.cam.families.exponent import exponent
 from camopt.cam.families.polydyne import polydyne
-from camopt.exact import engine, prepare, settled_metrics
-from camopt.exact.adjoint import motion as motion_of
+from camopt.exact import prepare, settled_metrics
 from camopt.exact.adjoint.metrics import METRICS
 from camopt.exact.adjoint.motion import Gradient, Slopes, TracedMotion, value_and_gradient
+from camopt.exact.kernel import propagators
 from camopt.measure.metrics import measure
 from camopt.scene import MotionRefused, build_train, load_scene
 from camopt.scene.response import joined
@@ -118,8 +118,9 @@ def traced() -> np.ndarray:
 def many() -> np.ndarray:
     """Motions for which the room of a trace grows, and one that is refused."""
     train, lift, speed = case("motori-1", 12000)
+    train = replace(train)  # with tables and room of its own
     higher, weighted = replace(lift, coefficients=1.01 * lift.coefficients), []
-    with patch.object(engine, "FIRST_SEGMENTS", 4), patch.object(motion_of, "_BUFFER", engine.TraceBuffer()):
+    with patch.object(propagators, "FIRST_SEGMENTS", 4):
         with pytest.raises(MotionRefused):
             value_and_gradient(train, lift, speed, METRICS, np.array([np.nan, 0.0]), cotangent=WEIGHTS)
         for cam, start in ((lift, state_at_rest(train)), (higher, np.array([1e-4, 0.1]))):

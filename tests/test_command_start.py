@@ -1,13 +1,9 @@
-"""How soon a command answers: help and input errors in a fresh process, without JAX, plain text everywhere."""
+"""How soon a command answers: help and input errors in a fresh process, without JAX."""
 
-import os
-import pty
 import subprocess
 import sys
 
 import pytest
-
-from camopt.cli import parser as cli
 
 ANSWERS = {
     "help": (0, ["--help"]),
@@ -50,44 +46,6 @@ def test_answers_at_once(answer, tmp_path, monkeypatch):
         assert found == code
         pairs.append((seconds, allowed()))
     assert pairs[-1][0] < pairs[-1][1], pairs
-
-
-def on_a_terminal(*words: str, **environment: str) -> bytes:
-    """What a command writes to a terminal."""
-    master, slave = pty.openpty()
-    with subprocess.Popen(
-        [sys.executable, "-m", "camopt", *words], stdout=slave, stderr=slave, env=os.environ | environment
-    ) as process:
-        os.close(slave)
-        text = b""
-        while True:
-            try:
-                part = os.read(master, 65536)
-            except OSError:  # how Linux says that the other end is closed
-                break
-            if not part:
-                break
-            text += part
-    os.close(master)
-    assert process.returncode in (0, 2)
-    return text
-
-
-@pytest.mark.parametrize("words", [("--help",), ("scenes",), ("modes", "none.toml")])
-def test_no_colour_is_no_colour(words):
-    text = on_a_terminal(*words, NO_COLOR="1", TERM="xterm")
-    assert len(text) > 20 and b"\x1b" not in text
-
-
-@pytest.mark.parametrize("words", [("--help",), ("modes", "none.toml")])
-def test_no_colour_where_there_is_no_terminal(words):
-    done = subprocess.run([sys.executable, "-m", "camopt", *words], capture_output=True, timeout=60)
-    assert b"\x1b" not in done.stdout + done.stderr
-
-
-@pytest.mark.parametrize("verb", ["optimize", "compare"])
-def test_every_command_with_a_progress_bar_can_be_quiet(verb):
-    assert cli.parser().parse_args([verb, "kodama", "--quiet"]).quiet
 
 
 FREED = """

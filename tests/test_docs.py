@@ -15,7 +15,6 @@ PAGES = sorted(p for p in (ROOT / "docs").rglob("*.md") if "site" not in p.parts
 OPEN = {"parameters", "limit_worth", "versions", "scene", "first_broken", "blame", "baselines"}
 """Keys whose content has names of its own: parameters of a family, limits, packages, scenes, tolerances, cams."""
 NAMED = {"event", "rkg", "tmm", "houbolt", "dop853"}
-LONGEST_CELL = 130
 WORDS = re.compile(r"`([^`\s]+)`")
 
 
@@ -76,14 +75,6 @@ def test_links_lead_to_files(page):
     links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8"))]
     files = [page.parent / link for link in links if link and "://" not in link]
     assert not [file for file in files if not (file.exists() and file.stat().st_size)]
-
-
-@pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))
-def test_cells_of_tables_are_short(page):
-    """What takes more than a line or two of a table is a paragraph."""
-    text = re.sub(r"^(`{3,}).*?^\1$|\{number\}|\]\([^)]*\)", "", page.read_text(encoding="utf-8"), flags=re.M | re.S)
-    rows = [line.split(" | ") for line in text.splitlines() if line.startswith("|")]
-    assert not [cell for row in rows for cell in row if len(cell) > LONGEST_CELL]
 
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda p: str(p.relative_to(ROOT)))

@@ -10,16 +10,6 @@ import pytest
 from camopt.optimizer.baselines import comparison
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.py"))
-EXPECTED = {
-    "bring your own valve train": "own_valve_train",
-    "a thousand valve trains": "thousand_trains",
-    "compare": "compare_families",
-    "an experiment of your own": "own_experiment",
-    "first design": "first_design",
-    "robust band": "robust_band",
-    "speed against accuracy": "speed_against_accuracy",
-    "trust in gradients": "trust_in_gradients",
-}
 REPRESENTATIONS = ("_repr_html_", "_repr_png_", "_repr_mimebundle_")
 LONGEST_S = 40.0
 """Processor time of one notebook at small size; a third of that where everything is compiled already."""
@@ -46,13 +36,6 @@ def shows_itself(value: object) -> bool:
     return value is None or isinstance(value, dict | str) or any(hasattr(value, r) for r in REPRESENTATIONS)
 
 
-def test_all_are_there():
-    assert {path.stem for path in NOTEBOOKS} == set(EXPECTED.values())
-    for path in NOTEBOOKS:
-        title = re.search(r"^# # (.*)$", path.read_text(encoding="utf-8"), re.MULTILINE)
-        assert title and any(EXPECTED[key] == path.stem for key in EXPECTED if title[1].lower().startswith(key))
-
-
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)
 def test_runs_at_small_size(path, undrawn, tmp_path, monkeypatch):
     monkeypatch.setenv("CAMOPT_NOTEBOOK_SIZE", "small")
@@ -75,8 +58,3 @@ def test_a_cell_that_fails_or_shows_nothing_is_seen():
     assert shown("a = 1\na + 1", "cell", {}) == 2
     assert not shows_itself(object())
     assert cells("# %% [markdown]\n# text\n\n# %%\na = 1\n# %%\nb = 2\n") == ["\na = 1\n", "\nb = 2\n"]
-
-
-def test_there_is_a_live_slider():
-    text = "".join(path.read_text(encoding="utf-8") for path in NOTEBOOKS)
-    assert "interactive(" in text and "except ImportError" in text

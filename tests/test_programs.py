@@ -8,14 +8,16 @@ import sys
 import time
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from typing import NamedTuple
 
+import numba
 import numpy as np
 import pytest
 
 import camopt
 from camopt import programs
 from camopt.cache import cache_folder
-from camopt.programs import CONSTANTS, PACKAGE, TOGETHER, compiled, digest, inner, sources
+from camopt.programs import CONSTANTS, PACKAGE, TOGETHER, compiled, digest, inner, pass_by_pointer, sources
 from tests.campaign.starved import mounted
 
 CODE = "import numpy as np; from camopt.measure.hermite import with_stationary_points as f; "
@@ -224,3 +226,34 @@ def test_a_folder_that_others_may_write_to_is_not_used(tmp_path, monkeypatch, mo
     assert cache_folder("jax") is None
     folder.chmod(0o700)
     assert cache_folder("jax") == folder
+
+
+@pass_by_pointer
+class Pair(NamedTuple):
+    first: np.ndarray
+    second: np.ndarray
+
+
+class Holding(NamedTuple):
+    pair: Pair
+    third: np.ndarray
+
+
+@numba.njit
+def of_record(pair):
+    return pair.first[0] + pair.second[1]
+
+
+@numba.njit
+def of_tuple(holding):
+    holding.pair.first[0] += 1.0
+    return of_record(holding.pair) + holding.third[0]
+
+
+def test_fields_are_read_and_written_and_no_reference_stays():
+    first, second, third = np.array([1.0, 2.0]), np.array([10.0, 20.0]), np.array([100.0])
+    before = [sys.getrefcount(array) for array in (first, second, third)]
+    for i in range(50):
+        assert of_record(Pair(first, second)) == 21.0 + i
+        assert of_tuple(Holding(Pair(first, second), third)) == 122.0 + i
+    assert [sys.getrefcount(array) for array in (first, second, third)] == before

@@ -47,8 +47,7 @@ class ValveEvent:
 
 @dataclass(frozen=True)
 class CrankTiming:
-    """How a cam stands to the crank: `centre_deg` is the crank angle after top dead centre of the cam's angle zero, the
-    middle of its duration; the cam turns at `cam_per_crank` of the crank."""
+    """How a cam stands to the crank: `centre_deg` is the crank angle after top dead centre of the cam's angle zero."""
 
     centre_deg: float
     cam_per_crank: float = 0.5
@@ -75,9 +74,8 @@ class CrankTiming:
 class CamCard:
     """A cam's events at stated lifts; `str(card)` is the card as text, `rows()` as a table.
 
-    `name` of the cam; `max_lift_mm` and `max_lift_deg`, the cam angle of the largest lift (middle of a dwell there);
-    `timing` to the crank, or None, and `tdc_lift_mm`, the lift at top dead centre; `overlaps`: crank degrees of overlap
-    with another cam's card, one for each event.
+    `max_lift_deg` is the cam angle of the largest lift (middle of a dwell there), `tdc_lift_mm` the lift at top dead
+    centre, and `overlaps` are crank degrees of overlap with another cam's card, one for each event.
     """
 
     name: str

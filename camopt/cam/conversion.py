@@ -24,7 +24,7 @@ step in its jerk, and within 1e-7 mm where it has."""
 def lift_along(found: Contact, geometry: Geometry) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
     """Ascending cam angles [rad] at which the follower of `geometry` touches the points of a contour, and its valve
     lift [m] there; InputError where it bridges a hollow."""
-    theta, lift = follower_of(geometry).lift_on(found.contour, found.normal)
+    theta, lift = follower_of(geometry).lift_on(found.contour @ (1, 1j), found.normal @ (1, 1j))
     theta = np.unwrap(theta)
     theta += 2 * np.pi * np.round((found.theta[0] - theta[0]) / (2 * np.pi))
     back = np.flatnonzero(np.diff(theta) < -1e-9 * np.diff(found.theta))

@@ -2,6 +2,7 @@
 
 import json
 from functools import lru_cache
+from itertools import zip_longest
 from pathlib import Path
 
 import numpy as np
@@ -49,8 +50,7 @@ def read_design(path: str | Path, scene: Scene) -> Lift:
     Raises InputError for a file that is no design: unreadable, not JSON, missing or misshapen pieces, pieces that do
     not cover -180 to 180 deg without gap or step in lift.
     """
-    text = read_text(Path(path), MAX_FILE_BYTES, "design")
-    return lift_of_text(text, scene, path)
+    return lift_of_text(read_text(Path(path), MAX_FILE_BYTES, "design"), scene, path)
 
 
 @lru_cache(maxsize=8)  # what is known of a cam is known of the same file's
@@ -60,7 +60,10 @@ def lift_of_text(text: str, scene: Scene, path: object) -> Lift:
     try:
         pieces = data["pieces"]
         start, end = (np.array(pieces[k], dtype=float) for k in ("start_deg", "end_deg"))
-        coefficients = _rows(pieces["coefficients_mm"])
+        rows = [np.array(row, dtype=float) for row in pieces["coefficients_mm"]]
+        if any(row.ndim != 1 or not 1 <= len(row) <= 64 for row in rows):
+            raise ValueError("coefficients_mm needs a list of 1 to 64 numbers per piece")
+        coefficients = np.array([*zip_longest(*rows, fillvalue=0.0)]).T
         duration = float(data.get("duration_deg", scene.required_design.duration_deg))
         family, parameters = str(data.get("family", "lift")), dict(data.get("parameters") or {})
     except (KeyError, TypeError, ValueError, OverflowError) as error:
@@ -90,11 +93,8 @@ def lift_of_text(text: str, scene: Scene, path: object) -> Lift:
 
 
 def as_written(lift: Lift) -> Lift:
-    """The lift law that its `design.json` gives back, bit by bit.
-
-    Millimetres and degrees and back again move the last digits, and a motion that parts its contacts multiplies them:
-    what is judged is therefore the cam as it is written.
-    """
+    """The lift law that its `design.json` gives back, bit by bit: units move the last digits, and a motion that parts
+    its contacts multiplies them, so that the cam as it is written is judged."""
     record = design_record(lift, lift.max_lift)
     pieces = record["pieces"]
     borders = np.append(pieces["start_deg"], pieces["end_deg"][-1])
@@ -120,14 +120,3 @@ def _json_object(text: str, path: object) -> dict:
     if not isinstance(data, dict):
         raise InputError(f"{path}: not a design.json of camopt: an object with `pieces` is expected")
     return data
-
-
-def _rows(lists) -> np.ndarray:
-    """Coefficient lists of any length as one array (p, q), padded with zeros."""
-    rows = [np.array(row, dtype=float) for row in lists]
-    if any(row.ndim != 1 or not 1 <= len(row) <= 64 for row in rows):
-        raise ValueError("coefficients_mm needs a list of 1 to 64 numbers per piece")
-    out = np.zeros((len(rows), max((len(row) for row in rows), default=0)))
-    for i, row in enumerate(rows):
-        out[i, : len(row)] = row
-    return out

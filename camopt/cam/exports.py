@@ -1,18 +1,15 @@
 """Files for grinding and for engine simulation: lift tables and the contour, in millimetres with a number of digits.
 
 The contour gives the point that touches the follower at each cam angle of the table. Its coordinates carry one digit
-more than the lift: two rounded coordinates miss a point by up to 0.71 of a unit, and a roller's lift by that over the
-cosine of the pressure angle, so with the lift's own digits half a unit of lift could not be kept. As each point comes
-with its cam angle, nothing need be interpolated to rebuild the lift there: the support function of the points (flat
-follower) or the roller laid on them meets it within half a unit of the lift's last digit.
+more than the lift, so that the support function of the points (flat follower), or the roller laid on them, meets the
+lift within half a unit of its last digit: two rounded coordinates miss a point by up to 0.71 of a unit.
 
-Engine simulations read the valve's lift by the crank's angle, a row each degree: EngMod4T takes two columns without a
-header, parted by a tab. The lift is the static one, which is the cam's less the lash, or that of a motion at a speed.
-Degree 0 is the last whole one before the valve opens.
+Engine simulations read the valve's lift, static or at a speed, by the crank's angle, a row each degree: EngMod4T takes
+two columns without a header, parted by a tab. Degree 0 is the last whole one before the valve opens.
 
-The contour may be a drawing too (DXF; needs the extra `dxf`, ezdxf), of circular arcs that join without a corner and
-keep a tolerance. Between two points of the contour with their tangents lie two arcs (Bolton 1975, Computer-Aided Design
-7, 101): with points p0, p1, v = p1 - p0 and unit tangents t0, t1 they meet at (p0 + p1 + d (t0 - t1)) / 2, where
+A drawing of the contour (DXF; needs the extra `dxf`, ezdxf) has circular arcs that join without a corner and keep a
+tolerance. Between two points p0, p1 of the contour with the unit tangents t0, t1 lie two arcs (Bolton 1975,
+Computer-Aided Design 7, 101), which with v = p1 - p0 meet at (p0 + p1 + d (t0 - t1)) / 2, where
 
     v v - 2 d v (t0 + t1) - 2 d^2 (1 - t0 t1) = 0.
 
@@ -25,7 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from camopt.cam.followers import cross
+from camopt.cam.followers import cross, pairs
 from camopt.cam.geometry import contact, crossing
 from camopt.cam.lift import APART, Lift, angles_deg
 from camopt.scene import InputError
@@ -56,11 +53,8 @@ def write_rounded_table(path: str | Path, lift: Lift, step_deg: float, digits: i
 
 
 def write_crank_table(path: str | Path, lift: Lift, step_crank_deg: float, digits: int, cam_per_crank: float) -> None:
-    """Writes crank_angle_deg, zero at the middle of the duration, and lift_mm over the crank's turns of one of the cam.
-
-    A # header names the units, so that `camopt.cam.tables.lift_table.read_lift_table` reads it back as any other
-    table. Raises InputError for a step that does not divide the cam's turn.
-    """
+    """Writes crank_angle_deg, zero at the middle of the duration, and lift_mm over one turn of the cam, below a #
+    header with the units. Raises InputError for a step that does not divide the cam's turn."""
     degrees = angles_deg(step_crank_deg * cam_per_crank)
     cells = zip(_angle_cells(degrees / cam_per_crank), rounded(lift(degrees * DEG) / MM, digits), strict=True)
     head = ["# table-angle = crank", "# table-lift = mm", "crank_angle_deg,lift_mm"]
@@ -68,8 +62,7 @@ def write_crank_table(path: str | Path, lift: Lift, step_crank_deg: float, digit
 
 
 class TableError(NamedTuple):
-    """What a lift table is off by [mm]: at its `rows`, and between them along straight `lines` and along the periodic
-    cubic `spline` through them."""
+    """What a table is off by [mm]: at its `rows`, between them along straight `lines` and along a cubic `spline`."""
 
     rows: float
     lines: float
@@ -94,9 +87,8 @@ def table_error(lift: Lift, step_deg: float, digits: int | None) -> TableError:
 def write_contour(path: str | Path, lift: Lift, geometry: Geometry, step_deg: float, digits: int) -> None:
     """Writes the contour by cam angle: x_mm, y_mm, polar_angle_deg and radius_mm of the point of contact.
 
-    The axis of the cam is the origin, the nose towards +x, the cam turning against the angle (mirror it for the other
-    sense). `digits` are the lift's; lengths carry one more, the polar angle three more. Raises InputError where no
-    contour gives this lift to this follower.
+    Its axes are those of `Contact.contour`. `digits` are the lift's; lengths carry one more, the polar angle three
+    more. Raises InputError where no contour gives this lift to this follower.
     """
     contact(lift, geometry).require_contour("contour")
     degrees = angles_deg(step_deg)
@@ -126,18 +118,10 @@ def _angle_cells(degrees: np.ndarray) -> list[str]:
 
 
 def crank_rows(lift: Lift, lash: float, cam_per_crank: float) -> Float[np.ndarray, " k"]:
-    """Crank angles [deg] from the middle of the cam's duration, a degree apart, from before the opening to after the
-    closing, which are where the lift passes the lash [m], or half a micrometre without one.
-
-    Raises InputError where the lift never does.
-    """
+    """Crank angles [deg] from the middle of the cam's duration, a degree apart, from before to after the lift is above
+    the lash [m], or half a micrometre without one. Raises InputError where it never is."""
     opens, closes = (angle / DEG / cam_per_crank for angle in crossing(lift, max(lash, NOTHING)))
     return np.arange(np.floor(opens), np.ceil(closes) + 1)
-
-
-def static_lift(lift: Lift, lash: float, theta: Float[np.ndarray, " k"]) -> Float[np.ndarray, " k"]:
-    """The valve's lift [m] at cam angles [rad] where it follows the cam: max(0, lift - lash)."""
-    return np.maximum(lift(theta) - lash, 0.0)
 
 
 def write_valve_lift(path: str | Path, lift: Float[np.ndarray, " k"], digits: int) -> None:
@@ -157,12 +141,11 @@ FINEST = 12
 
 
 def write_dxf(path: str | Path, lift: Lift, geometry: Geometry, tolerance: float) -> tuple[int, float]:
-    """Writes the contour as a closed polyline of arcs that join without a corner, in millimetres.
+    """Writes the contour as a closed polyline of arcs that join without a corner, in millimetres with every digit.
 
     The contour misses them by at most `tolerance` [m]; returned is how many there are, and by how much it misses them
-    [m]. The axis of the cam is the origin and the nose lies towards +x, as in `camopt.cam.exports.write_contour`; base
-    circle and axes lie on layers of their own. Coordinates have every digit. Raises InputError where no contour gives
-    this lift to this follower, and where ezdxf is not installed.
+    [m]. Base circle and axes lie on layers of their own. Raises InputError where no contour gives this lift to this
+    follower, and where ezdxf is not installed.
     """
     try:
         from ezdxf import units  # pyright: ignore[reportMissingImports]  # an extra
@@ -175,10 +158,10 @@ def write_dxf(path: str | Path, lift: Lift, geometry: Geometry, tolerance: float
     for layer, colour in ((CONTOUR, 7), (BASE_CIRCLE, 8), (AXES, 1)):
         drawing.layers.add(layer, color=colour)
     space = drawing.modelspace()
-    corners = np.column_stack([begins / MM, bulge]).tolist()
+    corners = np.column_stack([pairs(begins) / MM, bulge]).tolist()
     space.add_lwpolyline(corners, format="xyb", close=True, dxfattribs={"layer": CONTOUR})
     space.add_circle((0, 0), geometry.base_radius_mm, dxfattribs={"layer": BASE_CIRCLE})
-    reach = 1.1 * float(np.hypot(*begins.T).max()) / MM  # the axes end a tenth beyond the contour
+    reach = 1.1 * float(np.abs(begins).max()) / MM  # the axes end a tenth beyond the contour
     for end in ((reach, 0.0), (0.0, reach)):
         space.add_line((-end[0], -end[1]), end, dxfattribs={"layer": AXES})
     text = io.StringIO()
@@ -187,11 +170,9 @@ def write_dxf(path: str | Path, lift: Lift, geometry: Geometry, tolerance: float
     return len(begins), missed
 
 
-def contour_arcs(
-    lift: Lift, geometry: Geometry, tolerance: float
-) -> tuple[Float[np.ndarray, "k 2"], Float[np.ndarray, " k"], float]:
-    """A closed chain of arcs in ascending cam angle from the back of the cam: where each begins [m], its bulge, and by
-    how much the contour is missed at most [m], which is no more than `tolerance` [m].
+def contour_arcs(lift: Lift, geometry: Geometry, tolerance: float) -> tuple[np.ndarray, Float[np.ndarray, " k"], float]:
+    """A closed chain of arcs in ascending cam angle from the back of the cam: where each begins (k), complex [m], its
+    bulge, and by how much the contour is missed at most [m], which is no more than `tolerance` [m].
 
     A bulge is the tangent of a quarter of the angle that the arc turns through, positive to the left.
     """
@@ -205,40 +186,38 @@ def contour_arcs(
         edges = np.sort(np.append(edges, 0.5 * (edges[wide] + edges[wide + 1])))
     else:
         first, second, missed = _biarcs(lift, geometry, edges)
-    begins = np.stack([first[0], second[0]], axis=1).reshape(-1, 2)
-    bulge = np.stack([first[1], second[1]], axis=1).ravel()
+    begins, bulge = (np.stack([one, other], axis=1).ravel() for one, other in zip(first, second, strict=True))
     return begins, bulge, float(missed.max())
 
 
 def _biarcs(lift: Lift, geometry: Geometry, edges: np.ndarray):
-    """The first and the second arc of every interval, as points (k, 2) and bulges (k), and what both miss (k) [m]."""
+    """The first and the second arc of every interval, as points (k) and bulges (k), and what both miss (k) [m]."""
     ends = contact(lift, geometry, edges)
-    tangent = np.stack([-ends.normal[:, 1], ends.normal[:, 0]], axis=1)
-    p0, p1, t0, t1 = ends.contour[:-1], ends.contour[1:], tangent[:-1], tangent[1:]
-    v, both, turn = p1 - p0, (t0 + t1), 2 * (1 - (t0 * t1).sum(axis=1))
-    along, square = (v * both).sum(axis=1), (v * v).sum(axis=1)
+    points, tangent = ends.contour @ (1, 1j), ends.normal @ (1j, -1)
+    p0, p1, t0, t1 = points[:-1], points[1:], tangent[:-1], tangent[1:]
+    v, turn = p1 - p0, 2 * (1 - np.real(np.conj(t0) * t1))
+    along, square = np.real(np.conj(v) * (t0 + t1)), np.abs(v) ** 2
     d = square / (along + np.sqrt(along**2 + turn * square))
-    joint = 0.5 * (p0 + p1 + d[:, None] * (t0 - t1))
+    joint = 0.5 * (p0 + p1 + d * (t0 - t1))
     first, last = _angle(t0, joint - p0), _angle(p1 - joint, t1)
     share = (np.arange(LOOKED_AT) + 0.5) / LOOKED_AT
     theta = (edges[:-1, None] + np.diff(edges)[:, None] * share).ravel()
-    there = contact(lift, geometry, theta).contour.reshape(len(p0), LOOKED_AT, 2)
-    before = ((there - joint[:, None]) * v[:, None]).sum(axis=2) < 0
+    there = (contact(lift, geometry, theta).contour @ (1, 1j)).reshape(len(p0), LOOKED_AT)
+    before = np.real(np.conj(v)[:, None] * (there - joint[:, None])) < 0
     away = np.where(before, _distance(there, p0, t0, first, joint - p0), _distance(there, p1, t1, last, p1 - joint))
     return (p0, np.tan(first / 2)), (joint, np.tan(last / 2)), np.abs(away).max(axis=1)
 
 
 def _angle(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Angle (k) from vectors a (k, 2) to b, to the left; zero where one is no longer than rounding."""
-    angle = np.arctan2(cross(a, b), (a * b).sum(axis=1))
-    return np.where(np.hypot(*b.T) * np.hypot(*a.T) > 0, angle, 0.0)
+    """Angle (k) from a (k) to b, to the left; zero where one is no longer than rounding."""
+    return np.where(np.abs(b) * np.abs(a) > 0, np.angle(np.conj(a) * b), 0.0)
 
 
 def _distance(points: np.ndarray, on: np.ndarray, tangent: np.ndarray, half_turn: np.ndarray, chord: np.ndarray):
-    """Distance (k, q) of points (k, q, 2) from circles through `on` (k, 2) with a tangent there, to the left; one turns
-    by twice `half_turn` over a chord."""
-    length = np.hypot(*chord.T)
+    """Distance (k, q) of points (k, q) from circles through `on` (k) with a tangent there, to the left; one turns by
+    twice `half_turn` over a chord."""
+    length = np.abs(chord)
     curvature = np.divide(2 * np.sin(half_turn), length, out=np.zeros_like(length), where=length > 0)[:, None]
     from_there = points - on[:, None]
-    side = 2 * cross(tangent[:, None], from_there) - curvature * (from_there**2).sum(axis=2)
+    side = 2 * cross(tangent[:, None], from_there) - curvature * np.abs(from_there) ** 2
     return side / (1 + np.sqrt(np.maximum(1 - curvature * side, 0.0)))

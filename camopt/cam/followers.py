@@ -1,19 +1,18 @@
 """The followers of a scene's [geometry]: from valve lift to where each touches its cam, and back from a contour.
 
-The engine's frame: the cam's axis is the origin, the first coordinate runs along the valve's axis and is positive where
-the valve opens to, the second lies across it. The cam turns from the second axis to the first, so that what lies in the
-cam at the angle theta faces the opening at the cam angle theta. Derivatives are by cam angle.
+The engine's frame is the complex plane: the cam's axis is the origin, the real axis runs along the valve's and is
+positive where the valve opens to, the imaginary one lies across it. The cam turns from the imaginary axis to the real
+one, so that what lies in the cam at the angle theta faces the opening at the cam angle theta. Derivatives are by cam
+angle.
 
-Seen from the cam the centre of a roller or pad runs along the pitch curve, with w = J C + C' the velocity of the centre
-C over the cam (J a quarter turn). Its normal is the contour's, whose radius of curvature is less by the circle's
-(Norton 2009, ch. 7):
-    n = -J w / |w|,   contour C - r n,   pitch radius |w|^3 / (w x (J w + w')).
-The normal turns over the cam at psi' = (w x (J w + w')) / |w|^2, so that the contact runs along the cam at |w| - r psi'
+Seen from the cam the centre of a roller or pad runs along the pitch curve, with w = i C + C' the velocity of the centre
+C over the cam. Its normal is the contour's, whose radius of curvature is less by the circle's (Norton 2009, ch. 7):
+    n = -i w / |w|,   contour C - r n,   pitch radius |w|^3 / (w x (i w + w')).
+The normal turns over the cam at psi' = (w x (i w + w')) / |w|^2, so that the contact runs along the cam at |w| - r psi'
 and, on a pad whose body turns at gamma', along the pad at r (psi' - 1 - gamma').
 """
 
 from collections.abc import Sequence
-from typing import Protocol
 
 import numpy as np
 
@@ -24,72 +23,46 @@ from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
 
 
-class Follower(Protocol):
-    """A follower's kinematics, both ways."""
-
-    def contact(self, law: Float[np.ndarray, "3 k"], theta: Float[np.ndarray, " k"]) -> Contact:
-        """The contact at valve lifts, with their first two derivatives [m/rad^n], at cam angles [rad]."""
-        ...
-
-    def lift_on(
-        self, points: Float[np.ndarray, "k 2"], normals: Float[np.ndarray, "k 2"]
-    ) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
-        """Cam angles [rad], neither wrapped nor ordered, at which the follower touches these points [m] of a contour
-        with these outward normals, both in the cam, and the valve lift [m] there."""
-        ...
-
-
-def quarter_turn(vectors: np.ndarray) -> np.ndarray:
-    """Vectors (..., 2) turned from the first axis towards the second by a right angle."""
-    return np.stack([-vectors[..., 1], vectors[..., 0]], axis=-1)
-
-
 def cross(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """The product |a| |b| sin(angle from a to b) of vectors (..., 2)."""
-    return a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]
+    """The product |a| |b| sin(angle from a to b) of complex numbers."""
+    return np.imag(np.conj(a) * b)
 
 
-def turned(vectors: np.ndarray, angle) -> np.ndarray:
-    """Vectors (..., 2) turned by angles [rad] from the first axis towards the second."""
-    cos, sin = np.cos(angle), np.sin(angle)
-    x, y = vectors[..., 0], vectors[..., 1]
-    return np.stack([x * cos - y * sin, x * sin + y * cos], axis=-1)
-
-
-def direction(vectors: np.ndarray) -> np.ndarray:
-    """Angle [rad] of vectors (..., 2) from the first axis, wrapped."""
-    return np.arctan2(vectors[..., 1], vectors[..., 0])
+def pairs(numbers: np.ndarray) -> np.ndarray:
+    """Complex numbers (k) as coordinates (k, 2)."""
+    return np.stack([np.real(numbers), np.imag(numbers)], axis=1)
 
 
 def signed_radius(velocity: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-    """Radius of curvature (k) of a curve with these derivatives (k, 2), positive where it bends to the left, infinite
-    where it is straight."""
+    """Radius of curvature (k) of a curve with these complex derivatives (k), positive where it bends to the left,
+    infinite where it is straight."""
     with np.errstate(divide="ignore"):
-        return np.hypot(*velocity.T) ** 3 / cross(velocity, acceleration)
+        return np.abs(velocity) ** 3 / cross(velocity, acceleration)
 
 
 def circle_contact(
     geometry: Geometry,
     theta: np.ndarray,
     centre: Sequence[np.ndarray],
-    ahead: np.ndarray,
+    ahead: np.ndarray | float,
     turning: np.ndarray,
     ratio: np.ndarray,
     shut: float = 0.0,
 ) -> Contact:
     """The contact of the roller, which rolls without slip, or of the pad, which slides.
 
-    `centre` [m] of the circle with its first two derivatives, and the unit `ahead` in which it moves as the valve
-    opens, are (k, 2) in the engine's frame; its body turns by `turning` (k) [rad/rad]. `ratio` (k) is that of the
-    valve's velocity to the centre's, and `shut` the pressure angle [rad] from which the eccentricity on a pad counts.
+    `centre` (k) [m] of the circle with its first two derivatives, and the unit `ahead` in which it moves as the valve
+    opens, lie in the engine's frame; its body turns by `turning` (k) [rad/rad]. `ratio` (k) is that of the valve's
+    velocity to the centre's, and `shut` the pressure angle [rad] from which the eccentricity on a pad counts.
     """
     assert geometry.contact_radius_mm is not None, "by the schema"
     radius, rolls, (place, velocity, acceleration) = geometry.contact_radius_mm * MM, geometry.roller_radius_mm, centre
-    w = quarter_turn(place) + velocity
-    bend = quarter_turn(w) + quarter_turn(velocity) + acceleration
-    speed = np.hypot(*w.T)
-    normal = -quarter_turn(w) / speed[:, None]
-    pressure = -direction(np.stack([np.sum(ahead * normal, axis=1), cross(ahead, normal)], axis=1))
+    w = 1j * place + velocity
+    bend = 1j * (w + velocity) + acceleration
+    speed = np.abs(w)
+    normal = -1j * w / speed
+    pressure = -np.angle(np.conj(ahead) * normal)
+    turned = np.exp(1j * theta)
     turn = cross(w, bend) / speed**2
     over_cam = speed - radius * turn
     over_pad = radius * (turn - 1 - turning)
@@ -99,8 +72,8 @@ def circle_contact(
         radius_of_curvature=signed_radius(w, bend) - radius,
         eccentricity=np.zeros_like(pressure) if rolls else radius * (pressure - shut),
         pressure_angle=pressure,
-        contour=turned(place - radius * normal, theta),
-        normal=turned(normal, theta),
+        contour=pairs((place - radius * normal) * turned),
+        normal=pairs(normal * turned),
         ratio=ratio,
         entrainment=over_cam if rolls else (over_cam - over_pad) / 2,
         sliding=np.zeros_like(pressure) if rolls else over_cam + over_pad,
@@ -119,25 +92,28 @@ class Flat:
     def __init__(self, geometry: Geometry):
         self.geometry, self.base = geometry, geometry.base_radius_mm * MM
 
-    def contact(self, law: np.ndarray, theta: np.ndarray) -> Contact:
+    def contact(self, law: Float[np.ndarray, "3 k"], theta: Float[np.ndarray, " k"]) -> Contact:
+        """The contact at valve lifts, with their first two derivatives [m/rad^n], at cam angles [rad]."""
         s, velocity, acceleration = law / self.geometry.rocker_ratio
-        r, none = self.base + s, np.zeros_like(s)
+        r, none, turned = self.base + s, np.zeros_like(s), np.exp(1j * theta)
         return Contact(
             self.geometry,
             theta,
             radius_of_curvature=r + acceleration,
             eccentricity=velocity,
             pressure_angle=none,
-            contour=turned(np.stack([r, velocity], axis=1), theta),
-            normal=turned(np.stack([none + 1, none], axis=1), theta),
+            contour=pairs((r + 1j * velocity) * turned),
+            normal=pairs(turned),
             ratio=none + self.geometry.rocker_ratio,
             entrainment=r / 2 + acceleration,
             sliding=r,
         )
 
     def lift_on(self, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        distance = np.sum(points * normals, axis=-1)
-        return direction(normals), self.geometry.rocker_ratio * (distance - self.base)
+        """Cam angles (k) [rad], neither wrapped nor ordered, at which the follower touches these complex points (k) [m]
+        of a contour with these outward normals, both in the cam, and the valve lift (k) [m] there."""
+        distance = np.real(np.conj(normals) * points)
+        return np.angle(normals), self.geometry.rocker_ratio * (distance - self.base)
 
 
 class Roller:
@@ -151,12 +127,12 @@ class Roller:
     def contact(self, law: np.ndarray, theta: np.ndarray) -> Contact:
         s, velocity, acceleration = law / self.geometry.rocker_ratio
         none = np.zeros_like(s)
-        *centre, ahead = (np.stack([x, none], axis=1) for x in (self.reach + s, velocity, acceleration, none + 1))
-        return circle_contact(self.geometry, theta, centre, ahead, none, none + self.geometry.rocker_ratio)
+        centre = self.reach + s, velocity, acceleration
+        return circle_contact(self.geometry, theta, centre, 1.0, none, none + self.geometry.rocker_ratio)
 
     def lift_on(self, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         centres = points + self.radius * normals
-        return direction(centres), self.geometry.rocker_ratio * (np.hypot(*centres.T) - self.reach)
+        return np.angle(centres), self.geometry.rocker_ratio * (np.abs(centres) - self.reach)
 
 
 class Arm:
@@ -169,7 +145,7 @@ class Arm:
     lift. The centre on the cam swings on a circle about the pivot; of the two places that the triangle of cam axis,
     pivot and centre allows on the base circle it has the one from which the opening valve takes it away from the cam.
 
-    `pivot`, `centre` of the roller or pad on the base circle and the pad on the shut `valve`'s tip are places (2) [m];
+    `pivot`, `centre` of the roller or pad on the base circle and the pad on the shut `valve`'s tip are places [m];
     `radius` [m] is that of the roller or pad on the cam, and `valve_side` (1 or -1) the side of the pivot on which the
     valve lies, across its axis.
     """
@@ -181,21 +157,20 @@ class Arm:
         self._arm, self._valve_arm = geometry.arm_mm * MM, geometry.valve_arm_mm * MM
         self._shut = geometry.valve_arm_deg * DEG
         across, along = geometry.pivot_mm
-        self.pivot = np.array([along, across]) * MM
+        self.pivot = complex(along, across) * MM
         self.valve_side = -1.0 if (across > 0) == (geometry.follower == "finger") else 1.0
         self.centre = self._centre_at(np.array([geometry.base_radius_mm * MM + self.radius]))[0]
-        self.valve = self.pivot + self._valve_arm * np.array([np.sin(self._shut), self.valve_side * np.cos(self._shut)])
+        self.valve = self.pivot + self._valve_arm * complex(np.sin(self._shut), self.valve_side * np.cos(self._shut))
 
     def _centre_at(self, distance: np.ndarray) -> np.ndarray:
-        """Centres (k, 2) at these distances [m] from the cam's axis, on the side to which the opening valve moves."""
-        away = np.hypot(*self.pivot)
+        """Centres (k) at these distances [m] from the cam's axis, on the side to which the opening valve moves."""
+        away = abs(self.pivot)
         cos = (distance**2 + away**2 - self._arm**2) / (2 * distance * away)
         if np.any(np.abs(cos) > 1):
             raise InputError(
                 "[geometry]: arm_mm does not reach along the whole contour: move the pivot or change the arm"
             )
-        angle = direction(self.pivot) + self.valve_side * np.arccos(cos)
-        return distance[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+        return distance * np.exp(1j * (np.angle(self.pivot) + self.valve_side * np.arccos(cos)))
 
     def swing(self, law: np.ndarray) -> np.ndarray:
         """Angle [rad] by which the body has turned from where it is with the valve shut, and its derivatives (3, k).
@@ -219,26 +194,24 @@ class Arm:
 
     def _contact(self, law: np.ndarray, theta: np.ndarray, shut: float) -> Contact:
         angle, first, second = self.swing(law)
-        arm = turned(self.centre - self.pivot, angle)
-        across = quarter_turn(arm)
-        centre = self.pivot + arm, first[:, None] * across, second[:, None] * across - first[:, None] ** 2 * arm
+        arm = (self.centre - self.pivot) * np.exp(1j * angle)
+        across = 1j * arm
+        centre = self.pivot + arm, first * across, second * across - first**2 * arm
         ahead = -self.valve_side * across / self._arm
         ratio = self._valve_arm * np.cos(self._shut - self.valve_side * angle) / self._arm
         return circle_contact(self.geometry, theta, centre, ahead, first, ratio, shut)
 
     def lift_on(self, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         centres = points + self.radius * normals
-        here = self._centre_at(np.hypot(*centres.T))
-        theta = direction(centres) - direction(here)
-        rest = self.centre - self.pivot
-        angle = np.arctan2(cross(rest, here - self.pivot), (here - self.pivot) @ rest)
-        beta = self._shut - self.valve_side * angle
+        here = self._centre_at(np.abs(centres))
+        theta = np.angle(centres) - np.angle(here)
+        beta = self._shut - self.valve_side * np.angle((here - self.pivot) / (self.centre - self.pivot))
         return theta, self._valve_arm * (np.sin(beta) - np.sin(self._shut))
 
 
 FOLLOWERS = {"flat": Flat, "roller": Roller, "finger": Arm, "rocker": Arm}
 
 
-def follower_of(geometry: Geometry) -> Follower:
-    """The follower that a [geometry] describes."""
+def follower_of(geometry: Geometry) -> Flat | Roller | Arm:
+    """The follower that a [geometry] describes, whose methods are those of `Flat`."""
     return FOLLOWERS[geometry.follower](geometry)

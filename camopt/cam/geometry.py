@@ -30,23 +30,23 @@ STEPPED = 1e-6
 
 
 def contact(lift: Lift, geometry: Geometry, theta: Float[np.ndarray, " k"] | None = None) -> Contact:
-    """The contact of a cam with the follower of a scene's [geometry].
-
-    At `theta` [rad], any turn, from the right where a derivative steps; by default over one turn, every piece
-    sampled at both its ends and at least every `STEP`. Raises InputError where a finger or rocker cannot follow.
-    """
+    """The contact of a cam with its follower at `theta` [rad], any turn, from the right where a derivative steps; by
+    default over one turn, every piece sampled at both its ends and at least every `STEP`. Raises InputError where a
+    finger or rocker cannot follow."""
     if theta is None:
-        theta, *law = _sampled(lift)
+        counts = np.ceil(np.diff(lift.borders) / STEP).astype(int) + 1
+        ends = zip(lift.borders[:-1], lift.borders[1:], counts, strict=True)
+        theta = np.concatenate([np.linspace(start, end, n) for start, end, n in ends])
+        piece = np.repeat(np.arange(len(counts)), counts)
+        law = [lift.of_piece(piece, theta, order) for order in range(3)]
     else:
         law = [lift(theta, order) for order in range(3)]
     return follower_of(geometry).contact(np.stack(law), theta)
 
 
 def smallest_radii(lift: Lift, geometry: Geometry) -> tuple[float, float | None]:
-    """`Contact.smallest_convex` and `Contact.smallest_concave` of a cam, with closer samples about every extreme.
-
-    What is missed is `CLOSER`^2 times less than by `contact`. Raises InputError where a finger or rocker cannot follow.
-    """
+    """`Contact.smallest_convex` and `Contact.smallest_concave` of a cam, with samples `CLOSER` times as close about
+    every extreme. Raises InputError where a finger or rocker cannot follow."""
     found = contact(lift, geometry)
     turns = np.diff(1 / found.radius_of_curvature)
     at = found.theta[1 + np.flatnonzero(turns[1:] * turns[:-1] < 0)]
@@ -69,21 +69,9 @@ def crossing(lift: Lift, height: float) -> tuple[float, float]:
     return (float(roots.min()), float(roots.max())) if len(roots) else (-np.pi, np.pi)
 
 
-def _sampled(lift: Lift) -> tuple[np.ndarray, ...]:
-    """Angles (k) [rad], lift and its first two derivatives, one-sided at both ends of every piece."""
-    rows = []
-    for c, start, end in zip(lift.coefficients, lift.borders[:-1], lift.borders[1:], strict=True):
-        local = np.linspace(0.0, end - start, int(np.ceil((end - start) / STEP)) + 1)
-        piece = np.polynomial.Polynomial(c)
-        rows.append([start + local, piece(local), piece.deriv()(local), piece.deriv(2)(local)])
-    return tuple(np.concatenate(column) for column in zip(*rows, strict=True))
-
-
 def sign_changes(lift: Lift) -> Float[np.ndarray, " k"]:
-    """The angles [rad] inside the duration at which the jerk changes its sign, from the roots of the pieces.
-
-    Between two neighbours of all borders and roots of the snap the jerk goes one way, so that no change is missed.
-    """
+    """The angles [rad] inside the duration at which the jerk changes its sign; between two neighbours of borders and
+    roots of the snap it goes one way, so that no change is missed."""
     half = lift.half_duration
     inside = lift.borders[(lift.borders > -half) & (lift.borders < half)]
     bends = lift.roots(4)

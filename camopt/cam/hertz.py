@@ -11,9 +11,8 @@ The least thickness of the oil film is Dowson's for elastic bodies and a piezovi
 Proc. IMechE 182(3A), 1968):
     h / R = 2.65 U^0.7 G^0.54 W^-0.13,   U = eta u / (E' R),   G = alpha E',   W = P / (E' R),
 with u the entrainment velocity, R the radii's and E' = 2 E* the moduli's combination, P the force per length, eta the
-viscosity without pressure and alpha its growth with it. It serves the report only. Every angle is taken by itself,
-without squeeze, heat and edges: the film vanishes where the entrainment reverses, where squeezing carries a real one
-over.
+viscosity without pressure and alpha its growth with it. Every angle is taken by itself, without squeeze, heat and
+edges: the film vanishes where the entrainment reverses, where squeezing carries a real one over.
 """
 
 from dataclasses import dataclass
@@ -30,10 +29,6 @@ from camopt.scene.units import DEG, MM, UM
 
 GPA = 1e9
 """Pascals in a gigapascal."""
-MPA = 1e6
-"""Pascals in a megapascal."""
-MPA_S = 1e-3
-"""Pascal seconds in a millipascal second."""
 
 
 @dataclass(frozen=True)
@@ -58,7 +53,7 @@ class HertzStress:
         """The largest stress in the field's units, where it acts, and the force there."""
         stress, theta = self.largest
         force = self.force[int(np.argmax(self.stress))]
-        return {"hertz_stress_MPa": stress / MPA, "cam_angle_deg": theta / DEG, "normal_force_N": float(force)}
+        return {"hertz_stress_MPa": stress / 1e6, "cam_angle_deg": theta / DEG, "normal_force_N": float(force)}
 
 
 def line_pressure(force_per_length, radius, modulus: float) -> np.ndarray:
@@ -84,11 +79,8 @@ def contact_width(geometry: Geometry) -> float:
 def hertz_stress(
     lift: Lift, geometry: Geometry, theta: Float[np.ndarray, " k"], force: Float[np.ndarray, " k"]
 ) -> HertzStress:
-    """The stress under a `force` [N] on the valve's axis at cam angles `theta` [rad], any turn.
-
-    Raises InputError where the scene gives no width of the contact, and where the contour cannot carry the follower
-    along a line: a cusp or concave flank under a flat face, an undercut under a roller or pad.
-    """
+    """The stress under a `force` [N] on the valve's axis at cam angles `theta` [rad], any turn; raises InputError
+    where the scene gives no width of the contact, and at a cusp, an undercut or too concave a flank."""
     width, along = contact_width(geometry), contact(lift, geometry, theta)
     curvature = combined_curvature(along)
     if np.any(curvature <= 0):
@@ -117,17 +109,15 @@ def film_ratio(
     along: Contact, cam_speed: float, normal_force: Float[np.ndarray, " k"]
 ) -> Float[np.ndarray, " k"] | None:
     """Film thickness over roughness at a cam speed [rad/s] under the normal force [N]; infinite without force, and not
-    a number where there is no line contact (`camopt.cam.hertz.hertz_stress` refuses such a cam).
-
-    None where the scene states no oil or no roughness. Raises InputError where it gives no width of the contact.
-    """
+    a number where there is no line contact. None where the scene states no oil or no roughness; raises InputError where
+    it gives no width of the contact."""
     geometry = along.geometry
     if geometry.oil_viscosity_mPa_s is None or geometry.roughness_um is None:
         return None
     curvature = combined_curvature(along)
     radius = np.divide(1.0, curvature, out=np.full_like(curvature, np.nan), where=curvature > 0)
     modulus = 2 * contact_modulus(geometry)
-    speed = geometry.oil_viscosity_mPa_s * MPA_S * np.abs(along.entrainment) * cam_speed / (modulus * radius)
+    speed = geometry.oil_viscosity_mPa_s * 1e-3 * np.abs(along.entrainment) * cam_speed / (modulus * radius)
     load = normal_force / contact_width(geometry) / (modulus * radius)
     oil = geometry.oil_pressure_viscosity_per_GPa / GPA * modulus
     with np.errstate(divide="ignore"):

@@ -80,10 +80,8 @@ class Lift:
         return found[np.isfinite(found)]
 
     def extremes(self, order: int, low: float = -np.pi, high: float = np.pi) -> tuple[float, float]:
-        """Exact smallest and largest value of the derivative `order` over [low, high], from the roots of the next.
-
-        One-sided values at piece borders count, so a step shows with both its sides.
-        """
+        """Exact smallest and largest value of the derivative `order` over [low, high], from the roots of the next; a
+        step at a border shows with both its sides."""
         values, roots = self._derivatives[order], self.roots(order + 1)
         inside = roots[(roots >= low) & (roots <= high)]
         start, end = self.borders[:-1], self.borders[1:]
@@ -192,12 +190,9 @@ def permitted_steps(cam: Lift) -> np.ndarray:
 
 
 def lift_with(cam: Lift, numbers: Mapping[str, Any]) -> Lift:
-    """The cam with the "lift" (p, q) [m/rad^k], "borders" (p + 1) [rad] and "half_duration" [rad] of `numbers`, where
-    there are such.
-
-    Raises InputError for borders that do not ascend from -pi to pi, or pieces that do not join there as well as those
-    of the cam: pieces of another cam between the borders of this one.
-    """
+    """The cam with those of "lift" (p, q) [m/rad^k], "borders" (p + 1) [rad] and "half_duration" [rad] that are in
+    `numbers`. Raises InputError for borders that do not ascend from -pi to pi, or pieces that do not join there as well
+    as those of the cam."""
     names = {"lift": "coefficients", "borders": "borders", "half_duration": "half_duration"}
     changes: dict[str, Any] = {
         field: np.asarray(numbers[name], float) for name, field in names.items() if name in numbers
@@ -217,10 +212,8 @@ def lift_with(cam: Lift, numbers: Mapping[str, Any]) -> Lift:
 
 
 def with_ramps(borders, coefficients, opening: Ramp, closing: Ramp, family: str, parameters: dict) -> Lift:
-    """The event's pieces, borders (p + 1) from -half to +half duration [rad], between ramps and base circle.
-
-    Raises InputError for a ramp that is lower than its foot rises, and for ramps longer than the base circle.
-    """
+    """The event's pieces, borders (p + 1) from -half to +half duration [rad], between ramps and base circle; raises
+    InputError for a ramp that is lower than its foot rises, and for ramps longer than the base circle."""
     for name, ramp in (("opening", opening), ("closing", closing)):
         foot_rise = 0.5 * ramp.velocity * ramp.foot
         if ramp.height < foot_rise * (1 - ROUNDING):
@@ -271,10 +264,8 @@ def lift_table(lift: Lift, step_deg: float) -> dict[str, np.ndarray]:
 
 
 def angles_deg(step_deg: float) -> np.ndarray:
-    """Cam angles from -180 to 180 deg, those of a few decimals without the tail that binary steps leave.
-
-    Raises InputError for a step that does not divide the turn.
-    """
+    """Cam angles from -180 to 180 deg, those of a few decimals without the tail that binary steps leave; raises
+    InputError for a step that does not divide the turn."""
     count = round(360 / step_deg) if 180 / MOST_ROWS < step_deg <= 360 else 0
     if not 1 <= count <= MOST_ROWS or abs(count * step_deg - 360) > 1e-9 * count:
         raise InputError(f"lift table: step {step_deg} deg: a step that divides 360 deg, 0.001 or more, is needed")

@@ -10,8 +10,8 @@ for the entrainment velocity)
     face width needed       twice the largest |y'|
     entrainment velocity    w |(R + y) / 2 + y''|
 
-The entrainment velocity is positive on the base circle and continuous, so it keeps away from zero at every angle only
-without changing its sign: that limit, too, is linear.
+The entrainment velocity is positive on the base circle and continuous, so it keeps away from zero only without changing
+its sign: that limit, too, is linear.
 
 A roller's centre runs on the polar curve P = R + r + y with the roller's radius r, whose curvature is
 (P^2 + 2 P'^2 - P P'') / (P^2 + P'^2)^(3/2) (Norton 2009, ch. 7). The cam's radius is at least rho where it is convex if

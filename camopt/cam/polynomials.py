@@ -9,7 +9,7 @@ continuous derivatives. A law x^p over pieces of `width` relative to its half du
 
 from dataclasses import dataclass
 from functools import cache
-from math import comb
+from math import comb, prod
 from typing import Any
 
 import numpy as np
@@ -78,8 +78,15 @@ _FACTORIAL = np.cumprod([1, 1, 2, 3, 4, 5])
 
 
 def falling(powers: np.ndarray, k: int) -> np.ndarray:
-    """Factors that k derivatives bring down of u^p, by the powers p; zero where k > p."""
-    return np.prod([powers - i for i in range(k)], axis=0) if k else np.ones(len(powers))
+    """Factors that k derivatives bring down of u^p, by the powers p, in NumPy or JAX; zero where k > p."""
+    return prod((powers - i for i in range(k)), start=np.ones(len(powers)))
+
+
+def power_derivatives(powers: np.ndarray, u: np.ndarray, order: int) -> np.ndarray:
+    """The derivative `order` of u^p for every u >= 0 (k) and power p (q), shape (k, q)."""
+    factor = falling(powers, order)
+    left = powers.__array_namespace__().where(factor != 0, powers - order, 0)
+    return factor * u[:, None] ** left
 
 
 _UPPER = np.array([falling(_POWERS, k) for k in range(MATCHED)], dtype=float)

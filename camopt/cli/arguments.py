@@ -40,10 +40,8 @@ def cam_of(args: Namespace, scene: Scene, cam: str | Path | None = None) -> "Lif
 
 
 def run_named(args: Namespace) -> Path | None:
-    """The run folder in the scene's place, if there is one; its cam is the command's where no other is named.
-
-    Raises InputError where no cam is named at all.
-    """
+    """The run folder in the scene's place, if there is one; its cam is the command's where no other is named. Raises
+    InputError where no cam is named at all."""
     run = Path(args.scene) if (Path(args.scene) / "scene.toml").is_file() else None
     args.cam = args.cam or (run and args.scene)
     if args.cam is None:

@@ -15,10 +15,8 @@ if TYPE_CHECKING:
 
 
 def next_step(args: Namespace, code: int) -> str:
-    """One sentence with a command that can be pasted; `code` is the exit code of what was run.
-
-    It is the `next` of the table of commands, where that says one.
-    """
+    """One sentence with a command that can be pasted, which is the `next` of the table of commands where that says one;
+    `code` is the exit code of what was run."""
     if args.next is None:
         return _AFTER[args.command](args, code)
     sentences = {"otherwise": args.next} if isinstance(args.next, str) else args.next
@@ -30,10 +28,8 @@ def next_step(args: Namespace, code: int) -> str:
 
 
 def left_behind(args: Namespace) -> str:
-    """What a command that did not end leaves in its folder and how to go on, to end a sentence with.
-
-    A folder that is still empty is taken away, so that the same command may be given again.
-    """
+    """What a command that did not end leaves in its folder and how to go on, to end a sentence with; a folder that is
+    still empty is taken away, so that the same command may be given again."""
     if hasattr(args, "store"):  # of a sweep, which leaves nothing where it had not begun
         again = _camopt("sweep", args.plan, "--store", args.store, "--resume")
         left = f"; {args.store} is left, with a row for each task that ended: {again} goes on"

@@ -51,11 +51,6 @@ def positive(text: str) -> float:
     return value
 
 
-def lifts(text: str) -> tuple[float, ...]:
-    """Lifts [mm], as in 0.1,1,1.27."""
-    return tuple(positive(part) for part in text.split(","))
-
-
 def columns(text: str) -> tuple[str, str]:
     """Two columns of a table, by number or name, as in 1,3."""
     angle, comma, lift = text.partition(",")
@@ -86,9 +81,12 @@ def standing(text: str) -> tuple[str, float]:
     return (by, positive(said) if by == "tdc-lift" else angle(said)) if equals else ("centre", angle(text))
 
 
-def angles(text: str) -> tuple[float, ...]:
-    """Angles [deg], as in 0,90,180,270."""
-    return tuple(angle(part) for part in text.split(","))
+def list_of(one: Callable[[str], float]) -> Callable[[str], tuple[float, ...]]:
+    """The type of a list with commas, each of whose words has the type `one`."""
+    return lambda text: tuple(one(word) for word in text.split(","))
+
+
+lifts, angles = list_of(positive), list_of(angle)
 
 
 def named_range(text: str) -> tuple[str, tuple[float, float]]:

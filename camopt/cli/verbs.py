@@ -1,7 +1,5 @@
-"""The verbs of the command line: each loads what it needs, calls one public function and prints the outcome.
-
-Everything beyond the scene is imported inside the verb, so that bad input is answered before JAX or numba load. Here
-stand the verbs that design, judge and show a cam; those that study a scene are in `camopt.cli.studies`.
+"""The verbs that design, judge and show a cam: each calls one public function and prints the outcome. Everything beyond
+the scene is imported inside the verb, so that bad input is answered before JAX or numba load.
 """
 
 import atexit

@@ -1,9 +1,8 @@
 """The cam of largest area of an edited scene, by the linear programs that the optimiser's search begins with.
 
-What a program is made of is kept from one answer to the next. Where only the sizes of limits change, its rows stay and
-the solver goes on from its last basis. Where the train, the duration or the ramps change, rows are made again: far
-apart while the user drags a slider, all of them once it rests. Radii of the cam under a roller or pad are held once it
-rests, because they take a sequence of programs.
+Where only the sizes of limits change, a program's rows stay and the solver goes on from its last basis. Where the
+train, the duration or the ramps change, rows are made again: far apart while the user drags a slider, all of them once
+it rests. Radii of the cam under a roller or pad take a sequence of programs and are held once it rests.
 """
 
 from dataclasses import dataclass, field, replace
@@ -63,12 +62,8 @@ class CamFinder:
 
     def largest(self, scene: Scene, train: Train, margin_N: float | None, coarse: bool) -> FoundCam:
         """The cam of largest area that the scene's limits allow: under the no-jump program with a margin, or under the
-        kinematic one where the margin is None.
-
-        Where no cam keeps contact it is that of the kinematic program, which says why. With `coarse` the force rows
-        may be few, unless all of them are there from the last answer. Raises InputError for limits that contradict
-        each other.
-        """
+        kinematic one where the margin is None, or where no cam keeps contact, which it then says. With `coarse` the
+        force rows may be few. Raises InputError for limits that contradict each other."""
         if margin_N is None:
             return self._kinematic(scene, coarse)
         try:

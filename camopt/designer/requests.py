@@ -1,8 +1,5 @@
-"""The requests of a page, which a server of this machine or a notebook's kernel passes on.
-
-Among them is to save an edited scene and its cam as files that the command line reads: a scene file, or a run folder
-with a report.
-"""
+"""The requests of a page, which a server of this machine or a notebook's kernel passes on; among them to save an edited
+scene as a file, or with its cam as a run folder."""
 
 import json
 import platform
@@ -15,7 +12,7 @@ from pathlib import Path
 from threading import Lock
 from typing import Any
 
-from camopt.cam.design_file import as_written, design_record
+from camopt.cam.design_file import as_written, write_design
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.designer.cams import Cancelled
 from camopt.designer.controls import Refused
@@ -168,7 +165,9 @@ def save_run(folder: Path, name: object, design: Edited, verification: dict[str,
     path, lift = folder / _named(name), as_written(cam.lift)
     with run_folder(path, run_identity("design", scene, program=cam.program)):
         bound = float(area_ratio_bound(scene.required_design).bound)
-        record = design_record(
+        write_text(path / "scene.toml", scene_toml(scene))
+        write_design(
+            path / "design.json",
             cam.lift,
             scene.required_design.max_lift_mm * MM,
             area_ratio_bound=bound,
@@ -177,8 +176,6 @@ def save_run(folder: Path, name: object, design: Edited, verification: dict[str,
             gradient_gain=0.0,
             limit_worth=cam.worth,
         )
-        write_text(path / "scene.toml", scene_toml(scene))
-        write_json(path / "design.json", record)
         write_lift_table(path / "lift.csv", lift)
         if verification is not None:
             write_json(path / "verification.json", verification)

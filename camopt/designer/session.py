@@ -45,10 +45,7 @@ def motion_at(
 ) -> tuple[dict[str, Any], np.ndarray | None]:
     """One revolution at a crankshaft speed with its metrics, the share of every limit that it uses, and what the
     animation draws, or in place of these a sentence where the motion is refused; and the state in which it ends.
-
-    The motion is settled, but that of a `sketch`, which runs at most FEW_REVOLUTIONS before, from the state `start`
-    where there is one.
-    """
+    The motion has settled, or for a `sketch` run at most FEW_REVOLUTIONS, from the state `start` where there is one."""
     cam_speed = scene.cam_speed(speed_rpm)
     try:
         if sketch:
@@ -75,10 +72,8 @@ def motion_at(
 
 
 def band_of(scene: Scene, train: Train, lift: Lift, wanted: Callable[[], bool]) -> dict[str, Any]:
-    """Every metric at speeds over the scene's band, and by limit on the motion the largest part used and where.
-
-    Raises Cancelled between some of the speeds once it is not `wanted` any more.
-    """
+    """Every metric at speeds over the scene's band, and by limit on the motion the largest part used and where. Raises
+    Cancelled between some of the speeds once it is not `wanted` any more."""
     speeds = np.linspace(*scene.required_operation.band_rpm, BAND_SPEEDS)
     parts: dict[str, list[np.ndarray]] = {name: [] for name in QUANTITIES}
     for begin in range(0, len(speeds), AT_ONCE):

@@ -1,7 +1,5 @@
-"""The parts of an answer that take seconds: the certified bound, the literature's cams, and trains as built.
-
-They are functions of an edited scene and its cam alone, so that another process may compute them.
-"""
+"""The parts of an answer that take seconds, as functions of an edited scene and its cam alone, so that another process
+may compute them: the certified bound, the literature's cams, and trains as built."""
 
 from collections.abc import Callable
 from functools import partial
@@ -14,7 +12,8 @@ from camopt.cam.lift import Lift
 from camopt.designer.cams import KNOT_DEG
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import broken_by_shape, motion_limits
-from camopt.measure.yields import UsedLimits, counted, share_of
+from camopt.measure.yield_words import share_sentence, spoiling_sentences
+from camopt.measure.yields import UsedLimits, share_of, yield_record
 from camopt.optimizer.as_built.measured import track
 from camopt.optimizer.baselines.comparison import member_or_sentence
 from camopt.optimizer.bound.certificate import area_ratio_bound
@@ -50,7 +49,7 @@ def baselines_part(scene: Scene, lift: Lift) -> dict[str, Any]:
 
 
 def trains_of(scene: Scene, lift: Lift, count: int) -> dict[str, Any]:
-    """The share of the first `count` drawn trains that hold the limits on the motion, and what others break first."""
+    """The share of the first `count` drawn trains that hold the limits on the motion, as `camopt yield` says it."""
     if not motion_limits(scene.design):
         return {"says": "The scene limits nothing of the motion, so every train holds."}
     if not scene.tolerance and scene.grinding is None:
@@ -61,9 +60,9 @@ def trains_of(scene: Scene, lift: Lift, count: int) -> dict[str, Any]:
         used = UsedLimits(tuple(way.limits), speeds, way.used(trains_as_built(scene, count)))
     except InputError as error:
         return {"says": str(error)}
-    share = share_of(used.holds)
-    broken = {limit: entry["trains"] for limit, entry in counted(used).items()}
-    return {"share": share.share, "low": share.low, "high": share.high, "trains": count, "first_broken": broken}
+    record = yield_record(used, share_of(used.holds), 0, {})
+    said = [share_sentence(record), *spoiling_sentences(record)]
+    return {"share": record["share"], "says": f"{'; '.join(said)}."}
 
 
 def why_none(scene: Scene, lift: None) -> dict[str, Any]:

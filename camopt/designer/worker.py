@@ -1,7 +1,4 @@
-"""Processes for what takes seconds while the designer goes on answering: for slow parts of an answer, and a verdict.
-
-Both can be stopped at any time.
-"""
+"""Processes for what takes seconds while the designer goes on answering: slow parts of an answer, and a verdict."""
 
 import os
 import signal

@@ -6,24 +6,21 @@ that is watched.
 """
 
 from contextlib import AbstractContextManager
-from threading import local
 
 import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.exact.affine.inputs import Inputs
 from camopt.exact.kernel.arrays import CamArrays, cam_arrays
+from camopt.exact.kernel.elements import element_forces
 from camopt.exact.kernel.propagators import Propagators, default_step, propagators
-from camopt.exact.kernel.revolution import CHATTER, DONE, TABLES_FULL, TRACE_FULL, follow
-from camopt.exact.kernel.tables import Tables
-from camopt.exact.kernel.trace import NO_TRACE, Trace, empty_trace
+from camopt.exact.kernel.revolution import CHATTER, DONE, MOST_SWITCHINGS, Setting, follow
+from camopt.exact.kernel.trace import NO_TRACE, Trace, rows_of
 from camopt.scene.errors import MotionRefused
 from camopt.scene.response import Response
 from camopt.scene.shapes import State
 from camopt.scene.train import Train
 
-MOST_SWITCHINGS = 20_000
-"""A motion with more contact switchings than this in one revolution is refused as chatter."""
 AT_ONCE = 8
 """Number of steps that one span takes where no samples are wanted."""
 LONGEST_SPAN = 12
@@ -32,36 +29,40 @@ MOST_AT_ONCE = 8
 """Largest number of steps between two samples."""
 FEWEST_STEPS = 360
 """A revolution is divided into at least this many steps, however slow the train's modes are."""
-FIRST_SEGMENTS = 1024
-"""Number of segments per revolution for which a trace has room at first."""
-NO_ROWS = np.empty((0, 0))
-"""Those of a motion that is not sampled."""
 
 
 class EventExact:
-    """Event-exact motion at one speed: a call gives one sampled revolution, `advance` only the state at its end."""
+    """One event-exact revolution as a function of its start state (2n + r), with `advance` for the end state alone.
+
+    `cam_speed` is in rad/s. `steps_per_revolution` says how often the motion is sampled and does not change its
+    accuracy: between two samples, switchings are sought in steps that are short enough for the highest mode. By default
+    these steps are the samples too. The default step [s] is the same at all speeds, so that one set of tables serves
+    them all.
+    """
 
     def __init__(self, train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int | None = None):
         self.train, self.lift, self.cam_speed = train, lift, cam_speed
         self.period = 2 * np.pi / cam_speed
         self.step, self._per_sample = _step(train, self.period, steps_per_revolution)
         self._cam = cam_arrays(Inputs(train.forcing, lift.borders), lift, cam_speed)
-        self._rows: np.ndarray | None = None
 
     def __call__(self, state: State) -> Response:
         """One revolution from -pi to pi from a state ([m], [m/s], [m]), sampled at the requested steps, at every
-        switching and at every piece border. Raises MotionRefused for endless switching or a motion without bound."""
-        n, at, e = len(self.train.mass), self.train.state_size, len(self.train.a)
-        if self._rows is None:
-            samples = int(self.period / self.step) + len(self._cam.borders) + 2 * MOST_SWITCHINGS + 16
-            self._rows = np.empty((samples, at + 2 + e + 2))
+        switching, before and after it, and at every piece border. Raises MotionRefused for endless switching or a
+        motion without bound."""
+        n, at = len(self.train.mass), self.train.state_size
         with self._lent(self._per_sample) as lent:
-            count = run(lent, self._cam, np.array(state, dtype=float), rows=self._rows)[0]
-        done = self._rows[:count].copy()
-        angle = done[:, -2] * self.cam_speed - np.pi
+            trace = run(lent, self._cam, self.lift, np.array(state, dtype=float), regular=True)[1]
+            ends = np.repeat(np.arange(len(trace.angle)), 1 + np.concatenate([[0], trace.watch[:-1] >= 0, [0]]))
+            segment = np.maximum(ends - 1, 0) + np.append(0, ends[1:] == ends[:-1])
+            rows = np.empty((len(ends), at + 2 + len(self.train.a)))
+            rows[:, : at + 2] = trace.y[ends, : at + 2]
+            rows[:, at + 1] /= lent.step  # the lift's velocity
+            element_forces(lent.arrays, lent.tables.pieces, trace.slot[segment], rows)
+            angle = trace.angle[ends]
         angle[-1] = np.pi
-        x, v, z = done[:, :n], done[:, n : 2 * n], done[:, 2 * n : at]
-        return Response(self.train, self.cam_speed, angle, done[:, at], x, v, done[:, at + 2 : -2], z)
+        x, v, z, lift, _, force = np.split(rows, [n, 2 * n, at, at + 1, at + 2], axis=1)
+        return Response(self.train, self.cam_speed, angle, lift[:, 0], x, v, force, z)
 
     def advance(self, state: State, revolutions: int = 1) -> State:
         """State after whole revolutions from a state at -pi; several times faster than a sampled motion.
@@ -70,86 +71,47 @@ class EventExact:
         """
         after = np.array(state, dtype=float)
         with self._lent(AT_ONCE) as lent:
-            run(lent, self._cam, after, revolutions)
+            run(lent, self._cam, self.lift, after, revolutions, traced=False)
         return after
 
     def _lent(self, at_once: int) -> AbstractContextManager[Propagators]:
         return propagators(self.train, self.step, self.lift.coefficients.shape[1], at_once).lent()
 
 
-class TraceBuffer(local):
-    """Room for the traces of each thread's motions, one after the other; it grows fourfold where a motion needs more.
-
-    New room costs as much as a short motion, because the system has to clear it.
-    """
-
-    def __init__(self) -> None:
-        self._segments, self._trace = FIRST_SEGMENTS, NO_TRACE
-
-    def trace(self, tables: Tables, revolutions: int) -> Trace:
-        """The trace of a motion of so many revolutions that uses these tables; what it held before is overwritten."""
-        self._segments = max(self._segments, FIRST_SEGMENTS * revolutions)
-        width, looks = tables.steps.shape[3], tables.span.shape[2] - tables.steps.shape[3]
-        kept = self._trace
-        if (len(kept.length), kept.y.shape[1], kept.looks.shape[1]) != (self._segments, width, looks):
-            self._trace = empty_trace(self._segments, width, looks)
-        return self._trace
-
-    def grow(self) -> None:
-        """Makes room for four times as many segments."""
-        self._segments *= 4
+prepare = EventExact
 
 
 def run(
     lent: Propagators,
     cam: CamArrays,
+    lift: Lift,
     state: np.ndarray,
     revolutions: int = 1,
-    rows: np.ndarray = NO_ROWS,
-    buffer: TraceBuffer | None = None,
-) -> tuple[int, Trace]:
+    traced: bool = True,
+    regular: bool = False,
+) -> tuple[Setting, Trace]:
     """Runs whole revolutions from `state` (2n + r) at -pi, which is changed in place to the end.
 
-    Returns (number of segments in the trace, the trace in the `buffer`) or, without a buffer, (number of samples in
-    `rows`, no trace). Where there is no room for more tables, or in the buffer, it grows. Raises MotionRefused for
-    endless switching or a motion without bound.
+    Returns the setting and the trace, whose arrays stand in the tables' own room; `regular` is that of `revolve`. Where
+    there is no room for more tables or segments, it grows. Raises MotionRefused for endless switching or a motion
+    without bound.
     """
-    start = state.copy()
+    begin, starts = state.copy(), np.zeros(revolutions + 1, dtype=np.int64)
     while True:
-        state[:] = start
-        trace = NO_TRACE if buffer is None else buffer.trace(lent.tables, revolutions)
-        code, count, switchings = follow(
-            lent.arrays, cam, lent.step, lent.tables, state, revolutions, MOST_SWITCHINGS, rows, trace
-        )
+        state[:] = begin
+        trace = lent.trace(revolutions) if traced else NO_TRACE
+        setting = Setting(lent.arrays, cam, lent.step, lent.tables, lift.half_duration, lift.opening_foot)
+        code, switchings = follow(setting, state, starts, regular, trace)
         if code == DONE:
-            return count, trace
-        if code == TABLES_FULL:
-            lent.grow()
-        elif code == TRACE_FULL and buffer is not None:
-            buffer.grow()
-        else:
-            raise refusal(code, cam.speed, switchings)
-
-
-def refusal(code: int, cam_speed: float, switchings: int) -> MotionRefused:
-    """The sentence for a revolution that the kernel could not finish."""
-    chatter = f"contacts switch more than {MOST_SWITCHINGS} times"
-    return MotionRefused(
-        f"event-exact at {cam_speed * 30 / np.pi:g} cam r/min: "
-        f"{chatter if code == CHATTER else 'the motion has no bound'} in one revolution "
-        f"({switchings} switchings): give the contacts damping, or check masses and stiffnesses"
-    )
-
-
-def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int | None = None) -> EventExact:
-    """One event-exact revolution as a function of its start state (2n + r), with `advance` for the end state alone.
-
-    `cam_speed` is in rad/s. `steps_per_revolution` says how often the motion is sampled and does not change its
-    accuracy: between two samples, switchings are sought in steps that are short enough for the highest mode. By default
-    these steps are the samples too. The default step [s] is the same at all speeds, so that one set of tables serves
-    them all.
-    """
-    return EventExact(train, lift, cam_speed, steps_per_revolution)
+            return setting, rows_of(trace, 0, starts[-1])
+        if code < 0:
+            chatter = f"contacts switch more than {MOST_SWITCHINGS} times"
+            raise MotionRefused(
+                f"event-exact at {cam.speed * 30 / np.pi:g} cam r/min: "
+                f"{chatter if code == CHATTER else 'the motion has no bound'} in one revolution "
+                f"({switchings} switchings): give the contacts damping, or check masses and stiffnesses"
+            )
+        lent.grow(code)
 
 
 def free_step(train: Train, cam_speed: float) -> float:

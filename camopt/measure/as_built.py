@@ -4,8 +4,7 @@ The error of a ground contour consists of waves over a revolution, of no more th
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import lru_cache
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.interpolate import PPoly, make_interp_spline
@@ -14,7 +13,7 @@ from camopt.cam.lift import Lift
 from camopt.scene.as_built import GRINDING, deviates, key_of, scene_as_built
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
-from camopt.scene.train import KEPT_TRAINS, Train, build_train
+from camopt.scene.train import Train, build_train
 from camopt.scene.units import UM
 
 WAVE_KNOTS = 18
@@ -33,14 +32,21 @@ class TrainAsBuilt:
     draws: dict[str, np.ndarray]
     """By tolerance the draws (k) that made it, in units of what the tolerance states; those of the grinding error are
     the cosine and sine parts of its harmonics."""
+    errors: dict[tuple[float, float, float], Lift] = field(default_factory=dict)
+    """The grinding error of the last cam, by foot, half duration and end of its lobe: the cams that a search judges on
+    one train have the same ones."""
 
     def cam(self, lift: Lift) -> Lift:
-        """The lift as it is ground for this train; the lift itself where the scene has no grinding error."""
+        """The lift as it is ground for this train; the lift itself where the scene has no grinding error. Raises
+        InputError as `lobe_of` does."""
         grinding = self.scene.grinding
         if grinding is None:
             return lift
-        seed = key_of(self.seed, self.number, GRINDING)
-        return ground(lift, seed, grinding.error_um * UM, grinding.harmonics)
+        lobe, seed = lobe_of(lift), key_of(self.seed, self.number, GRINDING)
+        if lobe not in self.errors:
+            self.errors.clear()
+            self.errors[lobe] = grinding_error(lobe, seed, grinding.error_um * UM, grinding.harmonics)
+        return lift.shifted(self.errors[lobe])
 
     def __repr__(self) -> str:
         return f"TrainAsBuilt({self.scene.name}, train {self.number} of seed {self.seed})"
@@ -49,9 +55,8 @@ class TrainAsBuilt:
 def trains_as_built(scene: Scene, count: int, *, seed: int = 0, first: int = 0) -> list[TrainAsBuilt]:
     """The trains of the numbers `first` to `first` + `count` - 1, drawn within the scene's tolerances.
 
-    Train i hangs on the seed and on i alone, so that a longer list begins with the shorter one; a tolerance that is
-    made narrower or left out moves no other draw (common random numbers). `train.train` has the SI arrays (n masses, e
-    elements) and `train.cam(lift)` is the cam as it is ground for it. Raises InputError for a count below 1 or a
+    Train i depends on the seed and on i alone, so that a longer list begins with the shorter one; a tolerance that is
+    made narrower or left out moves no other draw (common random numbers). Raises InputError for a count below 1 or a
     negative seed.
     """
     if count < 1 or seed < 0 or first < 0:
@@ -82,29 +87,26 @@ def drawn_waves(seed: Seed, harmonics: tuple[int, int]) -> np.ndarray:
     return np.concatenate([size * np.cos(phase), -size * np.sin(phase)])
 
 
-def ground(lift: Lift, seed: Seed, peak: float, harmonics: tuple[int, int]) -> Lift:
-    """The lift with an error whose largest value is `peak` [m]; the same seed gives the same error.
-
-    The error fades out over the ramps, or over its shortest wave where that is longer, so that the base circle stays
-    the base circle. Its harmonics go from the lowest to the highest. Raises InputError for a lift without a base
-    circle, and for one that does not rise from it.
-    """
+def lobe_of(lift: Lift) -> tuple[float, float, float]:
+    """Foot, half duration and end of a lift's lobe [rad]. Raises InputError for a lift without a base circle, and for
+    one that does not rise from it."""
     foot, half = lift.opening_foot, lift.half_duration
     if foot == -np.pi or foot == np.pi:
         raise InputError(
             f"grinding errors lie on the lobe of a cam, and this lift is {'never' if foot < 0 else 'everywhere'} zero: "
             f"give a cam that rises from a base circle, or leave [grinding] out"
         )
-    angles = foot, half, lift.closing_angle(0.0)
-    return lift.shifted(_error(angles, seed if isinstance(seed, int) else tuple(seed), peak, harmonics))
+    return foot, half, lift.closing_angle(0.0)
 
 
-@lru_cache(maxsize=KEPT_TRAINS)  # the cams that a search judges on one train begin and end at the same angles
-def _error(
-    angles: tuple[float, float, float], seed: int | tuple[int, ...], peak: float, harmonics: tuple[int, int]
-) -> Lift:
-    """The error of a lobe whose foot, half duration and end are `angles`."""
-    foot, half, end = angles
+def grinding_error(lobe: tuple[float, float, float], seed: Seed, peak: float, harmonics: tuple[int, int]) -> Lift:
+    """The error of a `lobe` of foot, half duration and end [rad], whose largest value is `peak` [m]; the same seed
+    gives the same error.
+
+    The error fades out over the ramps, or over its shortest wave where that is longer, so that the base circle stays
+    the base circle. Its harmonics go from the lowest to the highest.
+    """
+    foot, half, end = lobe
     knot = 2 * np.pi / (WAVE_KNOTS * harmonics[1])
     angle = np.linspace(foot, end, max(int(np.ceil((end - foot) / knot)), WAVE_KNOTS) + 1)
     phases = np.arange(harmonics[0], harmonics[1] + 1) * angle[:, None]

@@ -106,11 +106,10 @@ class Energy:
 def energy(response: Response, lift: Lift) -> Energy:
     """The energy balance of a record of any length by any method that opens contacts where their force reaches zero.
 
-    Between samples the motion is taken as the quintic through positions, velocities and accelerations. Accelerations
-    follow from the recorded forces on the interval's own side of a force jump; the lift is exact. Where the elements
-    switch at samples, as in event-exact motion, only this interpolation errs: by less than 1e-9 of the stored energy at
-    7200 samples in a revolution of the built-in scenes. Where they switch between samples, the residual is the method's
-    own error.
+    Between samples the motion is taken as the quintic through positions, velocities and accelerations, which follow
+    from the recorded forces on the interval's own side of a force jump; the lift is exact. Where the elements switch at
+    samples, as in event-exact motion, only this interpolation errs: by less than 1e-9 of the stored energy at 7200
+    samples in a revolution of the built-in scenes. Where they switch between samples, the residual is the method's own.
     """
     t, time, elastic = response.train, response.time, Elastic(response.train)
     start = np.flatnonzero(np.diff(time) > 0)

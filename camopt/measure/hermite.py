@@ -12,8 +12,7 @@ class Hermite:
     """Cubic Hermite interpolant of values `y` with slopes `slope` (per rad) at ascending angles [rad].
 
     Of two samples at one angle one is dropped, because position and velocity are continuous where a force jumps.
-    SciPy's CubicHermiteSpline is the same curve, but without the extremes and the falls through zero that metrics ask
-    for, and its `roots` do not say in which direction the value passes.
+    SciPy's CubicHermiteSpline is the same curve without extremes, and its `roots` do not tell rises from falls.
     """
 
     def __init__(self, angle: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"], slope: Float[np.ndarray, " k"]):
@@ -28,7 +27,8 @@ class Hermite:
     def __call__(self, angle) -> np.ndarray | np.floating:
         """Value at angles [rad]."""
         i, u = self._locate(angle)
-        return self._value(i, u)
+        c = self.c[:, i]
+        return c[0] + u * (c[1] + u * (c[2] + u * c[3]))
 
     def slope(self, angle) -> np.ndarray | np.floating:
         """Derivative by angle at angles [rad]."""
@@ -64,10 +64,6 @@ class Hermite:
     def _locate(self, angle):
         i = np.clip(np.searchsorted(self.angle, angle, "right") - 1, 0, len(self.step) - 1)
         return i, (angle - self.angle[i]) / self.step[i]
-
-    def _value(self, i, u):
-        c = self.c[:, i]
-        return c[0] + u * (c[1] + u * (c[2] + u * c[3]))
 
     def _partial(self, i, u):
         c = self.c[:, i]

@@ -1,7 +1,7 @@
 """The limits of a scene's design: those on the cam's shape and those on the motion.
 
-Limits on the shape are judged from the exact extremes of the cam's polynomial pieces. Limits on the motion are judged
-by whoever computes a motion; here stands what each of them limits, and when a value keeps or breaks it.
+Limits on the shape are judged from the exact extremes of the cam's polynomial pieces. Of those on the motion, here
+stands what each of them limits, and when a value keeps or breaks it.
 """
 
 from collections.abc import Iterable, Iterator
@@ -23,11 +23,10 @@ from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM
 SAMPLED = 1e-6
 """Relative slack of radii under a roller or pad, whose extremes are looked for between samples."""
 STEP_ROUNDING = 1e-6
-"""A jump at a border that is no larger than this share of the largest value counts as rounding. Solving for the
-coefficients of high powers loses a few digits more than evaluating them, and a designed step is orders larger."""
+"""A jump at a border that is no larger than this share of the largest value counts as rounding; a designed step is
+orders larger."""
 RAMP_LIFT = 1e-6
-"""Lift above the ramp's height that counts as none [m]. One micrometre is what an ordinary ramp rises in a tenth of a
-degree, and about what a lift table is measured to."""
+"""Lift above the ramp's height that counts as none [m]: about what a lift table is measured to."""
 EVERYWHERE = "the cam, at every angle"
 DECIMALS = 9
 """Decimals of a limited value that would be zero but for rounding."""
@@ -60,11 +59,10 @@ class MotionLimit(NamedTuple):
         return not self.keeps(found, -error)
 
     def share(self, found: np.ndarray) -> np.ndarray:
-        """How much of the limit each of the values `found` uses, as an array of their shape.
+        """How much of the limit each of the values `found` uses, as an array of their shape: one at the limit.
 
-        A share is one at the limit and more beyond it. It is the value over the limit or, where less is worse, two less
-        that ratio and at least zero, so that in both cases a fifth of the limit is left at 0.8. NaN uses infinitely
-        much.
+        It is the value over the limit or, where less is worse, two less that ratio and at least zero, so that in both
+        cases a fifth of the limit is left at 0.8. NaN uses infinitely much.
         """
         used = found / max(self.value, LEAST_LIMIT)
         return np.nan_to_num(np.maximum(2.0 - used, 0.0) if self.least else used, nan=np.inf)
@@ -92,11 +90,11 @@ def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
     """The names of the limits that the cam's shape breaks; none where there is no design.
 
     They are keys of the design, and "continuous_lift" and "continuous_velocity", which no scene has to ask for. Every
-    limit holds at every angle, as the exact extremes of the cam's pieces show. A step in velocity breaks the limits on
-    the acceleration too, and a step in acceleration that on the jerk. The one exception is the outer end of a ramp to
-    which the scene gives no foot. The limit on the snap counts between the ramps, at whose ends every cam's jerk steps.
-    `_outside` says what is asked of the duration and the ramps. Of a cam that a rounded table gives, those limits are
-    named that no cam within the rounding keeps (`camopt.measure.rounded`).
+    limit holds at every angle. A step in velocity breaks the limits on the acceleration too, and a step in acceleration
+    that on the jerk; the one exception is the outer end of a ramp to which the scene gives no foot. The limit on the
+    snap counts between the ramps, at whose ends every cam's jerk steps. `_outside` says what is asked of the duration
+    and the ramps. Of a cam that a rounded table gives, those limits are named that no cam within the rounding keeps
+    (`camopt.measure.rounded`).
     """
     return [] if design is None else list(shape_excess(lift, design))
 
@@ -220,10 +218,7 @@ def duration_words(lift: Lift, design: Design) -> str:
     where its lift shows that, the sentence names the angle and the lift there.
     """
     asked, own = design.duration_deg, 2 * lift.half_duration / DEG
-    half = min(asked, own) / 2 * DEG
-    sides = zip((-1, 1), design.ramps(), strict=True)
-    found = [(sign * half / DEG, _above(lift, sign, half) / MM, height) for sign, (height, _, _) in sides]
-    angle, above, height = max(found, key=lambda row: row[1] - row[2])
+    angle, above, height = _beyond(lift, design)
     if above > height + RAMP_LIFT / MM:
         return (
             f"the cam is longer than the {asked:g} deg of the scene: the lift beyond {angle:g} deg reaches "
@@ -245,14 +240,12 @@ def _outside(lift: Lift, design: Design) -> Iterator[Reached]:
     It breaks "duration_deg" where it says itself that it is longer than the scene asks, or where its lift exceeds the
     ramp's height by more than RAMP_LIFT outside the shorter one of its own duration and the scene's. It breaks
     "ramp_velocity_mm_per_deg", or the closing side's key, where its velocity exceeds the ramp's by more than
-    RAMP_VELOCITY outside the scene's duration. Lower, shorter and slower ramps are legal, because the motion answers
-    for them.
+    RAMP_VELOCITY outside the scene's duration. Lower, shorter and slower ramps are legal.
     """
     sides, asked = [], design.duration_deg / 2 * DEG
-    inner = min(asked, lift.half_duration)
-    longer = lift.half_duration > asked * (1 + ROUNDING)
-    for sign, (height, velocity, side) in zip((-1, 1), design.ramps(), strict=True):
-        longer |= _above(lift, sign, inner) > height * MM + RAMP_LIFT
+    _, above, height = _beyond(lift, design)
+    longer = lift.half_duration > asked * (1 + ROUNDING) or above > height + RAMP_LIFT / MM
+    for sign, (_, velocity, side) in zip((-1, 1), design.ramps(), strict=True):
         rate = float(np.abs(lift.extremes(1, *sorted((sign * asked, sign * np.pi)))).max())
         key = "closing_" * (side == "closing" and design.closing_ramp_velocity_mm_per_deg is not None)
         over = 1.0 if rate > velocity * MM_PER_DEG * (1 + RAMP_VELOCITY) else 0.0
@@ -263,15 +256,18 @@ def _outside(lift: Lift, design: Design) -> Iterator[Reached]:
     yield from sides
 
 
-def _above(lift: Lift, sign: int, half: float) -> float:
-    """The largest lift [m] at the angles from sign * half [rad] outwards, to the end of the revolution."""
-    return lift.extremes(0, *sorted((sign * half, sign * np.pi)))[1]
+def _beyond(lift: Lift, design: Design) -> tuple[float, float, float]:
+    """Where the shorter one of the cam's and the scene's duration ends [deg], the largest lift beyond [mm] and the
+    ramp's height [mm], at the side at which the lift exceeds it more."""
+    half, found = min(design.duration_deg / 2 * DEG, lift.half_duration), []
+    for sign, (height, _, _) in zip((-1, 1), design.ramps(), strict=True):
+        highest = lift.extremes(0, *sorted((sign * half, sign * np.pi)))[1]
+        found.append((sign * half / DEG, highest / MM, height))
+    return max(found, key=lambda row: row[1] - row[2])
 
 
 def steps_at(lift: Lift, design: Design, order: int, within: float = np.inf) -> Float[np.ndarray, " k"]:
     """The angles [rad] of the borders of pieces, nearer to the nose than `within`, at which a derivative jumps.
-
-    Without such a limit the ends of the revolution are included.
 
     Where the scene's ramps have no foot, the velocity may jump by that of the ramp as the lift leaves and meets zero.
     """

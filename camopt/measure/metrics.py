@@ -26,11 +26,10 @@ BEYOND = 3
 def measure(response: Response, lift: Lift) -> dict[str, Float[np.ndarray, " revolutions"]]:
     """Every metric of `camopt.scene.quantities.QUANTITIES` for all revolutions of a record but its last.
 
-    A revolution's closed window runs into the next revolution, up to the foot of its event; the last revolution of the
-    record only provides that window. Bounce, seating and impact velocity are NaN where the valve left its seat and has
-    not touched it again by then ("never seats"), and zero where it never left the seat. Excess lift is negative where
-    the valve stays below its kinematic lift, max(0, cam lift - lash), throughout. Raises ValueError for a record
-    shorter than two revolutions.
+    A revolution's closed window runs into the next revolution, up to the foot of its event. Bounce, seating and impact
+    velocity are NaN where the valve left its seat and has not touched it again by then ("never seats"), and zero where
+    it never left the seat. Excess lift is negative where the valve stays below its kinematic lift, max(0, cam lift -
+    lash), throughout. Raises ValueError for a record shorter than two revolutions.
     """
     if response.revolutions < 2:
         raise ValueError("metrics need a record of two revolutions or more: a bounce window runs into the next one")

@@ -1,11 +1,9 @@
 """The periodic motion as a fixed point of the cycle map, found directly, and its stability.
 
-The cycle map G takes the state at -180 degrees to the state one revolution later. Plain settling repeats it, and the
-lightly damped surge of a valve spring then decays slowly. Here two plain revolutions lead into the neighbourhood.
-Anderson acceleration follows (D. G. Anderson, Iterative procedures for nonlinear integral equations, J. ACM 12 (1965),
-in the least-squares form of Walker and Ni, SIAM J. Numerical Analysis 49 (2011)), and Newton's method on G(y) - y
-polishes. A fixed point is a stable motion only if disturbances decay: the spectral radius of G's Jacobian must be below
-one there.
+The cycle map G takes the state at -180 degrees to the state one revolution later. After two plain revolutions Anderson
+acceleration follows (D. G. Anderson, Iterative procedures for nonlinear integral equations, J. ACM 12 (1965), in the
+least-squares form of Walker and Ni, SIAM J. Numerical Analysis 49 (2011)), and Newton's method on G(y) - y polishes. A
+fixed point is a stable motion only if the spectral radius of G's Jacobian is below one there.
 
 For damped trains plain iteration is as fast; use this only when surge decays slowly, or when the state is needed to
 nanometres. The radius alone costs 2n + r revolutions, and where contacts bounce the kinks of G stop both accelerations.
@@ -29,8 +27,7 @@ PLAIN, DEPTH, MOST_ACCELERATED, MOST_NEWTON = 2, 5, 25, 4
 """Numbers of plain revolutions at first, of earlier states that Anderson mixes, and at most of its revolutions and of
 Newton's steps."""
 WANDERING = 28
-"""Number of plain revolutions that lead to the state where no stable one was found. They start away from the state that
-was found, because a motion stays long near an unstable one."""
+"""Number of plain revolutions that lead to the state where no stable one was found, away from the unstable one."""
 LARGEST_RADIUS = 1 - 1e-3
 """Spectral radius below which a fixed point counts as stable. Finite differences do not tell closer ones from one."""
 SMALLEST_DIRECTION = 1e-8
@@ -57,10 +54,7 @@ class PeriodicState:
 
 
 class _Cycle:
-    """The cycle map of states in UNIT, which counts its revolutions.
-
-    It raises MotionRefused for a state that is not finite after the revolution.
-    """
+    """The cycle map of states in UNIT, which counts its revolutions; it raises MotionRefused where one has no bound."""
 
     def __init__(self, revolve: Revolve, n: int, memories: int):
         self.revolve, self.count = revolve, 0
@@ -84,9 +78,8 @@ class _Cycle:
 def periodic_state(revolve: Revolve, state: State, *, memories: int = 0) -> PeriodicState:
     """The periodic state of a method's revolution, looked for from `state` (2n + r: [m], [m/s], [m]).
 
-    The derivative of the cycle map costs 2n + r revolutions a time; `memories` is r, the number of elements with a
-    memory. The state found stands to 0.1 nm and 0.1 um/s over a revolution. Raises MotionRefused where the plain motion
-    has no bound.
+    `memories` is r, the number of elements with a memory. The state found stands to 0.1 nm and 0.1 um/s over a
+    revolution. Raises MotionRefused where the plain motion has no bound.
     """
     cycle = _Cycle(revolve, (len(state) - memories) // 2, memories)
     y = state / cycle.scale

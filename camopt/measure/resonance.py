@@ -1,10 +1,10 @@
 """Speeds at which a harmonic of the cam meets a lightly damped mode, whose peak a grid of speeds alone would miss.
 
 A mode of angular frequency w and damping ratio z resonates with the cam's harmonic n at the cam speed w / n. Its peak
-has the relative half width z: there the oscillation has half of its power. While the valve is seated the mode is
-another one than while it is lifted. Its phase runs at one rate and then at the other, so that over a revolution the
-mean counts, weighted with the angles for which the valve is lifted and seated. The centre lies between the two
-frequencies in any case and, under laws by tables, between those of the springs at rest and at full lift.
+has the relative half width z. While the valve is seated the mode is another one than while it is lifted: its phase runs
+at one rate and then at the other, so that the mean counts, weighted with the angles for which the valve is lifted and
+seated. The centre lies between the two frequencies in any case and, under laws by tables, between those of the springs
+at rest and at full lift.
 """
 
 from dataclasses import dataclass, replace
@@ -81,19 +81,18 @@ def resonances(scene: Scene, lift: Lift, step_rpm: float) -> tuple[list[Resonanc
 def _pairs(train: Train, lift: Lift) -> list[tuple[list[tuple[float, float]], list[tuple[float, float]]]]:
     """For every mode while the valve is lifted, that mode and the seated mode that is most alike in shape.
 
-    Each is a list of (angular frequency [rad/s], damping ratio). It has one entry or, where springs follow tables, one
-    with the springs as at rest and one with the springs as at full lift. There are none where the train does not
-    oscillate at all while the valve is seated, or lifted: no mode then goes on through the revolution.
+    Each is a list of (angular frequency [rad/s], damping ratio) for the trains of `_linearised`. There are none where
+    the train does not oscillate at all while the valve is seated, or lifted.
     """
     trains = _linearised(train, lift)
     lifted = [oscillations(t, acting_elements(train, "lifted")) for t in trains]
     seated = [oscillations(t, acting_elements(train, "seated")) for t in trains]
     if not all(len(angular) for angular, _, _ in (*lifted, *seated)):
         return []
-    pairs = []
-    for shape in lifted[0][2]:
-        pairs.append(tuple([_nearest(shape, m, train.mass) for m in some] for some in (lifted, seated)))
-    return pairs
+    return [
+        ([_nearest(shape, m, train.mass) for m in lifted], [_nearest(shape, m, train.mass) for m in seated])
+        for shape in lifted[0][2]
+    ]
 
 
 def _nearest(shape: np.ndarray, others: tuple[np.ndarray, np.ndarray, np.ndarray], mass: np.ndarray):
@@ -109,10 +108,7 @@ def _nearest(shape: np.ndarray, others: tuple[np.ndarray, np.ndarray, np.ndarray
 
 
 def _linearised(train: Train, lift: Lift) -> list[Train]:
-    """The train alone or, where springs follow tables, two trains with linear springs in its place.
-
-    Their stiffness is that of the springs at rest, and at full lift.
-    """
+    """The train alone or, where springs follow tables, two with springs as stiff as at rest, and as at full lift."""
     laws = train.laws
     if laws is None or not np.any(by_table := np.isin(laws.kind, (PROGRESSIVE, TABLE))):
         return [train]

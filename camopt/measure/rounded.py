@@ -28,8 +28,7 @@ ORDERS = {
 }
 """By key: order, unit, whether both signs are limited, whether between the ramps alone."""
 RAMP_VELOCITY = 0.01
-"""Relative excess over the ramp's velocity that counts as none. It amounts to a micrometre over the ten degrees of a
-ramp."""
+"""Relative excess over the ramp's velocity that counts as none: a micrometre over the ten degrees of a ramp."""
 EVALUATED = 1e-12
 """Error of a lift's evaluation, over the largest."""
 
@@ -44,11 +43,12 @@ class RoundedRows:
         self.theta = np.linspace(-np.pi, np.pi, count + 1)[:-1]
         self.height = lift(self.theta)
 
-    def means(self, order: int) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
-        """Begin of each mean [rad], its value, and its largest error, for steps that double up to `WIDEST`."""
+    def means(self, order: int) -> Iterator[tuple[float, np.ndarray, float]]:
+        """The angle that a mean spans [rad], the means from each row on, and their largest error, for steps that double
+        up to `WIDEST`."""
         every = 1
         while every * self.step <= WIDEST * (1 + 1e-9):
-            yield self.theta, *self.mean(order, every)
+            yield order * every * self.step, *self.mean(order, every)
             every *= 2
 
     def mean(self, order: int, every: int) -> tuple[np.ndarray, float]:
@@ -59,13 +59,13 @@ class RoundedRows:
 
     def resolution(self, order: int) -> float:
         """The least error of the means of a derivative [m/rad^order]."""
-        return min(error for _, _, error in self.means(order))
+        return min(error for *_, error in self.means(order))
 
     def exceeds(self, order: int, level: float, low: float = -np.pi, high: float = np.pi) -> bool:
         """Whether a derivative surely exceeds a level between two angles [rad]; for a negative one, is below it."""
         sign = -1.0 if level < 0 else 1.0
-        for every, (begin, mean, error) in enumerate(self.means(order)):
-            inside = (begin >= low - 1e-12) & (begin + order * self.step * 2**every <= high + 1e-12)
+        for span, mean, error in self.means(order):
+            inside = (self.theta >= low - 1e-12) & (self.theta + span <= high + 1e-12)
             if np.any(sign * mean[inside] > abs(level) + error):
                 return True
         return False
@@ -80,8 +80,8 @@ class RoundedRows:
     def waves(self, half: float) -> int:
         """Sign changes of the jerk that the cam has at least, between -half and half [rad]."""
         most = 0
-        for every, (begin, mean, error) in enumerate(self.means(3)):
-            inside = (begin >= -half) & (begin + 3 * self.step * 2**every <= half) & (np.abs(mean) > error)
+        for span, mean, error in self.means(3):
+            inside = (self.theta >= -half) & (self.theta + span <= half) & (np.abs(mean) > error)
             most = max(most, int(np.count_nonzero(np.diff(np.sign(mean[inside])))))
         return most
 
@@ -98,10 +98,11 @@ def violated_beyond_rounding(broken: list[str], rows: RoundedRows, design: Desig
     """Of the limits that the law through the rows breaks, those that no cam within the rows' error keeps."""
     half = design.duration_deg / 2 * DEG
     drawn = {limit.key for limit in linear_limits(design)} | set(RADII)
+    drawn -= {"duration_at"}
     return [
         key
         for key in broken
-        if (_drawing_broken(rows, design, key) if key in drawn - {"duration_at"} else _broken(rows, design, key, half))
+        if (_drawing_broken(rows, design, key) if key in drawn else _broken(rows, design, key, half))
     ]
 
 
@@ -142,11 +143,10 @@ def _drawing_broken(rows: RoundedRows, design: Design, key: str) -> bool:
         if order == 0 and limit.excess(rows.lift) > rows.error * abs(lifts):
             return True
         most = float(limit.level.coefficients[:, 0].max()) + limit.level.error
-        for every, (begin, mean, error) in enumerate(rows.means(order) if order else ()):
-            step = rows.step * 2**every
-            inside = (begin >= limit.level.low) & (begin + order * step <= limit.level.high)
-            middle = begin[inside] + order * step / 2  # of a mean whose variance is order step^2 / 12
-            slack = abs(limit.weights[order]) * error + abs(lifts) * (rows.error + bend * order * step**2 / 24)
+        for span, mean, error in rows.means(order) if order else ():
+            inside = (rows.theta >= limit.level.low) & (rows.theta + span <= limit.level.high)
+            middle = rows.theta[inside] + span / 2  # of a mean whose variance is span^2 / (12 order)
+            slack = abs(limit.weights[order]) * error + abs(lifts) * (rows.error + bend * span**2 / (24 * order))
             if np.any(limit.weights[order] * mean[inside] + lifts * rows.lift(middle) > most + slack):
                 return True
     return False
@@ -164,8 +164,7 @@ def rounding_sentence(lift: Lift) -> str:
 MEANS = 4
 """Times that the mean is taken: once for every derivative that a scene limits."""
 TOLD = 0.05
-"""Largest share of the largest jerk that the rows' error may make up in the average: the narrowest such window is
-taken."""
+"""Largest share of the largest jerk that the rows' error may make up in the average."""
 
 
 def moving_average(lift: Lift) -> tuple[Lift, str]:

@@ -1,6 +1,7 @@
 """Settling to the periodic motion, and the revolutions that are measured."""
 
 from collections.abc import Callable, Iterator
+from contextlib import suppress
 from dataclasses import dataclass
 from itertools import pairwise
 
@@ -53,7 +54,7 @@ class Settled:
 class Measured:
     """The figures of a settled motion without its record, which at a verifier's finest step is hundreds of megabytes.
 
-    All else as of `Settled`; `state` (2n + r) is the one at the end, from which a finer step goes on.
+    All else as of `Settled`; `state` (2n + r) is the one at the end.
     """
 
     figures: "Figures"
@@ -97,11 +98,10 @@ def settle(
 
     The motion has settled once the change that is still to come is at most `position` [m] in every position and every
     memory, and in every velocity SETTLED_VELOCITY in the same proportion, and the distance of states a revolution apart
-    is seen to shrink (`camopt.scene.settled.shrinks`). If the change d over a revolution shrinks by the factor r from
-    each revolution to the next, the changes to come add up to d r / (1 - r). At first r = exp(-decay), with `decay` as
-    of `decay_per_revolution` for the train, and the sum is never taken to be smaller than d itself. The revolutions
-    that are measured then show r; where they do not show that the motion settles, or that it wanders, it goes on after
-    them. Fewer than MEASURED of them show nothing, and the last change decides.
+    is seen to shrink (`camopt.scene.settled.shrinks`). The change to come follows from `decay`, that of
+    `decay_per_revolution` for the train (`camopt.scene.settled.way_left`). Where the revolutions that are measured do
+    not show that the motion settles, or that it wanders, it goes on after them. Fewer than MEASURED of them show
+    nothing, and the last change decides.
 
     It runs for at most `most` revolutions, by default PLAIN_REVOLUTIONS, and for more only while it stays within the
     tolerances, WATCHED at most. Where the train's slowest mode needs more, a search for the periodic motion follows,
@@ -147,7 +147,7 @@ class _Way:
         self.faded = self._needed <= PLAIN_REVOLUTIONS  # whether the slowest mode had the revolutions to die out
         self._searches = not self.faded and most is None
         self._most = PLAIN_REVOLUTIONS if most is None else most
-        self.revolutions = 0
+        self.revolutions = self._memories = 0
         self._within = 0  # the last of the revolutions whose change is within the tolerances
         self._largest = self._start = 0.0  # distance of the largest of these changes, and that before measuring
         self._distances = 0.0, 0.0  # of the last two changes, in the tolerances
@@ -155,15 +155,16 @@ class _Way:
     def stands(self) -> bool:
         """Runs revolutions until the change still to come is within the tolerances; False where the motion wanders."""
         while goes_on(self.revolutions, self._most, self._within):
-            after, memories = _turned(self._revolve, self.state)
+            after, self._memories = _turned(self._revolve, self.state)
             self.revolutions += 1
-            if self._note(after, memories):
+            if self._note(after, self._memories):
                 return True
         if not self._searches:
             return False
         self._searches, self.faded, self._within = False, self._needed <= MOST_REVOLUTIONS, 0
-        self.state, hastened = _hastened(self._revolve, self.state)
-        self.revolutions += hastened
+        with suppress(MotionRefused):  # whether the motion stands is decided by plain revolutions from there
+            found = periodic_state(self._revolve, self.state, memories=self._memories)
+            self.state, self.revolutions = found.state, self.revolutions + found.revolutions
         self._most = self.revolutions + min(self._needed, MOST_REVOLUTIONS) - PLAIN_REVOLUTIONS
         return self.stands()
 
@@ -215,18 +216,6 @@ def _split(state: State, memories: int) -> tuple[np.ndarray, np.ndarray, np.ndar
     return state[:n], state[n : 2 * n], state[2 * n :]
 
 
-def _hastened(revolve: Revolve, state: State) -> tuple[State, int]:
-    """A state nearer to the periodic motion of a lightly damped train, and the revolutions it took to find.
-
-    Only a stable periodic motion is taken. Whether the motion then stands is decided by plain revolutions from there.
-    """
-    try:
-        found = periodic_state(revolve, state, memories=_turned(revolve, state)[1])
-    except MotionRefused:
-        return state, 0
-    return found.state, found.revolutions
-
-
 def settled_from_rest(prepare: Callable[..., Revolve], train: Train, lift: Lift, cam_speed: float, *steps) -> Settled:
     """The motion of a method from rest on the base circle: what verdicts, sweeps and pictures call settled.
 
@@ -243,12 +232,7 @@ def decay_per_revolution(train: Train, cam_speed: float) -> float:
 
 
 def first_revolution(revolve: Revolve, state: State) -> Settled:
-    """The revolution that begins in `state`, measured without settling first.
-
-    It serves to compare methods; a cam is judged by its settled motion.
-
-    Raises MotionRefused where the motion has no bound.
-    """
+    """The revolution that begins in `state`, measured without settling first. Raises MotionRefused without bound."""
     return Settled(record_of(lambda begin: _finite(revolve(begin)), state, 2), 0, True)
 
 

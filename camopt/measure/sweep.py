@@ -1,66 +1,72 @@
 """A band of speeds by one cheap method: the worst speed of each metric, and where bounce and jump start."""
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.measure.resonance import Resonance
-from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES
+from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES, is_number
 from camopt.scene.schema import Scene
 from camopt.scene.settled import SettledMetrics
 from camopt.scene.shapes import Float
 from camopt.scene.train import build_train
 
+STARTS = {"first_jump_rpm": "jump_mm", "first_bounce_rpm": "bounce_mm"}
+"""By key of a verdict's `limits` the metric whose limit is exceeded from that speed on."""
 STARTS_MM = 0.05
 """Bounce or jump that counts as started where the scene sets no limit."""
 SEARCH_STEP_RPM = 40.0
 START_RPM = 10.0
 """Accuracy with which the starting speeds are located."""
 CHUNK = 4
-"""Speeds looked at together while the starting speeds are searched. Beyond the first of them a motion costs most."""
-FINEST_RPM = 1.0
-"""Accuracy with which the speeds of maxima are located."""
-PEAKS = 3
-"""Local maxima of each limited metric that are refined, the worst first."""
+"""Speeds looked at together while the starting speeds are searched: beyond the first of them a motion costs most."""
+FINEST_RPM, PEAKS = 1.0, 3
+"""Accuracy with which the speeds of maxima are located, and local maxima of each metric that are refined."""
 COARSELY = 10.0, 1
-"""FINEST_RPM and PEAKS of a coarse refinement."""
+"""The same of a coarse refinement."""
 
 SettledMany = Callable[..., SettledMetrics]
 """A method that measures settled motions of trains and lifts at cam speeds [rad/s] together:
 `camopt.exact.settled.settled_metrics`."""
 
 
+def badness(name: str, values: np.ndarray) -> np.ndarray:
+    """The values of a metric, negative where less is worse; NaN is worse than any value."""
+    return np.nan_to_num(-values if name in LESS_IS_WORSE else values, nan=np.inf)
+
+
 @dataclass(frozen=True, repr=False)
 class Band:
-    """A swept band: ascending speeds, every metric at each of them by its name, and the method of each speed's figures.
-
-    A bounce of NaN means that the valve never seats, or that the motion is refused.
-    """
+    """A swept band; a bounce of NaN means that the valve never seats, or that the motion is refused."""
 
     from_rpm: float
     to_rpm: float
     step_rpm: float
-    speeds_rpm: Float[np.ndarray, " m"]
-    figures: dict[str, Float[np.ndarray, " m"]]
-    methods: tuple[str, ...]
+    metrics: dict[float, dict[str, float]]  # by speed [r/min], ascending, and name
+    methods: dict[float, str]  # of the metrics, by speed
     resonances: tuple[Resonance, ...] = ()  # narrower than the step, looked at
     resonances_left_out: int = 0
     refined: bool = True  # around the worst speeds
 
     def __repr__(self) -> str:
-        return f"Band({self.from_rpm:g} to {self.to_rpm:g} r/min, {len(self.speeds_rpm)} speeds)"
+        return f"Band({self.from_rpm:g} to {self.to_rpm:g} r/min, {len(self.metrics)} speeds)"
 
-    def worst_index(self, name: str) -> int:
-        """Index of the worst speed for a metric; NaN is worse than any value."""
-        sign = -1.0 if name in LESS_IS_WORSE else 1.0
-        return int(np.argmax(np.nan_to_num(sign * self.figures[name], nan=np.inf)))
+    @cached_property
+    def speeds_rpm(self) -> Float[np.ndarray, " m"]:
+        """The speeds [r/min]."""
+        return np.array([*self.metrics])
+
+    @cached_property
+    def figures(self) -> dict[str, Float[np.ndarray, " m"]]:
+        """Every metric at the speeds by its name."""
+        return {name: np.array([row[name] for row in self.metrics.values()]) for name in QUANTITIES}
 
     def worst(self, name: str) -> tuple[float, float]:
-        """(speed [r/min], value) of the worst speed for a metric."""
-        i = self.worst_index(name)
+        """(speed [r/min], value) of the worst speed for a metric; NaN is worse than any value."""
+        i = int(np.argmax(badness(name, self.figures[name])))
         return float(self.speeds_rpm[i]), float(self.figures[name][i])
 
     def peaks(self, name: str) -> list[float]:
@@ -68,25 +74,19 @@ class Band:
 
         A plateau counts as one maximum, at its first speed.
         """
-        sign = -1.0 if name in LESS_IS_WORSE else 1.0
-        badness = np.nan_to_num(sign * self.figures[name], nan=np.inf)
-        before, after = np.append(-np.inf, badness[:-1]), np.append(badness[1:], -np.inf)
-        at = np.flatnonzero((badness > before) & (badness >= after))
-        return self.speeds_rpm[at[np.argsort(-badness[at], kind="stable")]].tolist()
+        bad = badness(name, self.figures[name])
+        before, after = np.append(-np.inf, bad[:-1]), np.append(bad[1:], -np.inf)
+        at = np.flatnonzero((bad > before) & (bad >= after))
+        return self.speeds_rpm[at[np.argsort(-bad[at], kind="stable")]].tolist()
 
     def with_judged(self, method: str, judged: dict[float, dict[str, float]]) -> "Band":
-        """The band with the metrics of `method` at some speeds, `judged` (speed [r/min] -> metric -> value).
+        """The band with the metrics of `method` at those of the `judged` speeds [r/min] that lie inside it.
 
-        At speeds of the sweep they replace its metrics; other speeds inside the band are added,
-        and those outside are left out.
+        At speeds of the sweep they replace its metrics.
         """
-        rows = {float(s): (m, {}) for s, m in zip(self.speeds_rpm, self.methods, strict=True)}
-        for i, (_, row) in enumerate(rows.values()):
-            row.update({name: float(values[i]) for name, values in self.figures.items()})
-        rows |= {s: (method, row) for s, row in judged.items() if self.from_rpm <= s <= self.to_rpm}
-        speeds = sorted(rows)
-        figures = {name: np.array([rows[s][1][name] for s in speeds]) for name in self.figures}
-        return replace(self, speeds_rpm=np.array(speeds), figures=figures, methods=tuple(rows[s][0] for s in speeds))
+        inside = {speed: row for speed, row in judged.items() if self.from_rpm <= speed <= self.to_rpm}
+        metrics = dict(sorted((self.metrics | inside).items()))
+        return replace(self, metrics=metrics, methods=self.methods | dict.fromkeys(inside, method))
 
 
 def at_speeds(
@@ -101,8 +101,7 @@ def at_speeds(
 class SpeedCache:
     """The metrics of one cam at the speeds computed so far by `many`, of event-exact; no speed is computed twice.
 
-    The same speeds serve the band, its refinement and the search for the starts of jump and bounce: a peak that one of
-    them finds is used by all.
+    The band, its refinement and the search for the starts of jump and bounce share them.
     """
 
     def __init__(self, many: SettledMany, scene: Scene, lift: Lift):
@@ -121,9 +120,8 @@ class SpeedCache:
     def band(self, step_rpm: float) -> Band:
         """The metrics at the speeds inside the band."""
         low, high = self.ends
-        speeds = [s for s in sorted(self.metrics) if low <= s <= high]
-        figures = {name: np.array([self.metrics[s][name] for s in speeds]) for name in QUANTITIES}
-        return Band(low, high, step_rpm, np.array(speeds), figures, ("event",) * len(speeds))
+        metrics = {speed: row for speed, row in sorted(self.metrics.items()) if low <= speed <= high}
+        return Band(low, high, step_rpm, metrics, dict.fromkeys(metrics, "event"))
 
 
 def sweep(
@@ -137,8 +135,7 @@ def sweep(
     """The band in steps of `step_rpm` and at its resonances, then around the peaks of `refine` to FINEST_RPM.
 
     The refinement quarters the step about the PEAKS worst local maxima of each metric found so far; `coarsely` has
-    COARSELY in their places. Where the motion bounces, bounce against speed is rough: what is refined is the largest
-    found, not proved to be the largest.
+    COARSELY in their places. Bounce against speed is rough: the largest that is found is not proved to be the largest.
     """
     finest, most = COARSELY if coarsely else (FINEST_RPM, PEAKS)
     low, high = swept.ends
@@ -159,9 +156,8 @@ def first_exceeding(
     """The lowest speed [r/min] at which each metric exceeds its limit, to START_RPM.
 
     The search goes upward from half the band's lowest speed to 1.5 times its highest, in steps of `step_rpm` and at
-    every speed that was looked at before; the first speed found is then refined by bisection. A valve that does not
-    seat counts as exceeding. A metric that exceeds its limit at the lowest speed already gets that speed, and one that
-    never does gets None.
+    every speed that was looked at before, and then bisects. A valve that does not seat counts as exceeding. A metric
+    that exceeds its limit at the lowest speed already gets that speed, and one that never does gets None.
     """
     low, high = swept.ends
     grid = sorted({*np.arange(0.5 * low, 1.5 * high, step_rpm).tolist(), 1.5 * high, *swept.metrics})
@@ -183,3 +179,28 @@ def _bisect(swept: SpeedCache, name: str, limit: float, below: float, above: flo
         middle = float(round(0.5 * (below + above)))
         below, above = (below, middle) if not swept([middle])[0][name] <= limit else (middle, above)
     return float(above)
+
+
+def reserve_sentences(starts: Mapping, design: Mapping, band_rpm: tuple[float, float]) -> list[str]:
+    """A sentence for each of the speeds `starts` [r/min], by the keys of STARTS, from which on a limit is exceeded.
+
+    `design` holds the scene's limits by their keys [mm]; where it has none, `STARTS_MM` counts. None stands for a speed
+    that was not found below 1.5 times the band's top. The terminal and the report say the same.
+    """
+    sentences = []
+    for key, name in STARTS.items():
+        if key not in starts:
+            continue
+        given = design.get(QUANTITIES[name].limit)
+        limit, word, at = given if is_number(given) else STARTS_MM, name.removesuffix("_mm").capitalize(), starts[key]
+        if is_number(at):
+            sentences.append(f"{word} exceeds {limit:g} mm from {at:.5g} r/min on, {_beside(at, *band_rpm)}.")
+        else:
+            sentences.append(f"{word} does not exceed {limit:g} mm below 1.5 times the band's top.")
+    return sentences
+
+
+def _beside(at_rpm: float, low_rpm: float, high_rpm: float) -> str:
+    if at_rpm < low_rpm:
+        return "below the band"
+    return f"{100 * (at_rpm / high_rpm - 1):.1f} % above the band" if at_rpm > high_rpm else "within the band"

@@ -2,13 +2,11 @@
 
 Everything here is arithmetic on how much of each limit the trains use.
 
-A share that is far from the wanted one is decided by few trains, one next to it by none. The share is therefore looked
-at several times, and counting ends where a look decides. Early looks decide only where an interval of 99.9 % leaves the
-wanted share out (Haybittle 1971, British Journal of Radiology 44; Peto et al. 1976, British Journal of Cancer 34). The
-interval that is stated at the end takes the looks into account: it is made of the exact distribution of where counting
-ends, with the ends ordered by their share (Armitage 1958, Biometrika 45). With one look it is that of Clopper and
-Pearson (1934), Biometrika 26. Like theirs, it holds the true share in at least 95 of 100 repetitions, whatever that
-share is.
+The share is looked at several times, and counting ends where a look decides. Early looks decide only where an interval
+of 99.9 % leaves the wanted share out (Haybittle 1971, British Journal of Radiology 44; Peto et al. 1976, British
+Journal of Cancer 34). The interval that is stated at the end is made of the exact distribution of where counting ends,
+with the ends ordered by their share (Armitage 1958, Biometrika 45). With one look it is that of Clopper and Pearson
+(1934), Biometrika 26. Like theirs, it holds the true share in at least 95 of 100 repetitions, whatever that share is.
 """
 
 from collections import Counter, defaultdict
@@ -134,11 +132,8 @@ class Share:
 
 
 def share_of(holds: np.ndarray, looks: Looks | None = None) -> Share:
-    """The share of trains (t) that hold, with its interval, where counting might have ended after each of the `looks`.
-
-    Without them so many trains were counted in any case, and the interval is that of Clopper and Pearson (1934),
-    Biometrika 26. It holds the true share in at least 95 of 100 draws, whatever the share and the number of trains are.
-    """
+    """The share of trains (t) that hold, with its interval, where counting might have ended after each of the `looks`;
+    without them so many trains were counted in any case."""
     if not len(holds):
         raise InputError("yield: no train was measured: give one at least")
     count, trains = int(holds.sum()), len(holds)
@@ -166,9 +161,8 @@ def rank_correlation_shares(draws: dict[str, np.ndarray], worst: np.ndarray) -> 
     """By tolerance its share of the scatter of the trains' ranks, the largest first.
 
     A share is the sum of the squared rank correlations (Spearman 1904) between each of a tolerance's draws (t, k) and
-    the largest used share of a limit (t), less k / (t - 1), which is what chance alone gives; at least zero. It
-    measures what follows that tolerance's draws one by one. Tolerances that only matter together, or to both sides
-    alike, have a share that is too small.
+    the largest used share of a limit (t), less k / (t - 1), which is what chance alone gives; at least zero. It is too
+    small for tolerances that only matter together, or to both sides alike.
     """
     t = len(worst)
     if t < 3 or np.all(worst == worst[0]):
@@ -202,10 +196,7 @@ def _ranks(values: np.ndarray) -> np.ndarray:
 
 
 def _chances(trains: int, p: float) -> np.ndarray:
-    """How likely 0 to n of n trains hold (n + 1), each with a chance of p.
-
-    By logarithms of factorials, without SciPy's statistics, which take longer to load than all of this.
-    """
+    """How likely 0 to n of n trains hold (n + 1), each with a chance of p; SciPy's statistics take long to load."""
     k = np.arange(trains + 1)
     ways = gammaln(trains + 1) - gammaln(k + 1) - gammaln(trains - k + 1)
     return np.exp(ways + xlogy(k, p) + xlog1py(trains - k, -p))

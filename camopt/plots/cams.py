@@ -67,8 +67,7 @@ def profiles(cams: Sequence[tuple[str, Table]], design: Design | None = None) ->
 def _conditions(rows: Sequence[Axes], cams: Sequence[tuple[str, Table]], design: Design) -> None:
     """Draws the design's duration and limits, and lets the axes end where its event does."""
     for axes in rows:
-        for angle in (-design.duration_deg / 2, design.duration_deg / 2):
-            axes.axvline(angle, color="#999999", linewidth=0.7, zorder=1)
+        _mark_duration(axes, design)
     _limits(rows, design)
     if design.jerk_max_mm_per_deg3 is not None:
         span = JERK_SPAN * design.jerk_max_mm_per_deg3
@@ -144,10 +143,9 @@ def valve_motion(motions: Sequence[DrawnMotion], design: Design) -> Figure:
                 axes.plot(m.cam_angle_deg, m.contact_force_N[contact], **line)
         lift.axvspan(start, end, color="#eeeeee", zorder=0)
         zoom.set(xlim=(start, end), ylim=(-0.2 * top, top))
-        zoom.axhline(0, color="#777777", linewidth=0.7, zorder=1)
-        _event(lift, design)
-        for axes in forces:
+        for axes in (lift, *forces):
             _event(axes, design)
+        for axes in (zoom, *forces):
             axes.axhline(0, color="#777777", linewidth=0.7, zorder=1)
         shown = {m.cam: (start <= m.cam_angle_deg) & (m.cam_angle_deg <= end) & _after_and_touched(m)[1] for m in here}
         _shorten(zoom, {m.cam: m.valve_mm[shown[m.cam]] for m in here}, top, "mm")
@@ -171,20 +169,21 @@ def valve_motion(motions: Sequence[DrawnMotion], design: Design) -> Figure:
 
 
 def _event(axes: Axes, design: Design) -> None:
-    """Lets the axis show the event with its ramps; thin lines mark the ends of the duration, where jump is judged."""
-    half = design.duration_deg / 2
-    end = half + max(h / v for h, v, _ in design.ramps()) + design.ramp_foot_deg
+    """Lets the axis show the event with its ramps."""
+    end = design.duration_deg / 2 + max(h / v for h, v, _ in design.ramps()) + design.ramp_foot_deg
     axes.set_xlim(-end, end)
-    for angle in (-half, half):
+    _mark_duration(axes, design)
+
+
+def _mark_duration(axes: Axes, design: Design) -> None:
+    """Marks the ends of the duration, between which jump is judged, by thin lines."""
+    for angle in (-design.duration_deg / 2, design.duration_deg / 2):
         axes.axvline(angle, color="#999999", linewidth=0.7, zorder=1)
 
 
 def _leading(motions: Sequence[DrawnMotion]) -> Sequence[DrawnMotion]:
-    """The motions that the axes are made for: those of the design and of cams outside the families, or all of them
-    where there are none.
-
-    What a cam that bounces does would flatten them.
-    """
+    """The motions that the axes are made for, which a cam that bounces would flatten: those of the design and of cams
+    outside the families, or all of them where there are none."""
     return [m for m in motions if family_of(m.cam) in (DESIGN, "")] or motions
 
 

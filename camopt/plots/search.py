@@ -126,10 +126,8 @@ def course(
     best: int | None,
     title: str = "",
 ) -> Figure:
-    """Draws objective and area ratio (n) over the steps, and the judged shares of the limits (n, NaN: not judged).
-
-    `best` is the step of the best cam, None where none holds every limit.
-    """
+    """Draws objective and area ratio (n) over the steps, and the judged shares of the limits (n, NaN: not judged);
+    `best` is the step of the best cam, None where none holds every limit."""
     figure = new_figure(7.6, 6.0)
     value, area, judged = figure.subplots(3, 1, sharex=True)
     step, colour = np.arange(len(objective)), cam_line(DESIGN)["color"]

@@ -84,10 +84,8 @@ def zero_and_decades(axes: Axes, limit: float | None) -> None:
 
 
 def first_passed(speed_rpm: np.ndarray, values: np.ndarray, limit: float) -> float | None:
-    """Speed [r/min] at which the drawn curve first rises above the limit, or None where it never does.
-
-    A speed without a value, at which the valve never seats, counts as above the limit.
-    """
+    """Speed [r/min] at which the drawn curve first rises above the limit, or None where it never does; a speed without
+    a value, at which the valve never seats, counts as above."""
     above = ~(np.asarray(values, dtype=float) <= limit)
     if not above.any():
         return None

@@ -10,11 +10,11 @@ from matplotlib.patches import Patch, Rectangle
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
 from camopt.plots.style import BASE, DESIGN, INK, LIMIT, OTHERS, cam_line, new_figure, styled
+from camopt.scene.quantities import label_and_unit
 
 if TYPE_CHECKING:
     import xarray as xr
 
-UNITS = {"mm_per_deg2": "mm/deg²", "mm_per_deg3": "mm/deg³", "mm_per_deg4": "mm/deg⁴", "m_per_s": "m/s"}
 COLUMNS = (5, 4, 3)
 MOST = 15
 """Largest number of modes that are drawn; they are the lowest ones."""
@@ -39,9 +39,8 @@ def front(against: str, limit: np.ndarray, area_ratio: np.ndarray, title: str) -
         lowest = np.full((~feasible).sum(), np.nanmin(area_ratio))
         axes.plot(limit[~feasible], lowest, "x", color=LIMIT, label="no cam")
         axes.legend()
-    ending = next((unit for unit in (*UNITS, "mm", "deg", "N") if against.endswith(f"_{unit}")), "")
-    name, unit = against.removesuffix(f"_{ending}").replace("_", " "), UNITS.get(ending, ending) or "-"
-    axes.set(xlabel=f"{name} [{unit}]", ylabel="area ratio [-]")
+    name, unit = label_and_unit(against)
+    axes.set(xlabel=f"{name} [{unit or '-'}]", ylabel="area ratio [-]")
     axes.set_title(title)
     return figure
 
@@ -50,10 +49,8 @@ def front(against: str, limit: np.ndarray, area_ratio: np.ndarray, title: str) -
 def identification(
     table: "xr.Dataset", speeds_rpm: Sequence[float], angles_deg, residuals_um, noise_um: float
 ) -> Figure:
-    """Draws the estimates over their start values with intervals, and the residual (m) of each series.
-
-    A parameter that was not identified is a cross at its start value, without an interval.
-    """
+    """Draws the estimates over their start values with intervals, and the residual (m) of each series; a parameter that
+    was not identified is a cross at its start value."""
     figure = new_figure(9.6, 1.6 + 0.32 * max(table.sizes["parameter"], 6))
     left, right = figure.subplots(1, 2, width_ratios=(1, 1.4))
     rows = np.arange(table.sizes["parameter"])
@@ -118,10 +115,8 @@ def modes(frequency_Hz: np.ndarray, shape: np.ndarray, mass_names: Sequence[str]
 
 @styled
 def verdict_matrix(rows: Sequence[Mapping], scene: str) -> Figure:
-    """Draws the verdicts of `rows`, which have `case` ("scene: case"), `method` and `verdict`.
-
-    The field of a case that a method did not run stays white.
-    """
+    """Draws the verdicts of `rows`, which have `case` ("scene: case"), `method` and `verdict`; the field of a case that
+    a method did not run stays white."""
     cases = list(dict.fromkeys(r["case"].split(": ", 1)[-1] for r in rows))
     methods = list(dict.fromkeys(r["method"] for r in rows))
     figure = new_figure(3.4 + 0.42 * len(methods), 1.9 + 0.2 * len(cases))

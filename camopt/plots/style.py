@@ -140,17 +140,12 @@ class ShownFigure(Figure):
     """A figure that a notebook shows without pyplot having been imported."""
 
     def _repr_png_(self) -> bytes:
-        buffer = io.BytesIO()
-        with matplotlib.rc_context(RC):
-            self.savefig(buffer, format="png", dpi=110)
-        return buffer.getvalue()
+        return picture(self, "png", dpi=110)
 
 
 def draw_limit(axes: Axes, value: float | None, text: str, va: str = "center") -> None:
-    """Draws a limit as a dashed line, with its words to the right of the axes, where they hide no data.
-
-    Where the limit is None nothing is drawn.
-    """
+    """Draws a limit, unless it is None, as a dashed line with its words to the right of the axes, where they hide no
+    data."""
     if value is None:
         return
     axes.axhline(value, color=LIMIT, linestyle=(0, (5, 3)), linewidth=0.9, zorder=2.2)
@@ -200,10 +195,8 @@ def _shortened(label: str, room: float) -> str:
 
 
 def save(figure: Figure, folder: Path | str, name: str) -> tuple[Path, Path]:
-    """Writes `<name>.png` and `<name>.svg` into `folder` ; returns both paths. The same figure gives the same bytes.
-
-    Raises InputError where nothing can be written.
-    """
+    """Writes `<name>.png` and `<name>.svg` into `folder` and returns both paths; the same figure gives the same bytes.
+    Raises InputError where nothing can be written."""
     folder = Path(folder)
     folder.mkdir(parents=True, exist_ok=True)
     paths = folder / f"{name}.png", folder / f"{name}.svg"
@@ -229,10 +222,10 @@ def laid_out(figure: Figure) -> Iterator[None]:
         figure.set_layout_engine(layout)
 
 
-def picture(figure: Figure, kind: str) -> bytes:
+def picture(figure: Figure, kind: str, dpi: int = DPI) -> bytes:
     """A figure as a PNG or SVG file's bytes, the same ones for the same figure."""
     metadata = {"png": {"Software": None}, "svg": {"Date": None, "Creator": "camopt"}}
     buffer = io.BytesIO()
     with matplotlib.rc_context(RC):
-        figure.savefig(buffer, format=kind, dpi=DPI, metadata=metadata[kind])
+        figure.savefig(buffer, format=kind, dpi=dpi, metadata=metadata[kind])
     return buffer.getvalue()

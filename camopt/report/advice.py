@@ -17,10 +17,9 @@ from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import motion_limits
 from camopt.measure.yield_words import ADVISED, ENOUGH, HELD, MISSED, NOT_ASKED, estimated_words, standing
 from camopt.report.folder import RunFolder
-from camopt.report.wording import label_and_unit
 from camopt.scene import Scene, build_train
 from camopt.scene.parameters import KEYS, SceneNumber, with_numbers
-from camopt.scene.quantities import is_number
+from camopt.scene.quantities import is_number, label_and_unit
 from camopt.verifier import ACCURACY_NAMES, FINE
 
 MOVED = 0.1

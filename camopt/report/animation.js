@@ -1,5 +1,26 @@
 // The valve train in motion: draws what camopt/report/motion.py gives; asks for nothing from outside.
 "use strict";
+function trainParts(chosen) { // what trainAnimation fills; chosen: a reader chooses cam and speed
+  const option = (value, words, selected) => h("option", { value, selected }, words);
+  const drawing = (id, label) => svgNode("svg", { id, role: "img", "aria-label": label });
+  const head = (words) => h("th", { scope: "col", class: words === "state" ? "text" : null }, words);
+  const keys = h("p", { class: "source screen-only" }, "Arrow keys move the slider, space plays and pauses.");
+  return [
+    h("div", { class: "controls" },
+      h("label", { hidden: !chosen }, "cam ", h("select", { id: "train-cam" })),
+      h("label", { hidden: !chosen }, "speed ", h("select", { id: "train-speed" })),
+      h("label", {}, "gaps drawn ", h("select", { id: "train-gaps" }, option(1, "true size"), option(10, "10 times"),
+        option(50, "50 times", true), option(200, "200 times"))),
+      h("label", {}, "pace ", h("select", { id: "train-pace" }, option(6, "6 deg/s"), option(20, "20 deg/s", true),
+        option(60, "60 deg/s"))),
+      h("button", { type: "button", id: "train-play", "aria-pressed": "false" }, "Play")),
+    h("p", { id: "train-caption" }),
+    h("div", { class: "stage" }, drawing("train-drawing", "Cam, masses, springs and contacts at the chosen angle"),
+      h("div", {}, drawing("train-chart", "Valve lift against cam angle, and where each contact is open"),
+        h("input", { type: "range", id: "train-angle", min: 0, step: 1, "aria-label": "cam angle" }), ...(chosen ? [keys] : []),
+        h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Contacts at the chosen angle" },
+          h("table", { id: "train-numbers" }, h("tr", {}, ...["contact", "state", "force [N]", "separation [mm]"].map(head))))))];
+}
 function trainAnimation(page, first) { // page: what holds the elements; returns a function that takes other data
   const $ = (id) => page.querySelector(`#${id}`);
   let data, drawing, step, scale, steps; // scale: pixels per millimetre

@@ -27,6 +27,9 @@ function ticks(low, high, most) { // round numbers in a range
   for (let n = Math.ceil(low / step - 1e-9); n * step <= high + 1e-9 * step; n++) found.push(n * step);
   return found;
 }
+function limitsAt(values, words = "limit") { // lines of limits, each with its value in words
+  return values.map((value) => ({ value, name: `${words} ${shown(value)}` }));
+}
 
 class Chart {
   // spec: x {label, low, high}, lines [{name, x, y, look or colour and dashes, dots}], limits [{value, name}],

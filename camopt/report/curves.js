@@ -75,7 +75,7 @@ class ReportCharts {
     const own = lines.find((l) => l.name === "design") ?? lines[0];
     const says = `${own.name}: largest ${shown(top(own))}` + (sign ? `, least ${shown(Math.min(...own.y.filter((v) => v !== null)))}` : "");
     return { x: axis, lines, include, most: beyond.length ? most : undefined,
-      limits: near.map((value) => ({ value, name: `limit ${shown(value)}` })),
+      limits: limitsAt(near),
       says: says + (beyond.length ? `; beyond this axis: ${beyond.join(", ")}` : "") };
   }
   laws() {
@@ -112,7 +112,7 @@ class ReportCharts {
     this.place("charts-motion", "Valve above its seat, closing", "mm", () => {
       const top = 4 * (bounce[0] || 0.02), lines = this.lines(angles, valve);
       return lines.length ? { x: closing, lines, include: [0, top], most: top, places, says: `up to ${shown(top)} mm`,
-        limits: bounce.map((value) => ({ value, name: `bounce limit ${shown(value)}` })) } : null;
+        limits: limitsAt(bounce, "bounce limit") } : null;
     });
     this.phasePlane(of, bounce[0]);
     const force = this.limits("contact_force_max_N");
@@ -183,7 +183,7 @@ class ReportCharts {
       lines: [line(search.area_ratio, { name: "step", dots: search.confirmed, dashes: [2, 3] }), line(search.best_area_ratio, { name: "best that holds" })],
       says: `delivered ${shown(search.delivered)}${search.bound === null ? "" : `; certified bound ${shown(search.bound)}, beyond this axis`}; stages: ${stages}` }));
     const bounce = this.limits("bounce_mm");
-    this.place("charts-search", "Worst bounce", "mm", () => ({ x, places, include: [0, ...bounce], limits: bounce.map((value) => ({ value, name: `limit ${shown(value)}` })),
+    this.place("charts-search", "Worst bounce", "mm", () => ({ x, places, include: [0, ...bounce], limits: limitsAt(bounce),
       lines: [line(search.worst_bounce_mm, { name: "step", dots: search.confirmed, dashes: [2, 3] })], says: "filled: every limit holds at the searched speeds" }));
   }
 }

@@ -71,10 +71,10 @@ def drawn_follower(geometry: Geometry | None) -> dict:
     if geometry.follower not in SWINGING:
         return drawn
     arm = Arm(geometry)
-    turn = 1 if arm.valve[1] >= 0 else -1
+    turn = 1 if arm.valve.imag >= 0 else -1
 
-    def right_and_down(point: np.ndarray) -> list[float]:
-        return [round(float(turn * point[1] / MM), 4), round(float(point[0] / MM), 4)]
+    def right_and_down(point: complex) -> list[float]:
+        return [round(float(turn * point.imag / MM), 4), round(float(point.real / MM), 4)]
 
     parts = {name: right_and_down(getattr(arm, name)) for name in ("pivot", "centre", "valve")}
     parts |= {"radius": arm.radius / MM, "rolls": radius is not None, "valve_arm_mm": geometry.valve_arm_mm}
@@ -96,10 +96,8 @@ def room_for(drawn: dict, radius_mm: float) -> FollowerRoom:
 
 def strokes(train: Train, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """What positions x (k, n) [mm] of all motions demand of the drawing, per element (e) [mm]: by how much its ends
-    come nearer than in the installed position, and how far its compression varies while it is compressed.
-
-    The cam's own lift is part of the cam, not of its element.
-    """
+    come nearer than in the installed position, and how far its compression, without the cam's own lift, varies while
+    it is compressed."""
     padded = np.concatenate([x, np.zeros((len(x), 1))], axis=1)
     d = padded[:, train.a] - padded[:, train.b]
     beyond = d - (train.gap + train.touch_compression) / MM

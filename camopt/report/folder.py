@@ -99,10 +99,7 @@ def _table(content: dict, key: str) -> dict:
 
 
 def read_run_folder(folder: Path) -> RunFolder:
-    """Read all that a report needs.
-
-    Raises InputError where the folder is none, or where a file that is there cannot be understood.
-    """
+    """All that a report needs. Raises InputError where the folder is none, or a file in it cannot be understood."""
     if not folder.is_dir():
         raise InputError(f"{folder}: no such run folder")
     missing: list[str] = []

@@ -9,9 +9,9 @@ from camopt.cam.lift import Lift
 from camopt.measure.limits import EVERYWHERE, broken_by_shape, reached_by_shape
 from camopt.plots.style import DESIGN, family_of
 from camopt.report.folder import RunFolder
-from camopt.report.wording import as_number, label_and_unit, shown
+from camopt.report.wording import as_number, shown
 from camopt.scene.design import ROUNDING, Design
-from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES, is_number
+from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES, is_number, label_and_unit
 from camopt.verifier.record import worst_case_value
 from camopt.verifier.verdict import ORDER
 
@@ -39,10 +39,8 @@ LABELS = {
 
 def limit_rows(run: RunFolder, shape: tuple[Lift, Design] | None = None) -> list[dict]:
     """A row per limit of the scene's design, and per other condition that the verdict found broken: what was reached,
-    where, whether that holds (`held`, None where it is not known), and where it is recorded.
-
-    `shape` is the run's cam with the design that it is held to: with it every limit on the shape has a row, too.
-    """
+    where, whether that holds (`held`, None where it is not known), and where it is recorded. With `shape`, the run's
+    cam and the design that it is held to, every limit on the shape has a row, too."""
     design, named = run.demands, _broken(run)
     rows = [_cam_row(run, key, design[key]) for key in CAM_LIMITS if is_number(design.get(key))]
     if shape is not None:

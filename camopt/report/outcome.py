@@ -1,12 +1,8 @@
-"""What a run came to, in a table and a few sentences: the same for the page's head and for the command line's end.
-
-Among the sentences is what makes a cam that is confirmed as designed break its limits when something small differs;
-each of these ends with what would mend it.
-"""
+"""What a run came to, in a table and a few sentences: the same for the page's head and for the command line's end."""
 
 from collections.abc import Iterable
 
-from camopt.measure.reserve import reserve_sentences
+from camopt.measure.sweep import reserve_sentences
 from camopt.measure.yield_words import (
     ENOUGH,
     HELD,
@@ -19,8 +15,8 @@ from camopt.measure.yield_words import (
 )
 from camopt.report.folder import RunFolder
 from camopt.report.limits import demanded
-from camopt.report.wording import in_words, label_and_unit, shown
-from camopt.scene.quantities import QUANTITIES, is_number
+from camopt.report.wording import in_words, shown
+from camopt.scene.quantities import QUANTITIES, is_number, label_and_unit
 
 NARROW_PERCENT = 2.0
 """A reserve of speed that counts as narrow. Frequencies follow the root of stiffness, so that a spring whose rate is
@@ -98,10 +94,8 @@ LEAST_GAIN = 5e-6
 
 
 def outcome_rows(run: RunFolder) -> list[dict]:
-    """A row per figure: unit, value at the first step of the search, at the end, limit, speed, and where it stands.
-
-    The end's motion is the worst that verification.json states; the start is "–" where the history does not hold it.
-    """
+    """A row per figure: unit, value at the first step of the search ("–" where the history does not hold it), at the
+    end, which is the worst that verification.json states, limit, speed, and where it stands."""
     first = next((step for step in run.history if is_number(step.get("area_ratio"))), {})
     design, rows = run.demands, []
     cap = design.get("max_lift_mm")
@@ -218,16 +212,11 @@ def gain_sentences(run: RunFolder) -> list[str]:
     return sentences
 
 
-def yield_rows(run: RunFolder) -> list[dict]:
-    """By cam the share of trains as built that hold, with its interval in per cent; empty where none was stated."""
-    built = run.built
-    others = built.get("baselines")
-    cams = {"design": built, **(others if isinstance(others, dict) else {})}
-    return [
-        {"cam": name, "trains": one["trains"], **{key: 100 * one[key] for key in ("share", "low", "high")}}
-        for name, one in cams.items()
-        if isinstance(one, dict) and standing(one)
-    ]
+def yield_records(run: RunFolder) -> dict[str, dict]:
+    """By cam, the design first, what the run says of trains as built with it; empty where it says nothing."""
+    others = run.built.get("baselines")
+    cams = {"design": run.built, **(others if isinstance(others, dict) else {})}
+    return {name: one for name, one in cams.items() if isinstance(one, dict) and standing(one)}
 
 
 def as_built_words(run: RunFolder) -> str:
@@ -248,11 +237,7 @@ def yield_sentences(run: RunFolder) -> list[str]:
     if not built:
         return []
     lines = spoiling_sentences(built) + [one for one in (ideal_sentence(built), advised_sentence(built)) if one]
-    for row in yield_rows(run)[1:]:
-        lines.append(
-            f"trains as built, {row['cam']}: {row['share']:.1f} % of {row['trains']} hold every limit "
-            f"(95 % interval {row['low']:.1f} to {row['high']:.1f} %)"
-        )
+    lines += [f"trains as built, {cam}: {share_sentence(one)}" for cam, one in [*yield_records(run).items()][1:]]
     sample = built.get("independent")
     if isinstance(sample, list) and sample:
         lines.append(f"independent methods judged {len(sample)} of the trains")

@@ -1,7 +1,4 @@
-"""The report of a run folder: one HTML file that opens offline and fetches nothing; its only script is its own.
-
-It first shows a banner, which says whether the cam holds as designed and as built, and the cam's figures.
-"""
+"""The report of a run folder: one HTML file that opens offline and fetches nothing; its only script is its own."""
 
 import base64
 import hashlib
@@ -15,39 +12,14 @@ from jinja2 import Environment, FileSystemLoader, StrictUndefined
 from camopt.cam.lift import Lift
 from camopt.measure.yield_words import ENOUGH, HELD, MISSED, NOT_ASKED, asked_sentence, share_sentence, standing
 from camopt.plots.style import DESIGN, cam_line
+from camopt.report import outcome, tables, wording
 from camopt.report.advice import MOVED, advice, ranked
 from camopt.report.cams import cards, curves, geometry, stress
 from camopt.report.folder import RunFolder, read_run_folder
 from camopt.report.limits import OF_MOTION, disagreements, limit_rows, matrix
 from camopt.report.motion import RunCams, animation, cams_of
-from camopt.report.outcome import (
-    as_built_words,
-    broken_limits,
-    contact_sentence,
-    edge_sentences,
-    gain_sentences,
-    lift_sentence,
-    outcome_rows,
-    reserve,
-    yield_rows,
-    yield_sentences,
-)
-from camopt.report.tables import area_rows, comparison_groups, method_tables, provenance_rows
-from camopt.report.wording import (
-    NO_VERDICT,
-    VERDICTS,
-    after_a_change,
-    cell,
-    heading,
-    in_words,
-    kind,
-    label_and_unit,
-    share_kind,
-    shown,
-    state,
-    used,
-)
-from camopt.scene.quantities import QUANTITIES, is_number
+from camopt.report.wording import NO_VERDICT, VERDICTS, in_words, shown
+from camopt.scene.quantities import QUANTITIES, is_number, label_and_unit
 from camopt.scene.units import DEG, MM
 from camopt.storage import write_text
 from camopt.verifier.methods import METHOD_NAMES
@@ -63,11 +35,8 @@ POINTS = 241
 
 
 def banner(run: RunFolder) -> dict[str, Any]:
-    """The two lines with their words, the banner's class, and what the page's title begins with.
-
-    It is green only where both hold what was asked, which is not known of the trains as built where the scene does not
-    say how they differ.
-    """
+    """The two lines with their words, the banner's class, which is green only where both hold what was asked, and what
+    the page's title begins with."""
     word = run.verdict or "not verified"
     kind, mark, meaning = VERDICTS.get(word, NO_VERDICT)
     designed = {"which": "as designed", "kind": kind, "mark": mark, "word": word, "meaning": meaning}
@@ -78,7 +47,7 @@ def banner(run: RunFolder) -> dict[str, Any]:
 
 def _as_built(run: RunFolder) -> list[dict[str, str]]:
     """The line on the trains as built; none where the scene is not known."""
-    record, words = run.built, as_built_words(run)
+    record, words = run.built, outcome.as_built_words(run)
     if not words:
         return []
     kind, mark, word = "doubt", "?", "not known"
@@ -115,7 +84,7 @@ def facts(run: RunFolder, cams: RunCams) -> list[tuple[str, str]]:
     if lift is not None:
         figures.append(("largest lift", f"{shown(lift.max_lift / MM)} mm"))
         figures.append(("duration", f"{shown(2 * lift.half_duration / DEG)} deg"))
-    groups = comparison_groups(run)
+    groups = tables.comparison_groups(run)
     others = [g for g in groups if g["cam"] != DESIGN and g["within"] and g["verdict"] == "confirmed" and g["area"]]
     if others and is_number(d.get("area_ratio")):
         best = max(others, key=lambda g: g["area"])
@@ -128,8 +97,11 @@ def facts(run: RunFolder, cams: RunCams) -> list[tuple[str, str]]:
 
 HERE = Path(__file__).parent
 SCRIPTS = ("animation.js", "charts.js", "curves.js")
+WORDING = ("shown", "cell", "heading", "kind", "state", "share_kind", "used")
+"""Functions of `camopt.report.wording` that are filters of the page."""
 START = """
 const data = JSON.parse(document.getElementById("run-data").textContent);
+document.getElementById("train").append(...trainParts(true));
 trainAnimation(document, data.animation);
 new ReportCharts(document, data.curves, data.animation);
 """
@@ -154,10 +126,9 @@ def write_report(folder: Path | str) -> Path:
 def _environment() -> Environment:
     how = {"autoescape": True, "undefined": StrictUndefined, "trim_blocks": True, "lstrip_blocks": True}
     environment = Environment(loader=FileSystemLoader(HERE), **how)
-    environment.filters |= {"shown": shown, "cell": cell, "heading": heading, "kind": kind, "error_um": bounce_error_um}
+    environment.filters |= {name: getattr(wording, name) for name in WORDING} | {"error_um": bounce_error_um}
     environment.filters |= {"label": lambda key: label_and_unit(key)[0], "unit": lambda key: label_and_unit(key)[1]}
     environment.filters |= {"method": lambda name: METHOD_NAMES.get(name, shown(name)), "line": cam_line}
-    environment.filters |= {"state": state, "share_kind": share_kind, "used": used, "after_a_change": after_a_change}
     environment.filters |= {"base64": lambda text: base64.b64encode(text.encode()).decode()}
     environment.tests["figure"] = is_number
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
@@ -175,25 +146,18 @@ def render(run: RunFolder, cams: RunCams) -> str:
         .get_template("page.html.j2")
         .render(
             run=run,
+            outcome=outcome,
+            tables=tables,
             title=str(run.scene.get("title") or run.scene.get("name") or run.name),
             banner=banner(run),
-            broken=broken_limits(run),
             disagreements=disagreements(run, limits),
             headline=headline(run),
             limits=limits,
-            outcome=outcome_rows(run),
-            worst=(run.verification.get("band") or {}).get("worst") or {},
             quantities=QUANTITIES,
             limited=OF_MOTION,
-            yields=yield_rows(run),
-            areas=area_rows(run),
-            groups=comparison_groups(run),
-            reserve=reserve(run),
             facts=facts(run, cams),
             sketch=shape and sketch(shape[0], shape[1].duration_deg),
             steps=advice(run, f"{run.path or run.name}/scene.toml", run.path or run.name, assumed),
-            edge=edge_sentences(run),
-            spoiling=yield_sentences(run),
             matrix=matrix(run, limits),
             scene=scene,
             ranked=assumed,
@@ -202,8 +166,6 @@ def render(run: RunFolder, cams: RunCams) -> str:
             cards=cards(cams),
             geometry=geometry(cams),
             outside=outside_sentence(run.verification.outside),
-            methods=method_tables(run),
-            provenance=[*provenance_rows({k: v for k, v in run.provenance.items() if k != "stages"})],
             **_moving(run, cams),
         )
     )
@@ -235,7 +197,7 @@ def headline(run: RunFolder) -> list[str]:
             else ""
         )
         sentences.append(f"Area ratio {shown(d['area_ratio'])}{below}.")
-    sentences += lift_sentence(run) + gain_sentences(run)
+    sentences += outcome.lift_sentence(run) + outcome.gain_sentences(run)
     band, bounce = v.get("band") or {}, run.verification.worst("bounce_mm")
     speeds = [s.get("speed_rpm") for s in v.get("speeds") or []]
     if band and bounce:
@@ -248,4 +210,4 @@ def headline(run: RunFolder) -> list[str]:
         sentences.append(
             f"Verified at {in_words(speeds)} r/min and at no speed between: the band was not asked for (--speeds band)."
         )
-    return sentences + contact_sentence(run) + reserve(run)
+    return sentences + outcome.contact_sentence(run) + outcome.reserve(run)

@@ -8,7 +8,6 @@ import html
 import json
 import math
 import re
-from collections.abc import Iterator
 from dataclasses import replace
 from itertools import zip_longest
 from pathlib import Path
@@ -26,6 +25,7 @@ from camopt.report.limits import limit_rows
 from camopt.report.motion import cams_of
 from camopt.report.outcome import outcome_lines, outcome_rows
 from camopt.report.page import render, write_report
+from camopt.report.tables import leaves
 from camopt.scene import InputError, Scene, load_scene
 from camopt.scene.schema import SIMULATED
 from camopt.scene.units import DEG, MM
@@ -40,11 +40,8 @@ MOST_SENTENCES = 20
 
 
 def regenerate(folder: Path) -> Path:
-    """Write comparison.csv, figures and report.html of a run folder again, from the cams and verdicts in it.
-
-    Returns the page's path. Raises InputError where a file is missing or cannot be understood, and where nothing can be
-    written.
-    """
+    """Write comparison.csv, figures and report.html of a run folder again, from the cams and verdicts in it; returns
+    the page's path. Raises InputError where a file is missing or cannot be understood, or nothing can be written."""
     scene = _scene_of(folder)
     check_file(folder / "report.html")
     compare_again(folder, scene, _accuracy_of(folder))
@@ -73,10 +70,8 @@ def stated_lines(run: RunFolder) -> list[str]:
 
 def differences(folder: Path) -> list[str]:
     """Sentences on every number of verification.json, design.json, the last table and report.html that comes out
-    otherwise when the run's cam is judged anew as the run did; empty where all stand.
-
-    Raises InputError where the folder does not say how it was judged, or a file cannot be understood.
-    """
+    otherwise when the run's cam is judged anew as the run did; empty where all stand. Raises InputError where the
+    folder does not say how it was judged, or a file cannot be understood."""
     run, scene = read_run_folder(folder), _scene_of(folder)
     fresh = _judged_anew(run, folder, scene)
     sentences = _apart("verification.json", run.verification, fresh.verification)
@@ -134,21 +129,9 @@ def _trains_anew(run: RunFolder, scene: Scene, lift: Lift, settings: dict) -> di
 
 def _apart(file: str, stated: Any, fresh: Any) -> list[str]:
     """Sentences on the leaves of two JSON values that differ."""
-    old, new = dict(_leaves(stated)), dict(_leaves(fresh))
+    old, new = dict(leaves(stated)), dict(leaves(fresh))
     pairs = [(key, old.get(key), new.get(key)) for key in {**old, **new}]
     return [f"{file} {key} says {was}, it comes out as {now}" for key, was, now in pairs if not _same(was, now)]
-
-
-def _leaves(value: Any, path: str = "") -> Iterator[tuple[str, Any]]:
-    if isinstance(value, dict):
-        for key, one in value.items():
-            yield from _leaves(one, f"{path}.{key}" if path else str(key))
-    elif isinstance(value, list):
-        yield f"{path} (length)", len(value)
-        for i, one in enumerate(value):
-            yield from _leaves(one, f"{path}[{i}]")
-    else:
-        yield path, value
 
 
 def _same(one: Any, other: Any) -> bool:

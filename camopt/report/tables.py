@@ -3,6 +3,7 @@
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
+from typing import Any
 
 from camopt.optimizer.baselines.comparison_table import FAILED, NO_JERK
 from camopt.plots.style import DESIGN, cam_line, family_of
@@ -44,11 +45,9 @@ def area_rows(run: RunFolder) -> tuple[list[tuple], list[tuple]]:
 
 
 def comparison_groups(run: RunFolder) -> list[dict]:
-    """One entry per cam and set of limits: its worst figures over the speeds, and its verdict over all of them.
-
-    What is said of the design is what verification.json says; it comes first. `within` is whether a cam was made under
-    all limits of the scene and keeps those on its shape.
-    """
+    """One entry per cam and set of limits, the design first, of which verification.json has the word: its worst figures
+    over the speeds, its verdict over all of them, and whether it was made `within` all limits of the scene and keeps
+    those on its shape."""
     groups = []
     for entry in sorted(worst_by_cam(run.comparison), key=lambda e: (e["cam"] != DESIGN, e["limits"], e["cam"])):
         broken, failed = entry["broken"], entry["verdict"] == FAILED
@@ -133,10 +132,14 @@ def method_tables(run: RunFolder) -> list[dict]:
     return tables
 
 
-def provenance_rows(data: dict, prefix: str = "") -> Iterator[tuple[str, object]]:
-    """Every entry of the provenance with its dotted name, in the file's order."""
-    for key, value in data.items():
-        if isinstance(value, dict):
-            yield from provenance_rows(value, f"{prefix}{key}.")
-        else:
-            yield f"{prefix}{key}", value
+def leaves(value: Any, path: str = "", into_lists: bool = True) -> Iterator[tuple[str, Any]]:
+    """Every value inside nested tables with its dotted name, in their order; `into_lists` those inside lists too."""
+    if isinstance(value, dict):
+        for key, one in value.items():
+            yield from leaves(one, f"{path}.{key}" if path else str(key), into_lists)
+    elif into_lists and isinstance(value, list):
+        yield f"{path} (length)", len(value)
+        for i, one in enumerate(value):
+            yield from leaves(one, f"{path}[{i}]")
+    else:
+        yield path, value

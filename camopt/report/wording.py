@@ -2,27 +2,8 @@
 
 import math
 
-from camopt.scene.quantities import QUANTITIES
+from camopt.scene.quantities import label_and_unit
 
-UNITS = (
-    ("_mm_per_deg4", "mm/deg⁴"),
-    ("_mm_per_deg3", "mm/deg³"),
-    ("_mm_per_deg2", "mm/deg²"),
-    ("_mm_per_deg", "mm/deg"),
-    ("_mm_deg", "mm deg"),
-    ("_m_per_s", "m/s"),
-    ("_N_per_m", "N/m"),
-    ("_percent", "%"),
-    ("_rpm", "r/min"),
-    ("_deg", "deg"),
-    ("_mm", "mm"),
-    ("_um", "µm"),
-    ("_kg", "kg"),
-    ("_Hz", "Hz"),
-    ("_N", "N"),
-    ("_s", "s"),
-)
-"""Endings of keys and their units, longer ones first."""
 VERDICTS = {
     "confirmed": ("good", "✓", "The methods agree within their error estimates and every limit holds at the upper end "
                   "of its range."),
@@ -37,18 +18,6 @@ VERDICTS = {
 NEAR = 0.9
 """Share of a limit from which a cell says that it is near."""
 NO_VERDICT = ("doubt", "?", "This cam has not been verified: nothing below is more than the optimiser's own opinion.")
-
-
-def label_and_unit(key: str) -> tuple[str, str]:
-    """`worst_bounce_mm` -> ("worst bounce", "mm"); the declared quantities keep their declared labels."""
-    stem = key.removeprefix("worst_")
-    worst = "worst " if stem != key else ""
-    if stem in QUANTITIES:
-        return worst + QUANTITIES[stem].label, QUANTITIES[stem].unit
-    for ending, unit in UNITS:
-        if key.endswith(ending):
-            return key.removesuffix(ending).replace("_", " "), unit
-    return key.replace("_", " "), ""
 
 
 def heading(key: str) -> str:
@@ -72,15 +41,13 @@ def share_kind(share: float | None) -> str:
     return "unknown" if share is None else "bad" if share > 1 + 1e-6 else "near" if share >= NEAR else "calm"
 
 
-def used(share: float | None, bad: bool) -> str:
-    """A used share of a limit in words, crossed out where it is too much."""
-    words = "?" if share is None else f"{100 * share:.0f} %" if share < 10 else f"{share:.0f} times"
-    return ("✗ " if bad else "") + words
-
-
-def after_a_change(share: float) -> str:
-    """A used share that a change of the scene leads to, in words; infinite where no motion counts."""
-    return f"{100 * share:.0f} %" if share < 10 else "no motion that counts" if math.isinf(share) else "over 1000 %"
+def used(share: float | None, bad: bool = False) -> str:
+    """A used share of a limit in words, crossed out where it is too much; infinite where no motion counts."""
+    if share is None:
+        return "?"
+    if math.isinf(share):
+        return "no motion that counts"
+    return ("✗ " if bad else "") + (f"{100 * share:.0f} %" if share < 10 else f"{share:.0f} times")
 
 
 def as_number(text: str) -> float | None:

@@ -3,9 +3,8 @@
 A scene is a TOML file; docs/reference/scene.md lists its tables and keys, and docs/tutorials/your-valve-train.md writes
 one. The valve axis is its only axis: coordinates are positive in the opening direction and zero in the installed
 position, so masses and stiffnesses that move with a rocker are reduced to the valve first. Every fault of a file is
-reported at once, with its key. At rest on the base circle every mass must be held; a scene where that fails is refused
-with a sentence. What is unusual but runs, as a mass of 125 kg or a lash above the ramps, is noted and not refused:
-`camopt.scene.notes` has the usual ranges and the sentences, which every command prints on standard error.
+reported at once, with its key. What is unusual but runs, as a mass of 125 kg, is noted and not refused
+(`camopt.scene.notes`).
 """
 
 from camopt.scene.errors import InputError as InputError

@@ -19,8 +19,7 @@ from camopt.scene.text_file import excerpt
 from camopt.scene.train import SceneKey
 
 REACH = 4.0
-"""Standard deviations at which a normal draw is cut off, which one draw in 16 000 meets: no part beyond them is built
-in, and a number that stays positive within them is positive in every train."""
+"""Standard deviations at which a normal draw is cut off, which one in 16 000 meets: no part beyond them is built in."""
 MAY_BE_NEGATIVE = ("force_N", "preload_N")
 MAY_BE_ZERO = ("damping_N_s_per_m", "gap_mm", "installed_mm", "check_travel_mm")
 GRINDING = "grinding"
@@ -80,10 +79,8 @@ def scatter_labels(scene: Scene) -> list[str]:
 
 
 def with_scatter(scene: Scene, factors: Mapping[str, float]) -> Scene:
-    """The scene with tolerances so many times as wide, by label, GRINDING among them; zero leaves one out.
-
-    The draws of all others stay what they are.
-    """
+    """The scene with tolerances so many times as wide, by label, GRINDING among them; zero leaves one out. The draws of
+    all others stay what they are."""
     rows = []
     for tolerance in scene.tolerance:
         factor = factors.get(tolerance.label, 1.0)

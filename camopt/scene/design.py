@@ -18,8 +18,8 @@ FEWEST_WAVES = 3
 RADII = ("nose_radius_min_mm", "concave_radius_min_mm")
 """Limits on the cam's radius of curvature, where it is convex and where it is concave."""
 ROUNDING = 1e-9
-"""Slack of a limit on the shape, over its size, in every judgement of a cam: the rounding of one that is designed to
-touch the limit. Programs and projections hold a limit tighter by as much, so that no rounding of theirs breaks it."""
+"""Slack of a limit on the shape, over its size, in every judgement of a cam. Programs and projections hold a limit
+tighter by as much, so that no rounding of theirs breaks it."""
 REACH = 1e-5
 """The same of reach_max_lift, 0.1 um of 10 mm. Programs hold the lift below its maximum on control points, which lie
 above the lift by up to so much where it is greatest: none can be asked to reach it nearer."""
@@ -163,8 +163,7 @@ class Design(Table, frozen=True):
         return design
 
     def missing(self) -> list[str]:
-        """Sentences on limits whose geometry or operation the scene does not state, or whose roller or pad cannot be
-        held to them."""
+        """Sentences on limits without the geometry or operation that they need, or whose roller or pad keeps none."""
         follower = None if self._geometry is None else self._geometry.follower
         faults = []
         for key, followers in DRAWN_FOR.items():

@@ -1,7 +1,4 @@
-"""The one error a user causes: a sentence that says what, where, what was expected, and the remedy.
-
-Of a misspelt name it says which known one was probably meant.
-"""
+"""The one error a user causes: a sentence that says what, where, what was expected, and the remedy."""
 
 from collections.abc import Iterable
 

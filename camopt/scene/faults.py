@@ -56,10 +56,8 @@ def checked(data: dict, need: tuple[Part, ...]) -> tuple[Scene | None, list[str]
 
 
 def _validated(data: dict) -> tuple[Scene | None, list[dict[str, Any]]]:
-    """The scene and the schema's errors; those that the checks of a whole table find beside the faults of its keys too.
-
-    Such a check is not reached as long as a key is at fault, so the tables are read again without these keys.
-    """
+    """The scene and the schema's errors. The check of a whole table is not reached as long as one of its keys is at
+    fault, so that the tables are read again without these keys."""
     scene, errors = _attempt(data)
     if not errors:
         return scene, []

@@ -20,9 +20,8 @@ Two laws have a memory, a length z that has a law of motion of its own, and no f
                  changes its sign (Jenkins 1962, J. Appl. Mech. 29:187).
 
 A law of contacts has two numbers of one contact, its stiffness and one of its own, and four functions of depths and
-forces, which are zero or more. Every path of camopt but the verifier's methods reads them: a complex step
-differentiates them in event-exact, and JAX on the smooth path, so that they are written in arithmetic that all three
-have, + - * / and **.
+forces, which are zero or more. A complex step differentiates them in event-exact, and JAX on the smooth path, so that
+they are written in arithmetic that all have, + - * / and **. The verifier's methods write them anew.
 """
 
 from collections.abc import Callable
@@ -204,11 +203,8 @@ class Laws:
         return touch
 
     def stand_in(self) -> np.ndarray:
-        """Constant stiffness [N/m] of each element for modes and step sizes, shape (e).
-
-        For a law of contacts it is the tangent at STAND_IN_FORCE, for an element with a table the stiffness at
-        compression zero, for oil that of a column that does not leak, for friction that of sticking.
-        """
+        """Constant stiffness [N/m] of each element for modes and step sizes, shape (e): of a law of contacts the slope
+        at STAND_IN_FORCE, of a table at compression zero; oil does not leak, and friction sticks."""
         stiffness = np.array(self.coefficient)
         for e, law in self.of_contacts:
             stiffness[e] = law.slope(law.depth(STAND_IN_FORCE))

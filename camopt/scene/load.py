@@ -53,11 +53,10 @@ def no_duration(design: Design) -> float:
 def load_scene(
     source: str | Path, need: tuple[Part, ...] = (), duration_of: Callable[[Design], float] = no_duration
 ) -> Scene:
-    """The scene of a built-in name or TOML file, fully checked.
+    """The scene of a built-in name or TOML file, fully checked, in the units of its keys (`_mm`, `_deg`, `_rpm`).
 
-    `need` names optional parts that the caller cannot do without. Numbers keep the units of their keys (`_mm`, `_deg`,
-    `_rpm`). `duration_of` gives the duration_deg of a design that leaves it to its duration_at. Raises InputError with
-    one line per fault.
+    `need` names optional parts that the caller cannot do without. `duration_of` gives the duration_deg of a design that
+    leaves it to its duration_at. Raises InputError with one line per fault.
     """
     return parse_scene(scene_text(source), str(source), need, duration_of)
 
@@ -72,9 +71,7 @@ def parse_scene(
     left_open = design.get("duration_deg") == FROM_DURATION_AT
     if left_open:
         data["design"] = design | {"duration_deg": _provisional_duration(design.get("duration_at"))}
-    scene, faults = checked(data, need)
-    if scene is None or faults:
-        raise InputError("\n".join(f"{where}: {fault}" for fault in faults))
+    scene = _without_fault(data, where, need)
     if not left_open:
         return scene
     try:
@@ -86,17 +83,19 @@ def parse_scene(
 
 def checked_scene(scene: Scene, where: str, need: tuple[Part, ...] = ()) -> Scene:
     """A scene whose numbers were changed, checked as a file is; `where`, `need` and errors are as for `parse_scene`."""
-    found, faults = checked(scene.model_dump(exclude_none=True, exclude_defaults=True), need)
-    if found is None or faults:
+    return _without_fault(scene.model_dump(exclude_none=True, exclude_defaults=True), where, need)
+
+
+def _without_fault(data: dict[str, Any], where: str, need: tuple[Part, ...]) -> Scene:
+    scene, faults = checked(data, need)
+    if scene is None or faults:
         raise InputError("\n".join(f"{where}: {fault}" for fault in faults))
-    return found
+    return scene
 
 
 def scene_with(scene: Scene, numbers: Mapping[str, float], asked_by: str = "set", need: tuple[Part, ...] = ()) -> Scene:
-    """The scene with the numbers by NAME.KEY (`camopt.scene.parameters`), which `asked_by` begins the errors of.
-
-    Raises InputError for a name that means no number of the scene, and for numbers that make it faulty.
-    """
+    """The scene with these numbers by NAME.KEY (`camopt.scene.parameters`); raises InputError, begun by `asked_by`, for
+    a name that means no number of the scene, and for numbers that make it faulty."""
     changed = scene
     for text, value in numbers.items():
         if not (places := settable(scene, text)):

@@ -63,14 +63,12 @@ MEANT = "if it is meant, nothing needs doing"
 LEAST_SEAT_N = 5.0
 """Force on a closed valve's seat [N] below what the spring of a model engine has."""
 SAME_SEAT_FORCE = 0.2
-"""Share by which the seat's own preload may differ from what presses on it at rest: a hydraulic adjuster takes off a
-tenth."""
+"""Share by which the seat's preload may differ from what presses on it at rest; an adjuster takes off a tenth."""
 
 
 def scene_notes(scene: Scene) -> tuple[str, ...]:
-    """A sentence on a duration that camopt chose, one per key with an unusual number, in the order of `USUAL`, one on a
-    lash above the ramps, and one on a closed valve that nothing presses on its seat, or not with the force that the
-    seat states."""
+    """Sentences on a duration that camopt chose, on keys with an unusual number, on a lash above the ramps, and on a
+    closed valve that nothing presses on its seat, or not with the force that the seat states."""
     notes = []
     for path, usual in USUAL.items():
         table, key = path.split(".")

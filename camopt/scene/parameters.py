@@ -4,9 +4,9 @@ NAME is a mass or an element, or "design", "operation" or "geometry". With wildc
 or `coil_*.mass_kg`, the name means every mass and element that it matches and whose number is not zero.
 
 A spring with a measured table has a preload and a rate too, the force and the stiffness of its table where the valve is
-closed. They are read, scattered, freed and dragged by the keys of other springs: another preload moves all forces of
-the table by as much, another rate multiplies what they differ from the preload by. A spring with a table of stiffnesses
-has the rate of its table there, and another one multiplies them all.
+closed, under the keys of other springs: another preload moves all forces of the table by as much, another rate
+multiplies what they differ from the preload by. A spring with a table of stiffnesses has the rate of its table there,
+and another one multiplies them all.
 """
 
 from collections.abc import Mapping, Sequence
@@ -183,10 +183,8 @@ def valve_spring(scene: Scene) -> list[str]:
 
 
 def with_spring(scene: Scene, rate: float = 1.0, preload: float = 1.0) -> Scene:
-    """The scene with its valve spring's rate and preload multiplied by a factor each.
-
-    The seat carries the spring's preload in the installed position, so it changes with it.
-    """
+    """The scene with its valve spring's rate and preload multiplied by a factor each, and the seat's preload, which it
+    carries in the installed position, with it."""
     spring = valve_spring(scene)
     factors = {f"{name}.{RATE}": rate for name in spring}
     factors |= {f"{name}.{PRELOAD}": preload for name in (*spring, scene.seat)}

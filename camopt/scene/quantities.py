@@ -38,6 +38,38 @@ QUANTITIES = {
 LESS_IS_WORSE = frozenset(q.name for q in QUANTITIES.values() if q.less_is_worse)
 """Metrics whose worst value is the smallest one."""
 
+UNITS = (
+    ("_mm_per_deg4", "mm/deg⁴"),
+    ("_mm_per_deg3", "mm/deg³"),
+    ("_mm_per_deg2", "mm/deg²"),
+    ("_mm_per_deg", "mm/deg"),
+    ("_mm_deg", "mm deg"),
+    ("_m_per_s", "m/s"),
+    ("_N_per_m", "N/m"),
+    ("_percent", "%"),
+    ("_rpm", "r/min"),
+    ("_deg", "deg"),
+    ("_mm", "mm"),
+    ("_um", "µm"),
+    ("_kg", "kg"),
+    ("_Hz", "Hz"),
+    ("_N", "N"),
+    ("_s", "s"),
+)
+"""Endings of keys and their units, longer ones first."""
+
+
+def label_and_unit(key: str) -> tuple[str, str]:
+    """`worst_bounce_mm` -> ("worst bounce", "mm"); the declared quantities keep their declared labels."""
+    stem = key.removeprefix("worst_")
+    worst = "worst " if stem != key else ""
+    if stem in QUANTITIES:
+        return worst + QUANTITIES[stem].label, QUANTITIES[stem].unit
+    for ending, unit in UNITS:
+        if key.endswith(ending):
+            return key.removesuffix(ending).replace("_", " "), unit
+    return key.replace("_", " "), ""
+
 
 def is_number(value: object) -> TypeGuard[float]:
     """True for a real, finite number; False for everything else that a file may hold."""

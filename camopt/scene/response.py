@@ -56,11 +56,10 @@ class Response:
 
 
 Revolve = Callable[[np.ndarray], Response]
-"""A function that takes a state (2n + r: positions [m], velocities [m/s], memories [m]) at -pi and returns a revolution
-from there.
+"""A function from a state (2n + r: positions [m], velocities [m/s], memories [m]) at -pi to a revolution from there.
 
 Every method offers `prepare(train, lift, cam_speed, ...) -> Revolve`, which works out once whatever is the same in
-every revolution. Settling, metrics and error estimates are therefore written once for all methods.
+every revolution, so that settling, metrics and error estimates are written once for all methods.
 """
 
 

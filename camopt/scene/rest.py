@@ -12,7 +12,7 @@ import numpy as np
 
 from camopt.scene.errors import InputError
 from camopt.scene.laws import FRICTION
-from camopt.scene.train import KEPT_TRAINS, Train
+from camopt.scene.train import Train, kept_with_train
 
 FORCE_SLACK = 1e-9
 """Relative slack on forces and separations at rest: a contact exactly at its touch counts either way."""
@@ -42,14 +42,12 @@ def static_matrices(train: Train, closed: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def rest_position(train: Train) -> np.ndarray:
-    """Positions at rest on the base circle [m], shape (n).
-
-    Raises InputError where a mass is not held, or where no set of closed contacts is in equilibrium.
-    """
+    """Positions at rest on the base circle [m], shape (n); raises InputError where a mass is not held, or where no set
+    of closed contacts is in equilibrium."""
     return _rest_of(train).copy()
 
 
-@lru_cache(maxsize=KEPT_TRAINS)
+@kept_with_train
 def _rest_of(train: Train) -> np.ndarray:
     """`rest_position`, kept because tables, modes and starts of one train all ask for it."""
     contacts = int(np.sum(train.contact))
@@ -67,7 +65,12 @@ def _rest_of(train: Train) -> np.ndarray:
     scale = np.sqrt(np.maximum(np.diag(stiffness), np.max(train.stiffness) * 1e-12))
     values, vectors = np.linalg.eigh(stiffness / np.outer(scale, scale))
     if values[0] < HELD:
-        raise InputError(_not_held(train, vectors[:, 0] / scale))
+        share = np.abs(vectors[:, 0] / scale)  # of a direction which nothing resists
+        names = sorted(train.mass_names[i] for i in np.flatnonzero(share > TAKING_PART * share.max()))
+        raise InputError(
+            f"nothing holds the valve train at rest on the base circle (mass: {', '.join(names)}): "
+            f"give that mass a force_N that presses it on, or a spring"
+        )
     if not balanced:
         raise InputError(NOT_FOUND)
     x = np.linalg.solve(stiffness / np.outer(scale, scale), load / scale) / scale
@@ -80,30 +83,16 @@ def _rest_of(train: Train) -> np.ndarray:
 
 
 def state_at_rest(train: Train) -> np.ndarray:
-    """State (2n + r: [m], [m/s], [m]) at rest on the base circle; raises InputError where there is none.
-
-    Every memory has faded: adjusters have leaked until the plunger spring alone carries, and nothing rubs.
-    """
+    """State (2n + r: [m], [m/s], [m]) at rest on the base circle, every memory faded: the plunger spring alone carries
+    an adjuster, and nothing rubs. Raises InputError where there is none."""
     position = rest_position(train)
     memory = train.compression(position, 0.0)[list(train.memory)]
     return np.concatenate([position, np.zeros_like(position), memory])
 
 
-def _not_held(train: Train, direction: np.ndarray) -> str:
-    """The sentence about the masses that move along a direction (n) which nothing resists."""
-    share = np.abs(direction) / np.max(np.abs(direction))
-    names = ", ".join(sorted(train.mass_names[i] for i in np.flatnonzero(share > TAKING_PART)))
-    return (
-        f"nothing holds the valve train at rest on the base circle (mass: {names}): "
-        f"give that mass a force_N that presses it on, or a spring"
-    )
-
-
 def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:
-    """Forces of the elements (k, e) [N] where the cam stands still at lifts (k) [m]; zero in open contacts.
-
-    The lift closes the gap of what the cam drives. Raises InputError as `rest_position` does.
-    """
+    """Forces of the elements (k, e) [N] where the cam stands still at lifts (k) [m], zero in open contacts; raises
+    InputError as `rest_position` does."""
     forces, (heights, where) = [], np.unique(lift, return_inverse=True)  # the base circle is one lift
     for height in heights:
         d = train.compression(rest_position(replace(train, gap=train.gap - train.cam_driven * height)), height)
@@ -150,10 +139,7 @@ def is_linear(train: Train) -> bool:
 
 @lru_cache(maxsize=64)
 def linearised_at_rest(train: Train) -> Train:
-    """The train with a linear law in place of every other: itself, where it has none.
-
-    Tables and curved laws count with their tangents at rest, or `Laws.stand_in`; oil does not leak; nothing rubs.
-    """
+    """The train with a linear law in place of every other, by `Laws.stand_in`; oil does not leak, and nothing rubs."""
     laws = train.laws
     if laws is None:
         return replace(train, forcing=()) if train.forcing else train

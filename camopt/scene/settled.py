@@ -29,10 +29,8 @@ UNBOUND = 1e3
 
 
 def way_left(decay: float) -> float:
-    """The way still to go to the periodic motion, in changes over the last revolution, never less than one of them.
-
-    A change d over a revolution that shrinks by exp(-decay) from each to the next leaves d / (exp(decay) - 1).
-    """
+    """The way still to go to the periodic motion, in changes over the last revolution, never less than one: a change d
+    that shrinks by exp(-decay) from each to the next leaves d / (exp(decay) - 1)."""
     return max(1.0, 1.0 / float(np.expm1(min(max(decay, 1e-9), 500.0))))
 
 

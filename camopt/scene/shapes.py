@@ -1,8 +1,8 @@
 """Array types that state their shape, as in `Float[np.ndarray, "k n"]`: for the reader, and checked in the tests.
 
 They are jaxtyping's where jaxtyping is loaded: in the tests, whose import hook checks every call with beartype, and
-wherever JAX is at work. A command that only answers bad input does not wait for jaxtyping; there they are the array
-type alone. The first axis' name has a space before it where linters would take it for a variable, as in " n".
+wherever JAX is at work; elsewhere, where no command waits for jaxtyping, they are the array type alone. The first axis'
+name has a space before it where linters would take it for a variable, as in " n".
 """
 
 import sys

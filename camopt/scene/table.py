@@ -10,18 +10,14 @@ precision does not hold it beside the others."""
 
 
 def _not_too_small(value: float) -> float:
-    if abs(value) < SMALLEST:
+    if 0.0 < abs(value) < SMALLEST:
         raise ValueError(f"is smaller than any quantity of a scene ({SMALLEST:g}): check the unit in the key")
     return value
 
 
-def _zero_or_not_too_small(value: float) -> float:
-    return value and _not_too_small(value)
-
-
 Usable = AfterValidator(_not_too_small)
 Positive = Annotated[float, Field(gt=0), Usable]
-NonNegative = Annotated[float, Field(ge=0), AfterValidator(_zero_or_not_too_small)]
+NonNegative = Annotated[float, Field(ge=0), Usable]
 Name = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_-]{0,63}$")]
 
 

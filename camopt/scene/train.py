@@ -2,7 +2,9 @@
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
-from functools import cached_property, lru_cache
+from functools import cached_property, lru_cache, wraps
+from typing import TypeVar
+from weakref import WeakKeyDictionary
 
 import numpy as np
 
@@ -13,8 +15,7 @@ from camopt.scene.schema import Scene
 from camopt.scene.units import DEG
 
 GROUND = -1
-KEPT_TRAINS = 4096
-"""Trains of which what is computed once is kept: a search for a yield comes back to 3000 drawn ones with every cam."""
+Computed = TypeVar("Computed")
 TRAIN_PARAMETERS = ("mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap")
 """Fields of `Train` whose numbers a user may vary, and by which metrics have derivatives."""
 LAW_PARAMETERS = ("dissipation", "table", "leak", "travel", "slip")
@@ -143,11 +144,24 @@ class Train:
         return d + self.cam_driven * np.asarray(lift)[..., None]
 
 
-def build_train(scene: Scene) -> Train:
-    """The SI arrays of a scene; names must already be checked (see `camopt.scene.load`).
+def kept_with_train(of_train: Callable[[Train], Computed]) -> Callable[[Train], Computed]:
+    """A function of a train that is computed once for each, and kept for as long as that train is: a search for a yield
+    comes back to thousands of drawn ones with every cam, and its statement leaves each at once."""
+    kept = WeakKeyDictionary[Train, Computed]()
 
-    The same scene gives the same train: what is kept by train, such as propagators, is made once for it.
-    """
+    @wraps(of_train)
+    def computed(train: Train) -> Computed:
+        try:
+            return kept[train]
+        except KeyError:
+            return kept.setdefault(train, of_train(train))
+
+    return computed
+
+
+def build_train(scene: Scene) -> Train:
+    """The SI arrays of a scene, whose names must already be checked (see `camopt.scene.load`). The same scene gives the
+    same train, for which what is kept by train, such as propagators, is made once."""
     return _built(SceneKey(scene))
 
 
@@ -204,10 +218,7 @@ def _built(key: SceneKey) -> Train:
 
 
 def _way_from_cam_to_valve(a, b, contact, cam_driven, valve) -> tuple[int, ...]:
-    """Elements on the way from the cam-driven one to the valve; no way leads over the ground.
-
-    Of its contacts an adjuster's plunger parts from nothing: it follows what it pushes.
-    """
+    """Elements on the way from the cam-driven one to the valve; no way leads over the ground."""
     if valve < 0:
         return ()
     for first in np.flatnonzero(cam_driven & (b != GROUND)):

@@ -43,17 +43,21 @@ def assembled(train: Train, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def oscillations(train: Train, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Angular frequencies [rad/s] ascending (m), damping ratios (m) and real shapes (m, n) of the oscillating modes.
-
-    With damping: |lambda|, -Re(lambda) / |lambda|, and the shape in the phase in which it is largest; overdamped pairs
-    are left out. Shapes have no norm.
-    """
+    """Angular frequencies |lambda| [rad/s] ascending (m), damping ratios -Re(lambda) / |lambda| (m) and real shapes
+    (m, n), without norm, in the phase in which they are largest, of the oscillating modes; overdamped pairs are left
+    out."""
     damping, stiffness = assembled(train, acting)
-    if np.any(damping):
-        return _damped(train.mass, damping, stiffness)
-    squares, vectors = eigh(stiffness, np.diag(train.mass))
-    angular = np.sqrt(np.maximum(squares, 0.0))  # a free train's rigid mode may come out as -1e-9
-    return angular, np.zeros(len(angular)), vectors.T
+    if not np.any(damping):
+        squares, vectors = eigh(stiffness, np.diag(train.mass))
+        angular = np.sqrt(np.maximum(squares, 0.0))  # a free train's rigid mode may come out as -1e-9
+        return angular, np.zeros(len(angular)), vectors.T
+    values, vectors = np.linalg.eig(_state_matrix(train.mass, damping, stiffness))
+    kept = np.flatnonzero(np.imag(values) > OVERDAMPED * np.abs(values))
+    kept = kept[np.argsort(np.abs(values[kept]))]
+    shape = vectors[: len(train.mass), kept].T
+    phase = np.angle(np.sum(shape**2, axis=1)) / 2  # the phase in which the real part is largest
+    angular = np.abs(values[kept])
+    return angular, -np.real(values[kept]) / angular, np.real(shape * np.exp(-1j * phase)[:, None])
 
 
 def highest_rate(train: Train) -> float:
@@ -65,9 +69,8 @@ def highest_rate(train: Train) -> float:
 def slowest_leak(train: Train) -> float:
     """Least rate [1/s] at which what the oil of an adjuster carries too much leaks away; infinite without oil.
 
-    While the valve is seated, the column of stiffness k stands between cam and seat, whose compliance it feels too, and
-    its force decays at the rate 1 / (leak (1/k + compliance)). The valve is taken to be seated for SEATED_SHARE of a
-    revolution; while it is lifted, the springs keep the force up, and little of it is lost.
+    While the valve is seated, for SEATED_SHARE of a revolution, the column of stiffness k stands between cam and seat,
+    whose compliance it feels too, and its force decays at the rate 1 / (leak (1/k + compliance)).
     """
     if train.laws is None:
         return np.inf
@@ -97,15 +100,3 @@ def _state_matrix(mass: np.ndarray, damping: np.ndarray, stiffness: np.ndarray) 
     """A (2n, 2n) of y' = A y for y = (x, v)."""
     n = len(mass)
     return np.block([[np.zeros((n, n)), np.eye(n)], [-stiffness / mass[:, None], -damping / mass[:, None]]])
-
-
-def _damped(mass, damping, stiffness) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Angular frequency [rad/s], damping ratio and real shape of the oscillating modes."""
-    values, vectors = np.linalg.eig(_state_matrix(mass, damping, stiffness))
-    kept = np.flatnonzero(np.imag(values) > OVERDAMPED * np.abs(values))
-    kept = kept[np.argsort(np.abs(values[kept]))]
-    shape = vectors[: len(mass), kept].T
-    phase = np.angle(np.sum(shape**2, axis=1)) / 2  # the phase in which the real part is largest
-    shape = np.real(shape * np.exp(-1j * phase)[:, None])
-    angular = np.abs(values[kept])
-    return angular, -np.real(values[kept]) / angular, shape

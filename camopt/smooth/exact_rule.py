@@ -23,15 +23,14 @@ from jax.custom_derivatives import SymbolicZero
 
 from camopt.cam.lift import Lift
 from camopt.exact.adjoint.metrics import METRICS
-from camopt.exact.adjoint.motion import Samples, TracedMotion, metric_numbers
+from camopt.exact.adjoint.motion import Samples, metric_numbers
 from camopt.scene.errors import InputError
 from camopt.scene.response import Response
 from camopt.scene.shapes import Float
 from camopt.scene.train import Train
+from camopt.smooth.grid import regular_angles
 from camopt.smooth.varying_motion import CAM_PARAMETERS, Arrays, Varying
 
-VELOCITY = "m_per_s"
-"""Ending of the names of those metrics that grow in proportion to all velocities."""
 SLOWER = 100.0
 """How many times slower than expected a traced speed may come out before the motion is given up."""
 WORKERS = os.cpu_count() or 1
@@ -71,13 +70,7 @@ def exact_metrics(
         traced = motion.trace(given, names)
         if traced is None:
             return np.full_like(rows, np.nan), {n: np.full((len(rows), *given[n].shape), np.nan) for n in names}
-        values, swept = traced.swept(metrics, revolution)
-        moving = values[:, 0] * of_velocity(metrics)
-        by_window = traced.by_half_duration(metrics, revolution) if "half_duration" in names else None
-        slopes = motion.by_names(names, given, traced, swept, moving, by_window)
-        for slope in slopes.values():
-            slope[np.isnan(values[:, 0])] = np.nan
-        return values[:, 0], slopes
+        return motion.swept(names, given, traced, tuple(metrics), revolution)
 
     @jax.custom_vjp
     def values(variables):
@@ -114,7 +107,7 @@ def differentiable_motion(
     """
     motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, slowest=slowest)
     names = () if train.seat < 0 or not train.cam_side else tuple(METRICS)
-    angle = np.linspace(-np.pi, (2 * revolutions - 1) * np.pi, revolutions * steps + 1)
+    angle = regular_angles(revolutions, steps)
     recorded = _Recorded(motion, names, revolutions - 1, angle)
     shape = recorded.shape
 
@@ -168,34 +161,19 @@ class _Recorded:
         traced = self.motion.trace(given, wanted)
         if traced is None:
             return {name: np.full_like(given[name], np.nan) for name in wanted}
-        total = {name: np.zeros_like(given[name]) for name in wanted}
-        for part, moving, by_window in self._parts(traced, bars[0], bars[1], "half_duration" in wanted):
-            moved = self.motion.by_names(wanted, given, traced, part, np.array([moving]), np.array([by_window]))
-            for name, slope in moved.items():
-                total[name] = total[name] + (slope[0] if np.isfinite(moving) else np.nan)
-        return total
-
-    def _parts(self, traced: TracedMotion, by_samples, by_metrics, window: bool):
-        """(slopes, weighted sum of the velocities, slope by the half duration) of samples, then of each revolution."""
+        by_samples, by_metrics = bars
+        parts = [
+            self.motion.swept(wanted, given, traced, self.metrics, r, by_metrics[:, r])[1]
+            for r in range(self.measured)
+            if np.any(by_metrics[:, r])
+        ]
         if any(np.any(bar) for bar in by_samples.values()):
             found = vars(traced.at(self.angle))
-            moving = sum(float(np.sum(by_samples[k] * found[k])) for k in ("v", "lift_rate"))
+            moving = np.array([sum(np.sum(by_samples[name] * found[name]) for name in ("v", "lift_rate"))])
             weights = Samples(**{name: bar[None] for name, bar in by_samples.items()})
-            yield traced.pull_back(self.angle, weights), moving, 0.0
-        speeds = of_velocity(self.metrics)
-        for r in range(self.measured):
-            bar = by_metrics[:, r]
-            if np.any(bar):
-                found, swept = traced.swept(self.metrics, r, bar)
-                moving = sum(b * v for b, v in zip(bar[speeds], found[speeds, 0], strict=True) if b)
-                by_window = traced.by_half_duration(self.metrics, r) if window else np.zeros(len(bar))
-                lost = np.any(np.isnan(found[bar != 0, 0]))
-                yield swept, np.nan if lost else moving, float(bar[bar != 0] @ by_window[bar != 0])
-
-
-def of_velocity(metrics: Sequence[str]) -> np.ndarray:
-    """Which of the metrics grow in proportion to all velocities."""
-    return np.array([name.endswith(VELOCITY) for name in metrics], dtype=bool)
+            slopes = traced.pull_back(self.angle, weights)
+            parts.append(self.motion.by_names(wanted, given, traced, slopes, moving, np.zeros(1)))
+        return {name: sum((part[name][0] for part in parts), np.zeros_like(given[name])) for name in wanted}
 
 
 def weighted(bar: Float[jax.Array, " l"], slope: Float[jax.Array, " l *shape"]) -> Float[jax.Array, " *shape"]:

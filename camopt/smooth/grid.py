@@ -51,9 +51,14 @@ class GridSearch(NamedTuple):
     slope: Array
 
 
+def regular_angles(revolutions: int, steps: int) -> np.ndarray:
+    """Equally spaced angles (revolutions * steps + 1) [rad] of a record that begins at -pi."""
+    return np.linspace(-np.pi, (2 * revolutions - 1) * np.pi, revolutions * steps + 1)
+
+
 def equal_grid(steps: int) -> Float[Array, " {steps}+1"]:
     """Angles from -pi to pi [rad] in equal steps."""
-    return np.linspace(-np.pi, np.pi, steps + 1)
+    return regular_angles(1, steps)
 
 
 def refined_grid(driven: DrivenSystem, y0, layer: Layer, tolerance, steps: int):

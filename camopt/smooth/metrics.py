@@ -59,14 +59,11 @@ def at_angle(angle: Float[Array, " k"], values: Float[Array, " k"], theta, slope
 
 
 def step_integral(angle: Float[Array, " k"], s: Float[Array, " k"], s_dtheta: Float[Array, " k"], keep):
-    """Integrals of max(0, s) and max(0, s)^2 over the steps kept, by Simpson's rule with the cubic in the middle."""
+    """Integral of max(0, s) over the steps kept, by Simpson's rule with the cubic in the middle."""
     width = jnp.diff(angle)
     middle = 0.5 * (s[1:] + s[:-1]) - width * jnp.diff(s_dtheta) / 8
-
-    def simpson(f):
-        return jnp.sum(jnp.where(keep, width / 6 * (f(s[:-1]) + 4 * f(middle) + f(s[1:])), 0.0))
-
-    return simpson(lambda q: jnp.maximum(q, 0.0)), simpson(lambda q: jnp.maximum(q, 0.0) ** 2)
+    before, between, after = (jnp.maximum(q, 0.0) for q in (s[:-1], middle, s[1:]))
+    return jnp.sum(jnp.where(keep, width / 6 * (before + 4 * between + after), 0.0))
 
 
 def greatest(at: Float[Array, " k"], s: Float[Array, " k"], v: Float[Array, " k"], edges):
@@ -198,7 +195,7 @@ def event_metrics(
 def closed_metrics(
     system: System, motion: SystemState, cam_speed, opening_foot, revolution: int, layer: jax.Array | float = 0.0
 ) -> dict[str, jax.Array]:
-    """Bounce, seating and impact velocity, and the integral of max(0, s)^2 from the touch to the next opening foot.
+    """Bounce, seating and impact velocity, from the closing to the next opening foot.
 
     The window ends with the record where the record ends first. Without a touch the values are NaN, or 0 where
     the valve never opened; in both cases gradients are zero.
@@ -207,15 +204,12 @@ def closed_metrics(
     shorter = leaked(system, motion, touch, opening_foot, revolution)
     nominal = nominal_closing(system, motion, revolution, shorter)
     s, v = seat_distance(system, motion, cam_speed)
-    end = 2 * jnp.pi * (revolution + 1) + opening_foot
-    before_end, begin = motion.angle <= end, jnp.minimum(touch, nominal)
-    window = (motion.angle >= begin) & before_end
+    end, begin = 2 * jnp.pi * (revolution + 1) + opening_foot, jnp.minimum(touch, nominal)
+    window = (motion.angle >= begin) & (motion.angle <= end)
     hop = jnp.where(nominal < touch, at_angle(motion.angle, s, nominal, v / cam_speed), 0.0)
     crest = greatest(motion.angle, s, v / cam_speed, (begin, end))
     highest = jnp.maximum(jnp.maximum(0.0, hop), crest)
     bounce = jnp.where(highest > layer, highest, 0.0)  # a valve in the layer has not left its seat
-    after = (motion.angle >= touch) & before_end
-    _, square = step_integral(motion.angle, s, v / cam_speed, after[1:] & after[:-1])
     falls = (s[:-1] > layer) & (s[1:] <= layer) & window[1:]
     share = (s[:-1] - layer) / jnp.where(falls, s[:-1] - s[1:], 1.0)
     impact = jnp.max(jnp.where(falls, -(v[:-1] + share * jnp.diff(v)), 0.0))
@@ -223,7 +217,6 @@ def closed_metrics(
         "bounce_mm": bounce / MM,
         "seating_velocity_m_per_s": jnp.abs(velocity),
         "impact_velocity_m_per_s": jnp.maximum(impact, jnp.abs(velocity)),
-        "closed_integral_m2_rad": square,
     }
     null = jnp.where(opened, jnp.nan, 0.0)
     return {name: jnp.where(opened & touches, value, null) for name, value in values.items()}
@@ -245,7 +238,7 @@ def revolution_metrics(
     s, v = seat_distance(system, motion, cam_speed)
     now = in_revolution(motion.angle, revolution)
     lash = sum(system.gap[e] for e in system.topology.cam_side)
-    area, _ = step_integral(motion.angle, s, v / cam_speed, now[1:] & now[:-1])
+    area = step_integral(motion.angle, s, v / cam_speed, now[1:] & now[:-1])
     excess = jnp.max(jnp.where(now, s - jnp.maximum(0.0, motion.lift - lash), -jnp.inf))
     return {
         **closed_metrics(system, motion, cam_speed, opening_foot, revolution, layer),

@@ -9,10 +9,10 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from camopt.scene.rest import rest_position
+from camopt.scene.rest import state_at_rest
 from camopt.scene.shapes import Float
 from camopt.scene.train import Train
-from camopt.smooth.system import Array, System, build_system
+from camopt.smooth.system import Array, System, stacked
 
 MOST_CONTACT_SETS = 200
 """Largest number of Newton steps; ten are usual."""
@@ -78,18 +78,17 @@ def rest_positions(system: System) -> Float[Array, " n"]:
     return jnp.where(jnp.max(jnp.abs(unbalanced)) <= slack, rest, jnp.nan)
 
 
-def rest_of(system: System) -> Float[Array, "2 n"]:
-    """State (2, n + r) of a system at rest on the base circle, NaN where there is none; every memory has faded."""
-    return _faded(system, rest_positions(system))
-
-
 def rest_state(train: Train) -> Float[Array, "2 n"]:
-    """The same of a train, found without JAX; raises InputError where there is no rest (see `camopt.scene.rest`)."""
-    return _faded(build_system(train), rest_position(train))
+    """State (2, n + r) of a train at rest on the base circle, found without JAX; every memory has faded.
+
+    Raises InputError where there is no rest (see `camopt.scene.rest`).
+    """
+    return stacked(state_at_rest(train), len(train.mass))
 
 
-@jax.jit
-def _faded(system: System, x) -> jax.Array:
+def rest_of(system: System) -> Float[Array, "2 n"]:
+    """The same of a system, NaN where there is no rest."""
+    x = rest_positions(system)
     at_rest = jnp.stack([x, jnp.zeros_like(x)])
     if not system.topology.memory:
         return at_rest

@@ -56,10 +56,6 @@ class DrivenSystem(NamedTuple):
         lift, lift_dtheta = lift_at(self.samples, theta)
         return lift, lift_dtheta * self.cam_speed
 
-    def force(self, y: Float[Array, "2 n"], theta, layer: Layer) -> Float[Array, " e"]:
-        """Force of every element [N] in the state y at the angle `theta` [rad]."""
-        return self.system.force(y, *self.lift(theta), layer)
-
     def rate(self, y: Float[Array, "2 n"], theta, layer: Layer) -> Float[Array, "2 n"]:
         """Time derivative of the state y at the angle `theta` [rad]."""
         return self.system.rate(y, *self.lift(theta), layer, self.system.push(theta))
@@ -74,7 +70,7 @@ def forces_at(driven: DrivenSystem, angle, states, layer: Layer):
 
     def both(y, theta):
         along = driven.rate(y, theta, layer) / driven.cam_speed, jnp.ones_like(theta)
-        return jax.jvp(lambda y, theta: driven.force(y, theta, layer), (y, theta), along)
+        return jax.jvp(lambda y, theta: driven.system.force(y, *driven.lift(theta), layer), (y, theta), along)
 
     return jax.vmap(both)(states, angle)
 

@@ -19,7 +19,7 @@ from camopt.scene.response import Response, Revolve
 from camopt.scene.shapes import Float
 from camopt.scene.train import LAW_PARAMETERS, Train
 from camopt.smooth.families import polynomial
-from camopt.smooth.grid import LARGEST_PHASE, equal_grid, refined_grid
+from camopt.smooth.grid import LARGEST_PHASE, equal_grid, refined_grid, regular_angles
 from camopt.smooth.laws import Layer
 from camopt.smooth.metrics import at_angle, revolution_metrics
 from camopt.smooth.rest import rest_of
@@ -173,11 +173,6 @@ def allowed_steps(train: Train, slowest: float) -> int:
     with jax.ensure_compile_time_eval():
         least = 2 * np.pi / slowest * float(build_system(train).stiffest()) / LARGEST_PHASE
     return STEPS * 2 ** max(0, int(np.ceil(np.log2(2 * least / STEPS))))
-
-
-def regular_angles(revolutions: int, steps: int) -> np.ndarray:
-    """Equally spaced angles (revolutions * steps + 1) [rad] of a record that begins at -pi."""
-    return np.linspace(-np.pi, (2 * revolutions - 1) * np.pi, revolutions * steps + 1)
 
 
 @partial(jax.jit, static_argnames=("foot", "revolutions", "steps", "most"))

@@ -53,8 +53,6 @@ NODES = (
 ADJOINTS = {"reverse": diffrax.RecursiveCheckpointAdjoint, "forward": diffrax.ForwardMode}
 """Modes of differentiation. One has to be chosen in advance, because diffrax's checkpointed loop knows no forward mode
 and its other loop knows no reverse mode."""
-IMAGINARY_LIMIT = 3.34
-"""Largest phase of an undamped oscillation per step for which the method is stable."""
 
 
 class LowStorage(diffrax.AbstractSolver):

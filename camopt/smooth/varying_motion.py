@@ -20,6 +20,8 @@ from camopt.scene.train import LAW_PARAMETERS, TRAIN_PARAMETERS, Train
 
 CAM_PARAMETERS = ("lift", "borders", "half_duration")
 POSITIVE = ("mass", "stiffness", "cam_speed", "half_duration")
+VELOCITY = "m_per_s"
+"""Ending of the names of those metrics that grow in proportion to all velocities."""
 Arrays = dict[str, np.ndarray]
 
 
@@ -48,6 +50,30 @@ class Varying:
         except (MotionRefused, InputError):  # no bound, endless switching; no rest; no cam
             return None
 
+    def swept(
+        self,
+        names: tuple[str, ...],
+        given: Arrays,
+        motion: TracedMotion,
+        metrics: tuple[str, ...],
+        revolution: int,
+        weights: np.ndarray | None = None,
+    ) -> tuple[np.ndarray, Arrays]:
+        """Values (l) of metrics in a revolution, and their gradients (l, ...) by each of the names; with `weights` (l)
+        the one (1, ...) of their weighted sum, in which a weight of zero passes over a value that is none."""
+        values, slopes = motion.swept(metrics, revolution, weights)
+        values, share = values[:, 0], np.eye(len(metrics)) if weights is None else weights[None]
+
+        def total(parts: np.ndarray) -> np.ndarray:
+            return np.where(share != 0.0, share * parts, 0.0).sum(axis=1)
+
+        of_velocity = np.array([name.endswith(VELOCITY) for name in metrics], dtype=bool)
+        by_window = motion.by_half_duration(metrics, revolution) if "half_duration" in names else np.zeros(len(values))
+        found = self.by_names(names, given, motion, slopes, total(np.where(of_velocity, values, 0.0)), total(by_window))
+        for slope in found.values():
+            slope[np.isnan(total(values))] = np.nan
+        return values, found
+
     def by_names(
         self,
         names: tuple[str, ...],
@@ -55,7 +81,7 @@ class Varying:
         motion: TracedMotion,
         slopes: Slopes,
         moving: np.ndarray,
-        by_window: np.ndarray | None,
+        by_window: np.ndarray,
     ) -> Arrays:
         """Gradients (l, ...) by each of the names; `moving` (l) is what of the numbers grows with all velocities,
         `by_window` (l) their gradients by half the duration."""

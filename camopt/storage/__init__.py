@@ -26,10 +26,8 @@ def write_text(path: str | Path, text: str) -> None:
 
 
 def write_bytes(path: str | Path, content: bytes) -> None:
-    """Writes a file so that a reader or a crash sees the old one or the whole new one.
-
-    A device or pipe (/dev/stdout) is written to as it is. Raises InputError where nothing can be written.
-    """
+    """Writes a file so that a reader or a crash sees the old one or the whole new one; a device or pipe (/dev/stdout)
+    is written to as it is. Raises InputError where nothing can be written."""
     with _whole_file(path) as file:
         file.write(content)
 
@@ -57,10 +55,8 @@ def _whole_file(path: str | Path) -> Iterator[BinaryIO]:
 
 
 def check_file(path: str | Path) -> None:
-    """Raises InputError where no file can be written, so that nothing is computed in vain.
-
-    A temporary file is made and removed where `write_bytes` will make one; a device or pipe is left alone.
-    """
+    """Raises InputError where no file can be written, so that nothing is computed in vain: a temporary one is made and
+    removed where `write_bytes` will make one; a device or pipe is left alone."""
     path = usable_path(path, "file")
     reason = "it is a folder" if path.is_dir() else "" if path.parent.is_dir() else "its folder does not exist"
     if not reason and (path.is_file() or not path.exists()):
@@ -86,10 +82,8 @@ LEFT_BEHIND = 3600.0
 
 @contextmanager
 def _replacing(path: Path) -> Iterator[BinaryIO]:
-    """Temporary file in the same folder (a rename across file systems is not atomic), then the rename.
-
-    What killed processes left there of theirs goes.
-    """
+    """A temporary file in the same folder (a rename across file systems is not atomic), then the rename; what killed
+    processes left there of theirs goes."""
     for old in path.parent.glob(".camopt-????????????????.tmp"):
         with suppress(OSError):
             if time.time() - old.stat().st_mtime > LEFT_BEHIND:
@@ -129,12 +123,8 @@ def plain(value: Any) -> Any:
 
 def write_csv(path: str | Path, columns: Mapping[str, Any]) -> None:
     """Writes a table of equally long columns; floats with every digit, None and NaN as an empty cell."""
-    text = io.StringIO()
-    writer = csv.writer(text, lineterminator="\n")
-    writer.writerow(columns)
-    lists = [plain(column) for column in columns.values()]
-    writer.writerows(zip(*lists, strict=True))
-    write_text(path, text.getvalue())
+    rows = [*zip(*map(plain, columns.values()), strict=True)]
+    write_csv_rows(path, [*columns], rows)
 
 
 def write_csv_rows(path: str | Path, names: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
@@ -157,10 +147,8 @@ RUN_FILE = "run.json"
 
 
 def run_identity(command: str, scenes: Scene | Sequence[Scene], **settings: Any) -> dict:
-    """What makes two runs the same, for `run_folder`: the command, camopt's version, its settings and its scenes.
-
-    How trains scatter about a scene is none of it: a command that draws them has `AS_BUILT` among its settings.
-    """
+    """What makes two runs the same, for `run_folder`: the command, camopt's version, its settings and its scenes, but
+    for how trains scatter about them: a command that draws them has `AS_BUILT` among its settings."""
     several = [scenes] if isinstance(scenes, Scene) else scenes
     dumped = {scene.name: scene.model_dump(mode="json", exclude=AS_BUILT) for scene in several}
     return {"command": command, "version": version("camopt"), "scene": dumped, "settings": settings}

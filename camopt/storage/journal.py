@@ -101,10 +101,8 @@ class StepFiles:
         return StepFiles(self._folder, name)
 
     def stored(self, step: int, z: np.ndarray, names: Sequence[str]) -> dict[str, np.ndarray] | None:
-        """The arrays of this step of an interrupted run, None where there are none; z (m) is the step's cam.
-
-        Raises InputError where they belong to another cam or lack one of `names`: the folder is of another search.
-        """
+        """The arrays of this step of an interrupted run, None where there are none; z (m) is the step's cam. Raises
+        InputError where they belong to another cam or lack one of `names`: the folder is of another search."""
         path = self._path(step)
         if path is None or not path.exists():
             return None

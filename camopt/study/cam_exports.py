@@ -24,10 +24,8 @@ USUAL_DIGITS = 6
 def export(scene: Scene, lift: Lift, files: Namespace) -> list[str]:
     """Writes the files that the arguments of `camopt cam` ask for, and says in a sentence each what they are off by.
 
-    Lifts have `digits` decimals, every digit where None. Tables have a row every `step_deg` of the cam, the lift table
-    every `step_crank_deg` of the crank where that is given; the drawing keeps within `dxf_tolerance_um` of the contour.
-    Contour, drawing and figure of a rounded table are those of its means (`camopt.measure.rounded`).
-    Raises InputError where no contour gives this lift to the scene's follower, and for steps that divide no turn.
+    Contour, drawing and figure of a rounded table are those of its means (`camopt.measure.rounded`). Raises InputError
+    where no contour gives this lift to the scene's follower, and for steps that divide no turn.
     """
     said = _table(scene, lift, files) if files.csv else []
     geometry, law = scene.geometry, moving_average(lift)[0]
@@ -61,7 +59,8 @@ def _valve_lifts(scene: Scene, lift: Lift, files: Namespace, digits: int) -> lis
     crank = exports.crank_rows(lift, lash, per_crank)
     said = []
     if files.valve_lift:
-        exports.write_valve_lift(files.valve_lift, exports.static_lift(lift, lash, crank * per_crank * DEG), digits)
+        static = np.maximum(lift(crank * per_crank * DEG) - lash, 0.0)
+        exports.write_valve_lift(files.valve_lift, static, digits)
         said.append(
             f"valve lift: {_crank_degrees(crank)}; it is the cam's lift less the lash of {lash / MM:g} mm, in mm"
         )

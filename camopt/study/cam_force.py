@@ -1,8 +1,7 @@
-"""The force between cam and follower over one settled revolution, the valve's own lift, and the torque of a camshaft.
+"""The force between cam and follower over one settled revolution, and the torque of a camshaft.
 
 A rigid shaft turns at constant speed, so that the power of a lobe's force F on the valve's axis, F lift' omega, is that
-of its torque. Friction, which a film of oil makes of the sliding, is left out: the mean is what the train's dampings
-take.
+of its torque. Friction of the sliding is left out: the mean is what the train's dampings take.
 """
 
 from collections.abc import Sequence
@@ -18,19 +17,14 @@ from camopt.scene.shapes import Float
 from camopt.scene.units import DEG
 
 REVOLUTIONS = 6
-"""From rest to the revolution that is read: five to six are usually taken as settled (Wagstaff 1967, as MOTORI 2004
-quotes)."""
+"""From rest to the end of the one that is read: five to six usually settle (Wagstaff 1967, quoted by MOTORI 2004)."""
 STEP_DEG = 0.5
 MOST_LOBES = 100
 
 
 def settled_revolution(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[Response, str]:
     """The motion from rest in its last revolution, at cam angles from -pi to pi, and the method: event-exact, or rkg
-    where that refuses.
-
-    Event-exact is not asked where the train's laws are beyond it. Raises InputError as
-    `camopt.study.simulate.motion.recorded` does.
-    """
+    where that refuses or laws are curved. Raises InputError as `camopt.study.simulate.motion.recorded` does."""
     from camopt.study.simulate.motion import recorded
 
     motion, method = None, "event-exact"

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 from tqdm import tqdm
 
-from camopt.optimizer.accuracy import accuracy_named
+from camopt.optimizer.accuracy import Accuracy, accuracy_named
 from camopt.optimizer.free_numbers import Programs
 from camopt.optimizer.search.search import find_cam
 from camopt.scene import InputError, Scene
@@ -61,16 +61,15 @@ def pareto(
     """Largest area ratio that the event-exact judge confirms, for each value of the design's limit `against`.
 
     Against "yield" the values are shares of the trains as built that the cam must hold, over the band; then `seed`
-    draws the search's trains; how fresh ones fare `manufacturing_yield` tells.
-
-    `values` (k) in the limit's own units (default: `VALUES`), tried from tight to loose: a cam found within a tighter
-    limit counts within a looser one too. `release` names limits to leave out, since a tight jump limit hides what
-    bounce costs. With `out` each point is stored as it is found, and a second call goes on from there.
-    Raises InputError for an unknown limit or accuracy, or an unusable `out`. A value without a confirmed cam is NaN.
+    draws the search's trains. `values` (k) in the limit's own units (default: `VALUES`) are tried from tight to loose:
+    a cam found within a tighter limit counts within a looser one too. `release` names limits to leave out, since a
+    tight jump limit hides what bounce costs. With `out` each point is stored as it is found, and a second call goes on
+    from there. Raises InputError for an unknown limit or accuracy, or an unusable `out`. A value without a confirmed
+    cam is NaN.
     """
-    of_yield = against == "yield"
-    is_limit = of_yield or (scene.design is not None and against in type(scene.design).model_fields)
-    if scene.design is None or not is_limit or (against not in VALUES and not values):
+    design, of_yield = scene.design, against == "yield"
+    is_limit = of_yield or (design is not None and against in type(design).model_fields)
+    if design is None or not is_limit or not (values or against in VALUES):
         raise InputError(f"pareto: {against!r}: expected a limit of [design] such as {', '.join(VALUES)}, with values")
     left_out = None if of_yield else AS_BUILT
     plain = scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True, exclude=left_out)
@@ -85,9 +84,9 @@ def pareto(
     for value in tqdm(tight_first, disable=None if progress else True, desc=against):
         if (point := points.get(float(value))) is None:
             limits = dict.fromkeys(release) | ({} if of_yield else {against: value})
-            changed = scene.model_copy(update={"design": scene.design.model_copy(update=limits)})
+            changed = scene.model_copy(update={"design": design.model_copy(update=limits)})
             if of_yield:
-                outcome = _yield_point(changed, value, accuracy, gradient, seed)
+                outcome = _yield_point(changed, value, effort, gradient, seed)
             else:
                 outcome = _point(changed, speeds, effort, gradient)
             point = {"limit": float(value)} | outcome
@@ -100,20 +99,20 @@ def pareto(
     return Front(scene.name, against, xr.Dataset(columns, {"limit": [r["limit"] for r in rows]}))
 
 
-def _yield_point(scene: Scene, wanted: float, accuracy: str, gradient: str, seed: int) -> dict:
+def _yield_point(scene: Scene, wanted: float, effort: Accuracy, gradient: str, seed: int) -> dict:
     """The largest area ratio that this share of the search's drawn trains holds, None without a cam."""
     from camopt.optimizer.as_built.checks import check_wanted
     from camopt.optimizer.as_built.search import yield_search
 
     check_wanted(scene, wanted, "band")
     try:
-        search = yield_search(scene, wanted, accuracy_named(accuracy), gradient=gradient, seed=seed)
+        search = yield_search(scene, wanted, effort, gradient=gradient, seed=seed)
     except InputError:
         return {"area_ratio": None}
     return {"area_ratio": search.held[-1].area_ratio, "trains": search.trains_drawn, "cams": search.steps}
 
 
-def _point(scene: Scene, speeds: str, effort, gradient: str) -> dict:
+def _point(scene: Scene, speeds: str, effort: Accuracy, gradient: str) -> dict:
     try:
         search = find_cam(scene, speeds, effort, gradient)
     except InputError:
@@ -146,11 +145,8 @@ def joint_spring(
     margin_N: float = 0.0,
     evaluations: int = 30,
 ) -> SpringDesign:
-    """The factors on the valve spring's rate and preload, within these ranges, that give the program its largest area.
-
-    The search is that of free numbers (`camopt.optimizer.free_numbers`); the scene found is for `find_cam` or
-    `optimize`, which confirm its cam.
-    """
+    """The factors on the valve spring's rate and preload, within these ranges, that give the program its largest area
+    (`camopt.optimizer.free_numbers`); `optimize` confirms the cam of the scene that is found."""
     effort = accuracy_named(accuracy)
     programs = Programs(lambda factors: with_spring(scene, *map(float, factors)), speeds, effort, margin_N)
     best = programs.largest((1.0, 1.0), (rate, preload), evaluations)

@@ -1,6 +1,5 @@
 """Measurements that `camopt tradeoff` and `camopt extremes` write, and go on with after an interruption; times of
-calls, the least of several, because other work on the machine only ever makes a call longer.
-"""
+calls, the least of several, because other work on the machine only ever makes a call longer."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -50,11 +49,8 @@ T = TypeVar("T")
 def fastest(
     run: Callable[[], T], repeats: int, clock: Callable[[], Any] = time.process_time, *, first: bool = True
 ) -> tuple[Any, T]:
-    """(least time of `repeats` calls [s], result of the last).
-
-    Before them goes a `first` call, not counted, which compiles and builds tables. `clock` gives one time, or several
-    in an array, of each of which the least is told.
-    """
+    """(least time of `repeats` calls [s], result of the last), after a `first` call, not counted, which compiles and
+    builds tables. `clock` gives one time, or several in an array, of each of which the least is told."""
     if first:
         run()
     seconds = []

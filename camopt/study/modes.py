@@ -42,13 +42,11 @@ class Modes:
 
 
 def modes(scene: Scene, state: State = "lifted") -> Modes:
-    """Modes of a scene with the valve lifted off its seat or on it.
+    """Modes of a scene with the valve lifted off its seat or on it (`camopt.scene.vibration.acting_elements`).
 
-    Which contacts are closed in a state is said in `camopt.scene.vibration.acting_elements`.
     With damping the modes are those of the damped train: frequency |lambda| / (2 pi), damping ratio
-    -Re(lambda) / |lambda|, shape in the phase in which it is largest; overdamped pairs are left out.
-    Returns `Modes`: m frequencies [Hz] ascending, damping ratios (m), shapes (m, n) over the n masses. Raises
-    InputError for an unknown state.
+    -Re(lambda) / |lambda|, shape in the phase in which it is largest; overdamped pairs are left out. Raises InputError
+    for an unknown state.
     """
     if state not in ("lifted", "seated"):
         raise InputError(f"modes: state {state!r}: expected 'lifted' or 'seated'")
@@ -60,17 +58,15 @@ def modes(scene: Scene, state: State = "lifted") -> Modes:
 
 
 def mode_lines(result: Modes) -> list[str]:
-    """A line for the headings, then one for every mode: frequencies, damping ratio and shape; last, what does not
-    swing."""
-    lines = [f"{'Hz':>12}  {'rad/s':>12}  {'damping':>8}  " + "  ".join(f"{n:>10}" for n in result.mass_names)]
-    for row in zip(result.frequency_Hz, result.angular, result.damping_ratio, result.shape, strict=True):
-        shape = "  ".join(f"{value:10.4f}" for value in row[3])
-        lines.append(f"{row[0]:12.6g}  {row[1]:12.6g}  {100 * row[2]:6.2f} %  {shape}")
-    overdamped = len(result.mass_names) - len(result.frequency_Hz)
-    if overdamped:
-        lines.append(
-            f"overdamped: {overdamped} of {len(result.mass_names)} modes, damped by more than 100 %: no swinging"
-        )
+    """A line for the headings, then one for every mode; last, what does not swing."""
+    masses = result.mass_names
+    lines = [f"{'Hz':>12}  {'rad/s':>12}  {'damping':>8}  " + "  ".join(f"{name:>10}" for name in masses)]
+    rows = zip(result.frequency_Hz, result.angular, result.damping_ratio, result.shape, strict=True)
+    for hertz, angular, ratio, shape in rows:
+        values = "  ".join(f"{value:10.4f}" for value in shape)
+        lines.append(f"{hertz:12.6g}  {angular:12.6g}  {100 * ratio:6.2f} %  {values}")
+    if overdamped := len(masses) - len(result.frequency_Hz):
+        lines.append(f"overdamped: {overdamped} of {len(masses)} modes, damped by more than 100 %: no swinging")
     return lines
 
 

@@ -6,7 +6,6 @@ derivative of order m is 2^(2(m-1)) (m-1)!, which a control of that size reaches
 """
 
 from dataclasses import dataclass
-from functools import cached_property
 from math import factorial
 
 import numpy as np
@@ -103,7 +102,6 @@ def _acceleration_bound(jerk: float, ends: np.ndarray, mass: np.ndarray, t: np.n
 
 ORDERS = {"acceleration": 2, "jerk": 3, "snap": 4, "crackle": 5}
 """Derivatives whose peak can be the least, with their orders."""
-NAMES = {order: name for name, order in ORDERS.items()}
 COLUMNS = ("lift_mm", "velocity_mm_per_deg", "acceleration_mm_per_deg2", "jerk_mm_per_deg3")
 MOST_ROWS = 360_000
 
@@ -119,26 +117,14 @@ class Rise:
     over_deg: float
     order: int
     jerk_max_mm_per_deg3: float | None
-    unit: DwellRise
+    peak: float  # mm/deg^order
+    bound: float  # which the peak of no such motion is below
+    lift: PPoly  # mm, from 0 to `over_deg`
 
     @property
-    def peak(self) -> float:
-        """The peak [mm/deg^order]."""
-        return self.unit.peak * self.rise_mm / self.over_deg**self.order
-
-    @property
-    def bound(self) -> float:
-        """What the peak of no such motion is below [mm/deg^order]."""
-        return self.unit.bound * self.rise_mm / self.over_deg**self.order
-
-    @cached_property
-    def lift(self) -> PPoly:
-        """The lift [mm] from 0 to `over_deg`."""
-        values = self.unit.derivative * self.rise_mm / self.over_deg**self.order
-        if self.jerk_max_mm_per_deg3 is None:
-            return PPoly(values[None], np.linspace(0.0, self.over_deg, len(values) + 1)).antiderivative(self.order)
-        edges = np.linspace(0.0, self.over_deg, len(values))
-        return PPoly(np.stack([np.diff(values) / np.diff(edges), values[:-1]]), edges).antiderivative(self.order)
+    def least(self) -> str:
+        """The name of the derivative."""
+        return next(name for name, order in ORDERS.items() if order == self.order)
 
     def table(self, step_deg: float) -> dict[str, np.ndarray]:
         """Columns at every step [deg] and at the end: cam angle, lift, and its derivatives up to the limited one.
@@ -155,16 +141,15 @@ class Rise:
     def as_dict(self) -> dict:
         """What `rise --json` writes."""
         limits = {"rise_mm": self.rise_mm, "over_deg": self.over_deg, "jerk_max_mm_per_deg3": self.jerk_max_mm_per_deg3}
-        limited = f"{NAMES[self.order]}_mm_per_deg{self.order}"
-        return limits | {"least": NAMES[self.order], f"{limited}_peak": self.peak, f"{limited}_bound": self.bound}
+        limited = f"{self.least}_mm_per_deg{self.order}"
+        return limits | {"least": self.least, f"{limited}_peak": self.peak, f"{limited}_bound": self.bound}
 
     def __str__(self) -> str:
-        name, unit = NAMES[self.order], f"mm/deg^{self.order}"
-        jerk = self.jerk_max_mm_per_deg3
+        unit, jerk = f"mm/deg^{self.order}", self.jerk_max_mm_per_deg3
         under = "" if jerk is None else f", the jerk at most {jerk:g} mm/deg^3"
         return (
             f"A rise of {self.rise_mm:g} mm over {self.over_deg:g} deg between two dwells{under}:\n"
-            f"  a motion has a peak {name} of        {self.peak:.6g} {unit}\n"
+            f"  a motion has a peak {self.least} of        {self.peak:.6g} {unit}\n"
             f"  no motion has less (certified)     {self.bound:.6g} {unit}"
         )
 
@@ -173,12 +158,17 @@ def rise(rise_mm: float, over_deg: float, order: int = 3, jerk_max_mm_per_deg3: 
     """The rise between two dwells whose derivative of `order` has the least peak, or the least acceleration under a
     jerk. Raises InputError where no motion keeps the jerk."""
     if jerk_max_mm_per_deg3 is None:
-        return Rise(rise_mm, over_deg, order, None, least_peak(order))
+        unit, scale = least_peak(order), rise_mm / over_deg**order
+        edges = np.linspace(0.0, over_deg, len(unit.derivative) + 1)
+        lift = PPoly(unit.derivative[None] * scale, edges).antiderivative(order)
+        return Rise(rise_mm, over_deg, order, None, unit.peak * scale, unit.bound * scale, lift)
     least = LEAST_JERK * rise_mm / over_deg**3
     if jerk_max_mm_per_deg3 <= least:
         raise InputError(
             f"--jerk-max-mm-per-deg3 {jerk_max_mm_per_deg3:g}: a rise of {rise_mm:g} mm over {over_deg:g} deg needs "
             f"more than {least:.6g}: allow more jerk or more degrees"
         )
-    unit = least_acceleration(jerk_max_mm_per_deg3 * over_deg**3 / rise_mm)
-    return Rise(rise_mm, over_deg, 2, jerk_max_mm_per_deg3, unit)
+    unit, scale = least_acceleration(jerk_max_mm_per_deg3 * over_deg**3 / rise_mm), rise_mm / over_deg**2
+    values, edges = unit.derivative * scale, np.linspace(0.0, over_deg, len(unit.derivative))
+    lift = PPoly(np.stack([np.diff(values) / np.diff(edges), values[:-1]]), edges).antiderivative(2)
+    return Rise(rise_mm, over_deg, 2, jerk_max_mm_per_deg3, unit.peak * scale, unit.bound * scale, lift)

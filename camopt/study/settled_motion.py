@@ -1,7 +1,5 @@
-"""More about the settled motions of a verdict: their energy balance, and whether each is the stable periodic solution.
-
-Both are computed for the first method of the verdict, at every listed speed, from the state in which it settled.
-"""
+"""More about the settled motions of a verdict: their energy balance, and whether each is the stable periodic solution,
+for the first method of the verdict, at every listed speed, from the state in which it settled."""
 
 import numpy as np
 
@@ -19,10 +17,8 @@ SAMPLES = 7200
 
 
 def settled_motions(lift: Lift, verdict: Verdict, *, with_energy: bool, with_periodic: bool) -> list[dict]:
-    """What verification.json adds to each of its `speeds`: `energy` and `periodic_solution`, those that are asked for.
-
-    They are None at a speed at which the method refused the motion.
-    """
+    """What verification.json adds to each of its `speeds`: `energy` and `periodic_solution`, those that are asked for;
+    None at a speed at which the method refused the motion."""
     assert verdict.scene is not None, "a verdict knows its scene"
     train, records = build_train(verdict.scene), []
     for speed in verdict.speeds:

@@ -39,15 +39,16 @@ def what_if(
     """
     after, changed = changed_scene(scene, changes)
     content: dict[str, dict] = {"changed": {name: {"from": was, "to": now} for name, (was, now) in changed.items()}}
-    content |= {"as_given": _outcome(scene, cam, trains), "with_the_change": _outcome(after, cam, trains)}
+    content |= {"as_given": outcome(scene, cam, trains), "with_the_change": outcome(after, cam, trains)}
     if redesign:
         effort = accuracy_named(DRAFT)
         try:
             search = find_cam(after, "band", effort)
             chosen = largest_confirmed(after, search.confirmed, "band", effort, family_cams(after))
-            content["redesigned"] = _outcome(after, chosen.cam.lift, trains)
+            content["redesigned"] = outcome(after, chosen.cam.lift, trains)
         except InputError as error:
-            content["redesigned"] = outcome("none", "none holds", str(error))
+            none = {"cam": "none", "verdict": "none holds", "says": str(error)}
+            content["redesigned"] = dict.fromkeys(key for _, key, _ in ROWS) | none
     return content
 
 
@@ -79,18 +80,18 @@ def changed_scene(
     return checked_scene(after, f"{scene.name} with the change", SIMULATED), changed
 
 
-def outcome(cam: str, verdict: str, says: str = "", **figures: float | None) -> dict:
+def outcome(scene: Scene, cam: Lift, trains: int) -> dict:
     """What a cam comes to in a scene: its verdict over the band at accuracy draft, where jump and bounce begin (None:
     not below 1.5 times the band's top), and the share of trains as built that hold (None where the scene does not say
     how they differ); `says` is why there is no cam."""
-    return dict.fromkeys(key for _, key, _ in ROWS) | {"cam": cam, "verdict": verdict, **figures, "says": says}
-
-
-def _outcome(scene: Scene, cam: Lift, trains: int) -> dict:
     verdict = full_verdict(scene, cam, "band", accuracy_named(DRAFT))
-    share = 100 * manufacturing_yield(scene, cam, trains).share.share if has_a_yield(scene) else None
-    ratio = cam.area_ratio_in(scene.required_design)
-    return outcome(
-        cam.family, verdict.verdict, area_ratio=ratio, area_mm_deg=cam.area / MM / DEG,
-        first_jump_rpm=verdict.first_jump_rpm, first_bounce_rpm=verdict.first_bounce_rpm, yield_percent=share,
-    )  # fmt: skip
+    return {
+        "cam": cam.family,
+        "verdict": verdict.verdict,
+        "area_ratio": cam.area_ratio_in(scene.required_design),
+        "area_mm_deg": cam.area / MM / DEG,
+        "first_jump_rpm": verdict.first_jump_rpm,
+        "first_bounce_rpm": verdict.first_bounce_rpm,
+        "yield_percent": 100 * manufacturing_yield(scene, cam, trains).share.share if has_a_yield(scene) else None,
+        "says": "",
+    }

@@ -36,17 +36,14 @@ from camopt.storage.journal import Records
 TRAINS, SPEEDS = 1000, 11
 """How many trains are drawn, and at how many speeds of the band they are judged, where nothing else is said."""
 HIGHEST = 0.99
-"""Largest share of the trains for which prices are stated: of so few trains as tell them one in a hundred is given
-up."""
+"""Largest share of the trains for which prices are stated."""
 JOURNAL, SUMMARY = "trains.jsonl", "yield.json"
 
 
 @dataclass(frozen=True, repr=False)
 class Yield:
-    """What was found of a cam: `used` limits of every train (t, l, s), the share that holds, what spoils the others.
-
-    `halved` tells by tolerance what the share of the same trains would be with half of it; empty where not asked.
-    """
+    """What was found of a cam: `used` limits of every train (t, l, s), the share that holds, what spoils the others;
+    `halved` is by tolerance the share with half of it, where asked for."""
 
     scene: str
     cam: str
@@ -114,8 +111,8 @@ def manufacturing_yield(
     `speeds_rpm` (s) are crankshaft speeds, by default `SPEEDS` of them over the scene's band. Train i hangs on `seed`
     and i alone. With `halve` the same trains are measured with every tolerance halved in turn; with `price` it is said
     what each costs in area at the share that holds, or at the advised one where fewer hold. With `out` a run folder
-    is written, train by train; with `resume` it goes on there, and more trains may be asked for. Raises InputError
-    for a scene without limits on the motion or without anything that scatters, and for a folder as `run_folder` does.
+    is written, train by train; with `resume` it goes on there, also with more trains. Raises InputError for a scene
+    without limits on the motion or without anything that scatters, and for a folder as `run_folder` does.
     """
     check_scatter(scene)
     if not motion_limits(scene.design):
@@ -157,8 +154,7 @@ def _measured(
 
 
 def _prices(scene: Scene, cam: Lift, share: Share, seed: int, progress: bool) -> PriceList:
-    """The price list at the share that holds, with limits on openings that give the cam's own area; where fewer hold
-    than are advised, at that share, since prices are those of a cam that can be built."""
+    """The price list at the share that holds and the cam's own area; where fewer hold, at the advised share."""
     wanted = min(max(share.share, ADVISED), HIGHEST)
     area = cam.area_ratio_in(scene.required_design) if share.share >= ADVISED else None
     with tqdm(total=100, disable=None if progress else True, desc="prices", unit="%") as bar:

@@ -1,8 +1,7 @@
 """Computing one task, in whatever process: its state and its outcome as text.
 
-Nothing here raises: a task that cannot be computed ends as "failed" with its sentence. BLAS is held to one thread, and
-nothing is carried from one task to the next but what is the same for every process (scenes, cams, settled states of the
-train as designed, by their content), so that a row does not depend on who computed it.
+A task that cannot be computed ends as "failed" with its sentence. BLAS is held to one thread, and nothing is carried
+from one task to the next but what is the same for every process, so that a row does not depend on who computed it.
 """
 
 import json
@@ -44,19 +43,25 @@ def compute(filed: FiledTask) -> Outcome:
     """The outcome of a task, computed in this process with one BLAS thread, whose limits are restored."""
     task = filed.task()
     with _controller(_place(task)).limit(limits=1):
-        return _outcome(task)
+        try:
+            function = function_at(_place(task))
+            returned = function(**task.arguments) if isinstance(task, CallTask) else function(task)
+            return Outcome(DONE, json.dumps(plain(returned), separators=(",", ":"), allow_nan=False))
+        except InputError as error:
+            return failed(str(error))
+        except Exception as error:
+            return failed(f"{type(error).__name__}: {error}" if str(error) else type(error).__name__)
 
 
 def compute_at_worker(filed: FiledTask, made_by: str) -> Outcome:
-    """The same in a process that computes nothing else; raises InputError where camopt is not that of the sender."""
+    """The same in a worker; raises InputError where camopt is not that of the sender."""
     if (mine := _own_version()) != made_by:
         raise InputError(
             f"sweep: a worker has camopt {mine}, and the tasks are sent by camopt {made_by}; nothing of it was "
             f"recorded: install one version everywhere"
         )
-    task = filed.task()
-    _controller(_place(task)).limit(limits=1)
-    return _outcome(task)
+    _controller(_place(filed.task())).limit(limits=1)  # for good, since other threads may compute here
+    return compute(filed)
 
 
 def _place(task: Task) -> str:
@@ -64,17 +69,6 @@ def _place(task: Task) -> str:
     if isinstance(task, CallTask):
         return task.function
     return f"{__name__}:rehearse" if task.verb == "rehearse" else f"{ON_SCENES}:{task.verb}_task"
-
-
-def _outcome(task: Task) -> Outcome:
-    try:
-        function = function_at(_place(task))
-        returned = function(**task.arguments) if isinstance(task, CallTask) else function(task)
-        return Outcome(DONE, json.dumps(plain(returned), separators=(",", ":"), allow_nan=False))
-    except InputError as error:
-        return failed(str(error))
-    except Exception as error:
-        return failed(f"{type(error).__name__}: {error}" if str(error) else type(error).__name__)
 
 
 @cache

@@ -28,11 +28,8 @@ MOST_FALSE_STARTS = 8
 
 
 class LocalProcesses(ThreadPoolExecutor):
-    """So many worker processes on this machine, each begun when a task first needs it.
-
-    A task whose process dies is computed again by a new one, at most `MOST_DEATHS` times. After an exception
-    `with LocalProcesses(n):` kills the processes, in the middle of a task too.
-    """
+    """So many worker processes on this machine, each begun when a task first needs it. A task whose process dies is
+    computed again by a new one, at most `MOST_DEATHS` times. An exception inside `with` kills the processes."""
 
     def __init__(self, workers: int):
         if getattr(multiprocessing.current_process(), "_inheriting", False):

@@ -1,8 +1,4 @@
-"""Plans: a TOML file that says which tasks a sweep has, and the tasks themselves, one at a time.
-
-docs/sweeps.md shows one; its `[settings]` are those of the verb: "simulate" has method, revolutions, step_deg; "yield"
-has trains, seed; "rehearse" has tasks, seconds.
-"""
+"""Plans: a TOML file that says which tasks a sweep has (docs/sweeps.md shows one), and the tasks, one at a time."""
 
 import hashlib
 import json

@@ -109,10 +109,8 @@ class TaskStore:
         return bool(rows)
 
     def record(self, ended: Iterable[tuple[int, FiledTask, Outcome]]) -> None:
-        """Writes the rows of tasks that ended, all at once, with the parts that they refer to.
-
-        An old row stays, but for a failed one, which takes the new outcome.
-        """
+        """Writes the rows of tasks that ended, all at once, with the parts that they refer to; an old row stays, but
+        for a failed one, which takes the new outcome."""
         ended = list(ended)
         with self._writing() as db:
             parts = {name: text for _, task, _ in ended for name, text in task.parts.items()}

@@ -37,11 +37,9 @@ class SweptTasks:
         return TaskStore(self.store, version("camopt"))
 
     def rows(self) -> Iterator[dict[str, Any]]:
-        """A dictionary a row: `task`, its number in the plan, `state`, the task's own keys, and what it returned.
-
-        A failed task has its `reason` instead. A scene or cam that is no name is its digest; `part` gives the text.
-        Raises InputError for a row that was damaged.
-        """
+        """A dictionary a row: `task`, its number in the plan, `state`, the task's own keys, and what it returned, or
+        its `reason` where it failed. A scene or cam that is no name is its digest; `part` gives the text. Raises
+        InputError for a row that was damaged."""
         with self._open() as store:
             for number, text, state, outcome in store.read(
                 "SELECT number, task, state, outcome FROM row ORDER BY number"

@@ -1,9 +1,7 @@
 """What `--accuracy` means to the verifier, and the public verb `camopt.verify`.
 
-docs/explanation/accuracy.md says which to choose. The name also sets the optimiser's effort
-(`camopt.optimizer.accuracy`: knots, speeds, steps, margins). Every verification states the requested and the delivered
-accuracy: each metric has its error, estimated from the last halvings. Beyond the jump the motion does not settle and no
-accuracy helps: there the answer is a range.
+docs/explanation/accuracy.md says which to choose; `camopt.optimizer.accuracy` is the optimiser's effort. Every metric
+has its error, estimated from the last halvings. Where the motion does not settle the answer is a range.
 """
 
 import json
@@ -27,13 +25,11 @@ from camopt.verifier.verdict import METHODS, Verdict, methods_for, verdict_on
 
 FILE = "accuracy_curves.json"
 """Stored work-precision curves, which `python -m experiments.accuracy_curves` measures and writes."""
-KEYS = ("setting", "median_um", "p90_um")
 
 
 @dataclass(frozen=True)
 class Effort:
-    """The effort of a verdict: the methods that must agree, the step with which the band is swept, and when a method
-    has converged."""
+    """The methods that must agree, the step with which the band is swept, and when a method has converged."""
 
     methods: tuple[str, ...]
     band_step_rpm: float
@@ -54,9 +50,9 @@ EFFORTS = {
 def effort_of(accuracy: str | float) -> Effort:
     """The effort of a named accuracy, or of a tolerance in micrometres; raises InputError for an unknown one.
 
-    For a number, the stored curves choose the band's step and the settling. They are the coarsest with which, in nine
-    draws out of ten, the largest bounce was right within that number and the settled bounce within half of it; neither
-    is coarser than that of "draft". No method has a tolerance below the least error that is ever stated.
+    For a number, the band's step and the settling are the coarsest with which, in nine draws out of ten of the stored
+    curves, the largest bounce was right within that number and the settled bounce within half of it, but not coarser
+    than those of "draft". No method has a tolerance below the least error that is ever stated.
     """
     if isinstance(accuracy, str):
         if accuracy not in EFFORTS:
@@ -78,7 +74,6 @@ class Curve:
     A curve only chooses the setting with which a run begins; the delivered error is estimated on the run itself.
     """
 
-    unit: str  # of the setting
     setting: np.ndarray
     median_um: np.ndarray
     p90_um: np.ndarray
@@ -99,8 +94,8 @@ class Curve:
 def stored_curves() -> dict[str, Curve]:
     """The stored curves by what is set: a method's steps, "settling" or "band_step"."""
     text = (resources.files("camopt.verifier") / FILE).read_text(encoding="utf-8")
-    curves = json.loads(text)["curves"]
-    return {name: Curve(c["unit"], *(np.array(c[k], dtype=float) for k in KEYS)) for name, c in curves.items()}
+    curves, keys = json.loads(text)["curves"], ("setting", "median_um", "p90_um")
+    return {name: Curve(*(np.array(curve[key], dtype=float) for key in keys)) for name, curve in curves.items()}
 
 
 def verify(
@@ -117,11 +112,10 @@ def verify(
     `methods` is "all", which means those that can simulate the scene's laws (for "draft" the first two of them), or one
     of "event", "rkg", "tmm", "houbolt" and "dop853". One method alone gives metrics but no agreement, and so never
     confirms. `accuracy` is a name of EFFORTS or a number of micrometres; the verdict states it with the error that is
-    estimated for what was delivered, the best one where it was not reached: every method halves its step so many times
-    at most (`camopt.verifier.convergence.Tolerances`). With `progress` bars count the speeds that have been judged.
-    With `outside` Exudyn moves the valve from rest too, at the same speeds (`camopt.verifier.from_outside`): it decides
-    nothing, but where it disagrees beyond the stated errors the verdict is "not converged". Raises InputError for what
-    cannot be judged, and where Exudyn is requested and missing.
+    estimated for what was delivered, the best one where it was not reached. With `progress` bars count the speeds that
+    have been judged. With `outside` Exudyn moves the valve from rest too (`camopt.verifier.from_outside`): where it
+    disagrees beyond the stated errors the verdict is "not converged". Raises InputError for what cannot be judged, and
+    where Exudyn is requested and missing.
     """
     if outside:
         require_outside()

@@ -1,8 +1,7 @@
 """The verdict at one speed: do the methods agree, and does every limit on the motion hold over the neighbourhood.
 
-To confirm a cam, or to find that the methods do not agree, the step of every method is halved until its metrics have
-converged. A limit that is broken far beyond every error estimate needs less: event-exact once, one other method at its
-first step with the same outcome, and the neighbourhood.
+The step of every method is halved until its metrics have converged. A limit that is broken far beyond every error
+estimate needs less: event-exact once, one other method at its first step with the same outcome, and the neighbourhood.
 """
 
 from collections.abc import Mapping
@@ -36,10 +35,7 @@ from camopt.verifier.convergence import (
 from camopt.verifier.record import HALVED, ONE_STEP, method_record, metrics_record
 
 FAR = 3.0
-"""A limit is broken far beyond every error estimate where it is exceeded by FAR times the sum of the first method's
-estimate and the distance of the two methods."""
-FIRST_STEPS = 2
-"""Number of steps after which a first method with samples has an error estimate."""
+"""By how many error estimates a limit that is broken far beyond them is exceeded."""
 SPEED_NEIGHBOUR = 1e-3
 LIFT_NEIGHBOUR = 1e-7  # m, at the largest lift
 OTHER_STARTS = (2, 5)
@@ -98,11 +94,6 @@ class SpeedVerdict:
         """The answer of the method whose metrics are reported."""
         return next(iter(self.methods.values()))
 
-    @property
-    def bounce_range_mm(self) -> tuple[float, float]:
-        """Smallest and largest bounce over measured revolutions and neighbours."""
-        return self.ranges["bounce_mm"]
-
     def __repr__(self) -> str:
         return f"SpeedVerdict({self.speed_rpm:g} r/min: {self.verdict}, by {', '.join(self.methods)})"
 
@@ -123,7 +114,8 @@ def judge_speed(case: Case, speed_rpm: float) -> SpeedVerdict:
     first = case.first
     refinements = {name: case.refinement(name, speed_rpm, certain=name == first) for name in case.methods}
     try:
-        coarse = case.many_from_rest(speed_rpm) if case.many else refinements[first].answer(FIRST_STEPS)
+        # two steps have an error estimate
+        coarse = case.many_from_rest(speed_rpm) if case.many else refinements[first].answer(2)
         early = plainly_broken(case, speed_rpm, coarse)
     except MotionRefused:
         early = None
@@ -162,10 +154,10 @@ def plainly_broken(
 ) -> SpeedVerdict | None:
     """A rejection for which the first two methods need not have converged, or None.
 
-    Both methods must violate the limit, and at least one limit must be exceeded by FAR times the error estimate. `look`
-    is the first method's answer; the second one takes its first step, with WANDERING_REVOLUTIONS at most to settle: a
-    motion far beyond its limits seldom does. Both must also agree on whether the valve seats. `near` holds the metrics
-    of the neighbourhood where they are known. Raises MotionRefused where a motion of the neighbourhood is refused.
+    Both must exceed one limit by FAR times the first method's error estimate plus their distance, and agree on whether
+    the valve seats. `look` is the first method's answer; the second one takes its first step, with at most
+    WANDERING_REVOLUTIONS to settle: a motion far beyond its limits seldom does. `near` holds the metrics of the
+    neighbourhood where they are known. Raises MotionRefused where a motion of the neighbourhood is refused.
     """
     if len(case.methods) < 2 or not violates_by_margin(case.scene, [look.worst], look.error):
         return None
@@ -199,9 +191,9 @@ def violates_by_margin(scene: Scene, metrics: list[dict[str, float]], error: dic
 def agreement(answers: list[Converged], tolerances: Tolerances) -> bool:
     """Whether two methods or more have converged and their deciding metrics overlap within range and error estimate.
 
-    Methods agree whose valve does not seat in any of them, whatever their other metrics are: that alone rejects the
-    cam. Half of what a halved step was allowed to change is the least error of a metric: two exact answers then agree
-    when they differ by what either may change. Changes across contacts are erratic and can be small by chance.
+    Methods agree whose valve seats in none of them, whatever their other metrics are: that alone rejects the cam. Half
+    of what a halved step may change is the least error of a metric, since changes across contacts can be small by
+    chance: two exact answers then agree when they differ by what either may change.
     """
     if len(answers) < 2 or not all(a.converged for a in answers):
         return False

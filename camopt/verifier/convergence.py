@@ -2,21 +2,15 @@
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
 from camopt.cam.lift import Lift
-from camopt.measure.settling import (
-    Figures,
-    Measured,
-    decay_per_revolution,
-    first_revolution,
-    settle_and_measure,
-)
+from camopt.measure.settling import Figures, Measured, decay_per_revolution, first_revolution, settle_and_measure
 from camopt.measure.sweep import SettledMany
 from camopt.scene.errors import MotionRefused
-from camopt.scene.quantities import QUANTITIES
+from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES
 from camopt.scene.response import Revolve, end_state
 from camopt.scene.settled import RANGED, SETTLED_POSITION
 from camopt.scene.train import Train
@@ -29,23 +23,18 @@ COARSEST_PHASE = 0.6
 """Highest frequency times the first step [rad]: well inside the stability limits of the explicit methods."""
 FEWEST_STEPS = 1440
 FINEST_STEPS = 120_000
-"""Steps per revolution beyond which a step is not halved again: memory, and minutes. A train that would begin beyond a
-quarter of it (very stiff, very slow) begins there, and nothing counts as converged before its fastest rate is resolved:
-Houbolt's method, stable at every step, would damp it out and converge to a wrong force."""
+"""Steps per revolution beyond which a step is not halved again, for memory and time. A train that would begin beyond a
+quarter of it begins there, and does not converge before its fastest rate is resolved: Houbolt's method, stable at every
+step, would damp it out and converge to a wrong force."""
 RELATIVE = 0.01
 """A metric has converged when a halved step changes it by less than its absolute tolerance plus this share of it."""
-ABSOLUTE = {
-    "seating_velocity_m_per_s": 0.005,
-    "contact_force_max_N": 5.0,
-    "dynamic_area_mm_deg": 0.1,
-}
-"""Tolerances beside those of the lengths (bounce and jump), which the caller chooses. The metrics not listed
-depend on contacts that barely open; they are reported with their error."""
+ABSOLUTE = {"seating_velocity_m_per_s": 0.005, "contact_force_max_N": 5.0, "dynamic_area_mm_deg": 0.1}
+"""Tolerances beside those of bounce and jump, which the caller chooses. Other metrics depend on contacts that barely
+open; they are reported with their error."""
 MARGIN, COARSER = 2.0, 3
-"""An estimated error is MARGIN times the largest distance to the last COARSER answers. A method that steps across
-contacts has no order of convergence there. Its switching error is a uniformly distributed fraction of the step,
-independent from step to step: the error exceeds the largest distance to two coarser answers once in six times, twice
-that distance once in 24, and twice the distance to three of them once in 250."""
+"""An estimated error is MARGIN times the largest distance to the last COARSER answers. Across contacts a method without
+their instants has no order of convergence: its error is a uniformly distributed fraction of the step, and exceeds twice
+the largest distance to two coarser answers once in 24 times, and to three of them once in 250."""
 WHERE_LIMITED = {"jump_deg": 0.5, "contact_force_min_N": 5.0}
 """Tolerances of the metrics that decide only where the scene limits them. Impact velocity and excess lift never are."""
 WANDERING_REVOLUTIONS = 16
@@ -54,27 +43,30 @@ WANDERING_REVOLUTIONS = 16
 FINEST = {
     q.name: {"mm": 1e-5, "deg": 1e-3, "N": 1e-2, "m/s": 1e-5, "mm deg": 1e-3}[q.unit] for q in QUANTITIES.values()
 }
-"""Least error that is stated. Settling to a micrometre, extremes of cubics and rounding leave it, however little a
-halved step changes (some thousandths of a micrometre of bounce on drawn scenes)."""
+"""Least error that is stated: settling, extremes of cubics and rounding leave it."""
 
 
 @dataclass(frozen=True, repr=False)
 class Converged:
-    """A method's answer at one speed: metrics of the finest step, their range over the measured revolutions, and how
-    much the last halvings changed them. All are NaN where the method refused every step."""
+    """A method's answer at one speed: the range of every metric over the measured revolutions of the finest step, and
+    how much the last halvings changed it. All are NaN where the method refused every step."""
 
     steps_per_revolution: int  # 0 for a motion without samples
     converged: bool
-    worst: dict[str, float]
     range: dict[str, tuple[float, float]]
     error: dict[str, float]
     revolutions: int  # run, of all steps, before those that are measured
     periodic: bool
     state: np.ndarray | None  # settled state (2n + r) at -pi
 
+    @cached_property
+    def worst(self) -> dict[str, float]:
+        """The worst revolution's value of every metric."""
+        return {name: ends[0 if name in LESS_IS_WORSE else 1] for name, ends in self.range.items()}
+
     def doubt(self, name: str) -> float:
-        """How far beyond a metric's measured range other revolutions may lie: the error estimate and, for an aperiodic
-        motion, the width of this range. It is NaN where the metric has no value."""
+        """How far beyond a metric's range other revolutions may lie: the error estimate and, for an aperiodic motion,
+        the width of this range. It is NaN where the metric has no value."""
         low, high = self.range[name]
         return self.error[name] + (high - low) * (bool(np.isnan(high - low)) or not self.periodic)
 
@@ -117,13 +109,12 @@ class StepRefinement:
     """A method's answers at one speed, each with half the step of the one before.
 
     `start` (2n + r) is the state at rest; a finer step continues from the coarser one's settled state. There are at
-    most `tolerances.halvings` of them and, after the second, none beyond FINEST_STEPS. The error estimate is MARGIN
-    times the largest distance to the coarser answers, COARSER of them at most, and never below FINEST. An aperiodic
-    motion has converged when it changes by no more than its own range; with `tolerances.certain` its range is then that
-    of RANGED revolutions, which `many`, where it is given, measures without samples of the finest step. A halved step
-    takes one step more: were its samples among the coarser one's, a contact that closes just before one of them would
-    be as late at every step. A method may require more steps by an attribute `enough_steps` (train, cam_speed). Nothing
-    converges before the train's slowest mode had time to decay.
+    most `tolerances.halvings` of them and, after the second, none beyond FINEST_STEPS. An aperiodic motion has
+    converged when it changes by no more than its own range; with `tolerances.certain` its range is then that of RANGED
+    revolutions, which `many`, where it is given, measures without samples of the finest step. A halved step takes one
+    step more: were its samples among the coarser one's, a contact that closes just before one of them would be as late
+    at every step. A method may require more steps by an attribute `enough_steps` (train, cam_speed). Nothing converges
+    before the train's slowest mode had time to decay.
     """
 
     def __init__(
@@ -189,15 +180,12 @@ class StepRefinement:
         while not self.ended and (steps is None or self._taken < steps):
             self.refine()
         if self._last is None:
-            nothing = dict.fromkeys(QUANTITIES, np.nan)
-            spread = dict.fromkeys(QUANTITIES, (np.nan, np.nan))
-            return Converged(self._steps, False, nothing, spread, nothing, 0, False, None)
+            spread, errors = dict.fromkeys(QUANTITIES, (np.nan, np.nan)), dict.fromkeys(QUANTITIES, np.nan)
+            return Converged(self._steps, False, spread, errors, 0, False, None)
         figures = self._runs[-1] if self.periodic or not self._tolerances.certain else self._ranged()
-        worst = {name: figures.worst(name) for name in QUANTITIES}
-        spread = {name: figures.range(name) for name in QUANTITIES}
+        spread, errors = {name: figures.range(name) for name in QUANTITIES}, _errors(self._runs)
         converged = self._faded and self._unmoved_enough()
-        errors = _errors(self._runs)
-        return Converged(self._steps, converged, worst, spread, errors, self._revolutions, self.periodic, self._state)
+        return Converged(self._steps, converged, spread, errors, self._revolutions, self.periodic, self._state)
 
     def _run(self, revolve: Revolve, lift: Lift) -> Measured:
         if not self._tolerances.settled:
@@ -223,19 +211,17 @@ class StepRefinement:
 
 
 def at_once(many: SettledMany, train: Train, lift: Lift, cam_speed: float, start: np.ndarray) -> Converged:
-    """A method's settled motion from `start` (2n + r) where it has no samples whose step could be halved.
+    """A method's settled motion from `start` (2n + r) by `many`, which has no step that could be halved: not converged.
 
-    Its errors are those that the method states for motions whose contacts do not switch; it does not count as
-    converged. Raises MotionRefused.
+    Its errors are those that `many` states for motions whose contacts do not switch. Raises MotionRefused.
     """
     settled = many([train], [lift], [cam_speed], starts=start, workers=1)
     at = 0, 0, 0
     if settled.refused[at]:
         raise MotionRefused(f"the motion at {cam_speed:g} rad/s is refused")
-    worst = {name: float(settled.worst(name)[at]) for name in QUANTITIES}
     spread = {name: (float(settled.lowest[name][at]), float(settled.highest[name][at])) for name in QUANTITIES}
     errors, revolutions = dict(settled.errors), int(settled.revolutions[at])
-    return Converged(0, False, worst, spread, errors, revolutions, bool(settled.periodic[at]), settled.states[at])
+    return Converged(0, False, spread, errors, revolutions, bool(settled.periodic[at]), settled.states[at])
 
 
 def figures_of(answer: Converged) -> Figures:

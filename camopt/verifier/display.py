@@ -5,7 +5,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from camopt.measure.reserve import STARTS, reserve_sentences
+from camopt.measure.sweep import STARTS, reserve_sentences
 from camopt.scene.schema import Scene
 from camopt.verifier.record import VerificationRecord, outside_sentence
 
@@ -23,8 +23,6 @@ COLUMNS = {
     "contact_force_max_N": "peak contact force [N]",
     "verdict": "verdict",
 }
-
-
 TEXT = {
     "speed_rpm": ("r/min", 8),
     "bounce_mm": ("bounce mm", 10),

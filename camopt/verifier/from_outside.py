@@ -84,8 +84,8 @@ def valve_from_rest(
 ) -> tuple[Float[np.ndarray, "revolutions samples"], Float[np.ndarray, " revolutions"]]:
     """Valve position [m] in the first revolutions from rest at SAMPLES + 1 equal angles, by camopt, and its error [m].
 
-    It is event-exact's motion where all laws are straight lines, and counts as exact. Otherwise it is DOP853's, and the
-    error is what twice the number of steps changed.
+    It is event-exact's motion where all laws are straight lines, and counts as exact; else DOP853's, whose error is
+    what twice the number of steps changed.
     """
     if build_train(scene).straight:
         return _valve(scene, lift, speed_rpm, "event", SAMPLES), np.zeros(REVOLUTIONS)

@@ -17,7 +17,7 @@ from camopt.verifier.convergence import FINEST, Converged
 
 HALVED, ONE_STEP, ALONE = "halving", "one step", "event-exact alone"
 """How a speed was decided: the methods' steps were halved until they converged (or could not), one step showed it, or
-no other method was run at that speed (`camopt.verifier.spot_checks`)."""
+no other method was run there."""
 JUDGED = ("speeds", "worst_in_band")
 """Lists of verification.json that hold a verdict per speed: at the listed speeds, and at the band's worst ones."""
 REPORTED = tuple(name for name in QUANTITIES if name != "excess_lift_mm")
@@ -25,10 +25,6 @@ REPORTED = tuple(name for name in QUANTITIES if name != "excess_lift_mm")
 OUTSIDE = ("speed_rpm", "engine", "revolutions", "difference_nm", "stated_nm", "agrees")
 """Keys of an entry of outside.json: how far the valve's motion from rest is from that of another engine at one speed,
 over so many revolutions, and up to what difference both count as one motion."""
-RESONANCE = ("speed_rpm", "half_width_rpm", "harmonic", "frequency_Hz")
-"""Keys of a resonance of the band."""
-TEN_THOUSAND = 1e4
-"""From here on four digits would round a speed to tens."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +39,8 @@ class Worst:
     def where(self) -> str:
         if not is_number(self.speed_rpm):
             return "at – r/min"
-        return f"at {self.speed_rpm:{'.0f' if self.speed_rpm >= TEN_THOUSAND else '.4g'}} r/min"
+        digits = ".0f" if self.speed_rpm >= 1e4 else ".4g"  # four digits would round it to tens
+        return f"at {self.speed_rpm:{digits}} r/min"
 
 
 class VerificationRecord(dict[str, Any]):
@@ -127,8 +124,7 @@ def worst_case_value(speed: dict, name: str) -> tuple[float | None, str]:
 def bounce_error_um(speed: dict) -> float | None:
     """The estimated error of the bounce at a speed [um], to which an aperiodic motion adds the width of its range.
 
-    It is None where there is no bounce, because the valve does not seat, and where no second step was taken; it is
-    never less than a verdict states.
+    It is None where the valve does not seat, and where no second step was taken, and never below FINEST.
     """
     error = speed.get("bounce_error_mm")
     return max(error, FINEST["bounce_mm"]) * MM / UM if is_number(error) else None
@@ -231,14 +227,13 @@ def metrics_record(answer: Converged, ranges: Mapping[str, tuple[float, float]])
 def band_record(band: Band) -> dict:
     """The band: ends and step, the worst value of every metric with its speed and method, and the curves themselves.
 
-    The worst values are those of the curves, which hold the sweep and, at the judged speeds, the first method's
-    metrics: what a text names is what a figure draws.
+    The curves hold the sweep and, at the judged speeds, the first method's metrics.
     """
     worst = {}
     for name in REPORTED:
-        i = band.worst_index(name)
-        (value,), speed = numbers([band.figures[name][i]]), float(band.speeds_rpm[i])
-        worst[name] = {"value": value, "speed_rpm": speed, "method": band.methods[i]}
+        speed, value = band.worst(name)
+        worst[name] = {"value": numbers([value])[0], "speed_rpm": speed, "method": band.methods[speed]}
+    of_resonance = "speed_rpm", "half_width_rpm", "harmonic", "frequency_Hz"
     return {
         "from_rpm": band.from_rpm,
         "to_rpm": band.to_rpm,
@@ -247,7 +242,7 @@ def band_record(band: Band) -> dict:
         "worst_bounce_mm": worst["bounce_mm"]["value"],
         "worst_speed_rpm": worst["bounce_mm"]["speed_rpm"],
         "worst": worst,
-        "resonances": [{key: getattr(one, key) for key in RESONANCE} for one in band.resonances],
+        "resonances": [{key: getattr(one, key) for key in of_resonance} for one in band.resonances],
         "resonances_left_out": band.resonances_left_out,
         "curves": {
             "speed_rpm": band.speeds_rpm.tolist(),

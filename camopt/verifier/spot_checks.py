@@ -1,8 +1,8 @@
 """Verdicts at many speeds of which not every method judges every one: those of a draft, and of a rejected baseline.
 
-Event-exact locates its switchings and extremes and has no step that could be halved. It judges every speed with its
-neighbourhood, and states its own error. The other methods judge the speeds at which a limit is nearest: the worst one
-of every limited metric and of the peak force, and both ends. The verdict of every other speed says "event-exact alone".
+Event-exact, which has no step that could be halved, judges every speed with its neighbourhood and states its own error.
+The other methods judge the speeds at which a limit is nearest: the worst one of every limited metric and of the peak
+force, and both ends.
 """
 
 from collections.abc import Callable, Iterable
@@ -15,6 +15,7 @@ from tqdm import tqdm
 
 from camopt.measure.limits import motion_limits
 from camopt.measure.settling import decay_per_revolution
+from camopt.measure.sweep import badness
 from camopt.scene.errors import MotionRefused
 from camopt.scene.quantities import LESS_IS_WORSE
 from camopt.scene.settled import MOST_REVOLUTIONS, revolutions_needed
@@ -32,7 +33,6 @@ from camopt.verifier.at_speed import (
 from camopt.verifier.convergence import MARGIN, RELATIVE, WANDERING_REVOLUTIONS, apart
 from camopt.verifier.record import ALONE
 
-PEAK_FORCE = "contact_force_max_N"
 WORKERS = 2
 """Threads over the speeds of a verdict."""
 
@@ -51,9 +51,9 @@ def event_alone(case: Case, speed_rpm: float) -> SpeedVerdict:
     """The verdict of event-exact without another method; of all methods where event-exact refuses a motion, where its
     metrics have not converged, or where the train's slowest mode had no time to decay.
 
-    The metrics of a periodic motion have converged where motions that settle from other states near by have the same
-    ones within the tolerances of a halved step: contacts that open multiply what settling leaves. Its error is what the
-    method states or, where that is more, MARGIN times the distance of these metrics. An aperiodic motion has its range.
+    The metrics of a periodic motion have converged where motions from other states near by settle to the same ones
+    within the tolerances of a halved step. Its error is what the method states or, where that is more, MARGIN times
+    the distance of these metrics. An aperiodic motion has its range.
     """
     assert case.many is not None, "`can_spot_check` says so"
     try:
@@ -115,17 +115,16 @@ def early_rejection(case: Case, alone: Verdicts) -> Verdicts | None:
 def spot_checked(case: Case, alone: Verdicts) -> dict[float, SpeedVerdict]:
     """By speed [r/min], the verdicts of all methods where these judge.
 
-    The speeds are both ends, and the worst one of every limited metric and of the peak force. If they reject nothing,
-    also those that event-exact does not confirm. Where all methods have rejected one already, they judge no other.
+    If the speeds named above reject nothing, these are also those that event-exact does not confirm. Where all methods
+    have rejected one already, they judge no other.
     """
     if any(s.verdict == "rejected" and s.decided_after != ALONE for s in alone):
         return {}
     by_speed = {s.speed_rpm: s for s in alone}
     chosen = {min(by_speed), max(by_speed)}
-    for name in {*case.tolerances.limited, PEAK_FORCE}:  # over the neighbourhood; a missing one is the worst
-        end, sign = (0, -1.0) if name in LESS_IS_WORSE else (1, 1.0)
-        bad = [float(np.nan_to_num(sign * s.ranges[name][end], nan=np.inf)) for s in alone]
-        chosen.add(alone[int(np.argmax(bad))].speed_rpm)
+    for name in {*case.tolerances.limited, "contact_force_max_N"}:
+        bad_ends = np.array([s.ranges[name][0 if name in LESS_IS_WORSE else 1] for s in alone])
+        chosen.add(alone[int(np.argmax(badness(name, bad_ends)))].speed_rpm)
 
     def judged(speeds: set[float]) -> dict[float, SpeedVerdict]:
         verdicts = at_every(lambda _, speed: with_all_methods(case, by_speed[speed]), case, sorted(speeds))

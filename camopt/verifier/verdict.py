@@ -9,10 +9,18 @@ from importlib import import_module
 
 from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape, limited_metrics, motion_limits
-from camopt.measure.reserve import STARTS
 from camopt.measure.resonance import resonances
 from camopt.measure.rounded import rounding_sentence
-from camopt.measure.sweep import SEARCH_STEP_RPM, STARTS_MM, Band, SettledMany, SpeedCache, first_exceeding, sweep
+from camopt.measure.sweep import (
+    SEARCH_STEP_RPM,
+    STARTS,
+    STARTS_MM,
+    Band,
+    SettledMany,
+    SpeedCache,
+    first_exceeding,
+    sweep,
+)
 from camopt.scene.errors import InputError
 from camopt.scene.response import Revolve
 from camopt.scene.schema import Scene
@@ -36,12 +44,10 @@ METHODS = ("event", "rkg", "tmm", "houbolt")
 NONLINEAR_METHODS = ("event", "rkg", "dop853")
 """Methods for a train with laws of contacts or progressive springs, in whose place event-exact has chords."""
 ROUNDS = 2
-"""How often the worst speeds of a band are judged: where a motion is erratic the judged metric is not the sweep's, and
-another speed is the worst then."""
+"""How often the worst speeds of a band are judged: the judged metric of an erratic motion is not the sweep's."""
 TOLERANCES = Tolerances()
-"""The tolerances of a verdict where no others are given."""
 ORDER = ("confirmed", "sensitive", "not converged", "rejected")
-"""From best to worst: one speed at which a limit is surely broken rejects the cam, whatever the others say."""
+"""From best to worst; the worst of all judged speeds is the verdict on the cam."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -129,15 +135,15 @@ def verdict_on(
     """Judge a cam at `speeds_rpm` (crankshaft; the scene's by default) and over the scene's band.
 
     `methods` are "event" or names of INDEPENDENT, by default the first two for the scene's laws; the first one's
-    metrics are reported and its neighbourhood is searched; two at least are needed for an agreement, so a single method
-    ends as "not converged". `band_step_rpm` None leaves the band and the starting speeds out; they are swept with
-    event-exact, also where a lightly damped mode resonates between its steps, and all methods judge the worst speed of
-    every limited metric and the starting speeds inside the band. Bounce and jump "start" where they exceed the scene's
-    limit, or 0.05 mm where it sets none. `tolerances` say when a method has converged, and whether all of them judge
-    every speed; the limited metrics are the scene's. Without `to_the_end` a cam is rejected as soon as the verdict is
-    known: all methods judge the one speed of `speeds_rpm` where it is broken far beyond a limit, and the band is swept
-    in steps of at least SEARCH_STEP_RPM, with WANDERING_REVOLUTIONS at most to settle. With `progress` bars count the
-    speeds that have been judged. Raises InputError for a scene without valve or operation, or an unknown method.
+    metrics are reported and its neighbourhood is searched; an agreement needs two, so that a single method ends as "not
+    converged". `band_step_rpm` None leaves the band and the starting speeds out; they are swept with event-exact, also
+    at resonances between the steps, and all methods judge the worst speed of every limited metric and the starting
+    speeds inside the band. Bounce and jump "start" where they exceed the scene's limit, or 0.05 mm where it sets none.
+    `tolerances` say when a method has converged, and whether all of them judge every speed; the limited metrics are the
+    scene's. Without `to_the_end` a cam is rejected as soon as the verdict is known: all methods judge the one speed of
+    `speeds_rpm` where it is broken far beyond a limit, and the band is swept in steps of at least SEARCH_STEP_RPM, with
+    WANDERING_REVOLUTIONS at most to settle. With `progress` bars count the speeds that have been judged. Raises
+    InputError for a scene without valve or operation, or an unknown method.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")

@@ -6,17 +6,11 @@ from importlib import import_module
 
 from docs.generators.results import FUNCTIONS, RESULTS, Names, shown, stored, wrapped
 
-OWN = {
-    "cam_families": ("cam_families_table", lambda m, found: "\n".join(m.markdown(found["cams"]))),
-}
-"""Results whose experiment makes a table of its own, by a module of `experiments.support`."""
-
 
 def result_table(content: str) -> str:
-    """The table that an experiment makes of its stored result; the block's content is the result's name."""
+    """The table that an experiment makes of its stored cams; the block's content is the result's name."""
     name = content.strip()
-    module, table = OWN[name]
-    return table(import_module(f"experiments.support.{module}"), stored(RESULTS / f"{name}.json"))
+    return "\n".join(import_module(f"experiments.{name}").markdown(stored(RESULTS / f"{name}.json")["cams"]))
 
 
 def rows_table(content: str) -> str:

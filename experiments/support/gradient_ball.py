@@ -8,6 +8,8 @@ distance, damping and stiffness, each as the share of a share.
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from importlib import import_module
+from typing import Any
 
 import diffrax
 import jax
@@ -161,3 +163,100 @@ def judged(method: Callable[[], Answer], repeats: int) -> dict:
         "ms": 1e3 * float(seconds),
         "us_per_step": 1e6 * float(seconds) / steps if steps else None,
     }
+
+
+RADIUS = 0.05
+MODEL = """
+<mujoco>
+  <option timestep="{step}" gravity="0 0 0" integrator="Euler" iterations="4" ls_iterations="8"/>
+  <worldbody>
+    <geom name="floor" type="plane" size="1 1 1" condim="1" contype="{on}" conaffinity="{on}"
+          solref="-{stiffness} -{damping}" solimp="0.9999 0.9999 0.001 0.5 2"/>
+    <body pos="0 0 {radius}">
+      <joint type="slide" axis="0 0 1"/>
+      <geom type="sphere" size="{radius}" mass="1" condim="1" contype="{on}" conaffinity="{on}"
+            solref="-{stiffness} -{damping}" solimp="0.9999 0.9999 0.001 0.5 2"/>
+    </body>
+  </worldbody>
+</mujoco>"""
+"""A sphere on a plane. MuJoCo's soft contact with a negative solref has a stiffness and a damping per mass; it never
+pulls. At an impedance of 1 it would be camopt's law for one mass; 0.9999 is the largest that MuJoCo takes."""
+
+
+def mjx_contact(steps: int) -> Callable[[], Answer]:
+    """MuJoCo MJX with its own soft contact: derivatives go forwards through its solver, whose loops know no reverse
+    mode."""
+    return _method(steps, contact=True)
+
+
+def mjx_force(steps: int) -> Callable[[], Answer]:
+    """MJX with camopt's law as a force that is applied at every step, by `where`; the same integrator."""
+    return _method(steps, contact=False)
+
+
+def _method(steps: int, *, contact: bool) -> Callable[[], Answer]:
+    mujoco: Any = import_module("mujoco")
+    mjx: Any = import_module("mujoco.mjx")
+    text = MODEL.format(step=END / steps, on=int(contact), stiffness=AT[3], damping=AT[2], radius=RADIUS)
+    model = mjx.put_model(mujoco.MjModel.from_xml_string(text))
+    rest = mjx.make_data(model)
+
+    def end(numbers):
+        speed, distance, c, k = numbers
+        solref = jnp.broadcast_to(-jnp.stack([k, c]), model.geom_solref.shape)
+        own = model.replace(geom_solref=solref)
+
+        def step(data, _):
+            if not contact:
+                x, v = data.qpos[0], data.qvel[0]
+                force = jnp.where(x < 0, jnp.maximum(-k * x - c * v, 0.0), 0.0)
+                data = data.replace(qfrc_applied=force[None])
+            return mjx.step(own, data), None
+
+        data = rest.replace(qpos=distance[None], qvel=-speed[None])
+        data, _ = jax.lax.scan(step, data, None, length=steps)
+        return jnp.stack([data.qpos[0], data.qvel[0]]), steps
+
+    return _by_jax(end, jax.jacfwd)
+
+
+def warp_kernel(steps: int) -> Callable[[], Answer]:
+    """NVIDIA Warp with camopt's law in a kernel of its own: semi-implicit Euler steps, a launch each, in double
+    precision on the processor, and a pass of its tape backwards for position and speed each."""
+    wp: Any = import_module("warp")
+    wp.config.quiet = True
+    array, real = wp.array(dtype=wp.float64), wp.float64
+
+    @wp.kernel
+    def begin(numbers: array, x: array, v: array):  # pyright: ignore[reportInvalidTypeForm]  # Warp's own types
+        x[0] = numbers[1]
+        v[0] = -numbers[0]
+
+    @wp.kernel
+    def advance(numbers: array, x: array, v: array, i: int, h: real):  # pyright: ignore[reportInvalidTypeForm]
+        force = real(0.0)
+        if x[i] < real(0.0):
+            force = wp.max(-numbers[3] * x[i] - numbers[2] * v[i], real(0.0))
+        after = v[i] + h * force
+        v[i + 1] = after
+        x[i + 1] = x[i] + h * after
+
+    def answer() -> Answer:
+        numbers, x, v = (
+            wp.array(values, dtype=wp.float64, device="cpu", requires_grad=True)
+            for values in (AT, np.zeros(steps + 1), np.zeros(steps + 1))
+        )
+        tape = wp.Tape()
+        with tape:
+            wp.launch(begin, dim=1, inputs=[numbers, x, v], device="cpu")
+            for i in range(steps):
+                wp.launch(advance, dim=1, inputs=[numbers, x, v, i, END / steps], device="cpu")
+        rows, last = [], np.zeros(steps + 1)
+        last[-1] = 1.0
+        for end in (x, v):
+            tape.zero()
+            tape.backward(grads={end: wp.array(last, dtype=wp.float64, device="cpu")})
+            rows.append(numbers.grad.numpy().copy())
+        return np.array([x.numpy()[-1], v.numpy()[-1]]), np.stack(rows), steps
+
+    return answer

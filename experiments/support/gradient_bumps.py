@@ -1,8 +1,11 @@
 """What the two gradient experiments share: a cam, bumps on it, and the truth of its seating velocity."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 
+import jax
+import jax.numpy as jnp
 import numpy as np
 from scipy.interpolate import BSpline, PPoly
 
@@ -13,6 +16,11 @@ from camopt.scene import Scene, Train, build_train
 from camopt.scene.response import record_of
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG
+from camopt.smooth.laws import Layer
+from camopt.smooth.metrics import revolution_metrics
+from camopt.smooth.scan import DrivenSystem
+from camopt.smooth.simulate import lift_samples
+from camopt.smooth.system import System, SystemState
 
 METRIC = "seating_velocity_m_per_s"
 STEPS_OF_DIFFERENCES = (1e-7, 1e-8, 1e-9)
@@ -50,6 +58,22 @@ class Problem:
     @property
     def cam_speeds(self) -> np.ndarray:
         return np.array([self.scene.cam_speed(rpm) for rpm in self.speeds_rpm])
+
+    def under(self, system: System) -> Callable[..., DrivenSystem]:
+        """The train, in the precision of `system`, under the cam with bumps of heights z (m) at a cam speed."""
+        precision = system.mass.dtype
+        base = jnp.asarray(lift_samples(self.lift), precision)
+        parts = jnp.asarray(np.stack([lift_samples(b) for b in self.bumps], -1), precision)
+        return lambda z, cam_speed: DrivenSystem(system, base + parts @ z, cam_speed)
+
+    def metric(self, system: System, motion: SystemState, cam_speed, eps) -> jax.Array:
+        """METRIC of a smoothed motion whose layer has the width eps [m]."""
+        shape = self.lift.half_duration, self.lift.opening_foot
+        return revolution_metrics(system, motion, cam_speed, *shape, layer=Layer(eps).half_width)[METRIC]
+
+    def at(self, s: int) -> tuple[float, jax.Array]:
+        """Cam speed and state (2, n) of the s-th of the speeds."""
+        return self.cam_speeds[s], jnp.asarray(self.states[s].reshape(2, -1))
 
 
 def problem(scene: Scene, lift: Lift, speeds_rpm: tuple[float, ...], bumps: int, **grid: float) -> Problem:

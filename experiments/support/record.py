@@ -1,18 +1,40 @@
-"""What every experiment leaves: a small JSON with its provenance, and figures as PNG."""
+"""What experiments share: cases computed by `camopt.sweep`, and what each leaves, a small JSON and figures as PNG."""
 
 import argparse
 import io
 import platform
+import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from importlib.metadata import version
 from pathlib import Path
 
 import matplotlib
 from matplotlib.figure import Figure
 
+import camopt
 from camopt.plots.style import RC
 from camopt.storage import write_bytes, write_json
+
+WORKERS = {"small": 0, "full": None}
+"""Processes: none beside the tests' own at small size, one for each core at full size."""
+OF_THE_TASK = ("task", "state", "verb", "function")
+
+
+def called(function: str, cases: Iterable[dict], size: str, store: Path | None = None) -> list[dict]:
+    """What `function`, "package.module:name", returns for each case, a dictionary of its arguments; with the arguments.
+
+    What is not finite comes back as None. A `store` that is given goes on after an interruption. Raises RuntimeError
+    with the reason where a case fails.
+    """
+    tasks = [{"verb": "call", "function": function, "arguments": case} for case in cases]
+    with tempfile.TemporaryDirectory() as made:
+        swept = camopt.sweep(tasks, store or Path(made) / "x.sqlite", workers=WORKERS[size], progress=size == "full")
+        rows = list(swept.rows())
+    if failed := [row for row in rows if row["state"] == "failed"]:
+        raise RuntimeError(f"{len(failed)} of {len(rows)} cases of {function} failed: {failed[0]['reason']}")
+    return [{key: value for key, value in row.items() if key not in OF_THE_TASK} for row in rows]
+
 
 PACKAGES = ("camopt", "numpy", "scipy", "numba", "jax")
 RESULTS = Path(__file__).parents[1] / "results"
@@ -20,10 +42,10 @@ DPI = 110
 """Enough for reading on a screen; the figures live in the repository and shall stay small."""
 
 
-def provenance(script: str, size: str) -> dict:
+def provenance(command: str) -> dict:
     """What a results file says of its origin."""
     return {
-        "command": f"python -m experiments.{Path(script).stem} {size}",
+        "command": command,
         "versions": {name: version(name) for name in PACKAGES} | {"python": platform.python_version()},
         "machine": platform.machine(),
         "date_utc": time.strftime("%Y-%m-%d", time.gmtime()),
@@ -31,14 +53,16 @@ def provenance(script: str, size: str) -> dict:
 
 
 def write_result(name: str, size: str, content: dict, figures: dict[str, Figure], folder: Path) -> dict:
-    """Writes `<name>.json` (the content under its provenance) and `<name>-<key>.png` for each figure; the content."""
+    """Writes `<name>.json` (the content under its provenance) and `<name>-<key>.png` for each figure; the content, of
+    which all but the tables are printed."""
     folder.mkdir(parents=True, exist_ok=True)
-    write_json(folder / f"{name}.json", {"provenance": provenance(name, size), **content})
+    write_json(folder / f"{name}.json", {"provenance": provenance(f"python -m experiments.{name} {size}"), **content})
     for key, figure in figures.items():
         buffer = io.BytesIO()
         with matplotlib.rc_context(RC):
             figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
         write_bytes(folder / f"{name}-{key}.png", buffer.getvalue())
+    print(name, {key: value for key, value in content.items() if not isinstance(value, list)}, flush=True)
     return content
 
 

@@ -22,8 +22,10 @@ from camopt.cam.lift import Lift
 from camopt.scene import Scene
 from camopt.scene.text_file import scene_toml
 from camopt.scene.units import MM
-from camopt.storage import write_text
+from camopt.storage import write_json, write_text
 from camopt.verifier.from_outside import AGREES_NM, NM, SAMPLES, valve_from_rest
+from camopt.verifier.outside.filed import GROUND, read_cam, read_train
+from camopt.verifier.outside.forces import at_rest
 from experiments.support import siconos_judge
 from experiments.support.outside_changes import CHANGES
 
@@ -89,20 +91,56 @@ def undamped(scene: Scene) -> Scene | None:
     return scene.model_copy(update={"element": tuple(elements)})
 
 
+def given(scene: Scene, lift: Lift, folder: Path) -> dict:
+    """What Siconos is given of an undamped scene and a cam: the numbers of their files, as the judge from outside reads
+    them. Raises ValueError for what complementarity lacks."""
+    write_text(folder / "scene.toml", scene_toml(scene))
+    write_design(folder / "design.json", lift, scene.required_design.max_lift_mm * MM)
+    train, cam = read_train(folder / "scene.toml"), read_cam(folder / "design.json")
+    for e in train.elements:
+        if e.law != "linear" or (e.contact and e.damping) or (e.driven and not e.contact):
+            what = "it is given linear springs, and contacts without dampers"
+            raise ValueError(f"Siconos cannot express {e.name}: {what}")
+
+    def of_kind(contact: bool) -> dict:
+        some = [e for e in train.elements if e.contact == contact]
+        row = np.zeros((len(some), len(train.mass)))
+        for signs, e in zip(row, some, strict=True):
+            for end, sign in ((e.a, 1.0), (e.b, -1.0)):
+                if end != GROUND:
+                    signs[end] = sign
+        keys = "stiffness", "damping", "preload", "gap", "driven"
+        return {"row": row} | {key: np.array([getattr(e, key) for e in some], dtype=float) for key in keys}
+
+    return {
+        **{key: getattr(train, key) for key in ("mass", "drag", "load", "forcing", "valve")},
+        "springs": of_kind(contact=False),
+        "contacts": of_kind(contact=True),
+        "rest": at_rest(train),
+        "cam": {"start": cam.start, "coefficients": cam.coefficients},
+    }
+
+
 def siconos_motions(
     python: str, scene: Scene, lift: Lift, speeds_rpm: list[float], finest: int = siconos_judge.FINEST
 ) -> dict:
     """The record of `siconos_judge` for an undamped scene and a cam at speeds (k) [r/min]."""
-    with TemporaryDirectory() as folder:
-        files = [str(Path(folder) / name) for name in ("scene.toml", "design.json", "motion.json")]
-        write_text(files[0], scene_toml(scene))
-        write_design(files[1], lift, scene.required_design.max_lift_mm * MM)
-        arguments = ["--speeds", *map(repr, speeds_rpm), "--out", files[2], "--finest", str(finest)]
-        command = [python, "-I", siconos_judge.__file__, *files[:2], *arguments]
+    with TemporaryDirectory() as held:
+        folder = Path(held)
+        speeds = [(speed, scene.cam_speed(speed)) for speed in speeds_rpm]
+        write_json(folder / "given.json", given(scene, lift, folder) | {"speeds": speeds, "finest": finest})
+        command = [
+            python,
+            "-I",
+            siconos_judge.__file__,
+            str(folder / "given.json"),
+            "--out",
+            str(folder / "motion.json"),
+        ]
         ended = subprocess.run(command, capture_output=True, text=True, check=False)
         if ended.returncode:
             raise RuntimeError(f"Siconos broke off: {ended.stderr.strip()[-500:]}")
-        return json.loads(Path(files[2]).read_text(encoding="utf-8"))
+        return json.loads((folder / "motion.json").read_text(encoding="utf-8"))
 
 
 def judged(

@@ -1,31 +1,31 @@
-"""Round trips of what is written for the grinder: lift table and contour, read back with half a unit to spare."""
+"""What is written for the grinder: lift table and contour, read back with half a unit to spare, and the contour as a
+drawing, read back by ezdxf's own reader."""
 
+import builtins
 import csv
 
 import numpy as np
 import pytest
+from scipy.spatial import KDTree
 
-from camopt.cam.exports import table_error, write_contour, write_crank_table, write_rounded_table
-from camopt.cam.families.exponent import exponent
-from camopt.cam.families.kurz import kurz
-from camopt.cam.families.multi_pol import multi_pol
-from camopt.cam.families.polydyne import polydyne
-from camopt.cam.families.trapezoid import trapezoid
+from camopt.cam.exports import (
+    BASE_CIRCLE,
+    CONTOUR,
+    table_error,
+    write_contour,
+    write_crank_table,
+    write_dxf,
+    write_rounded_table,
+)
+from camopt.cam.geometry import contact
+from camopt.cam.lift import angles_deg
 from camopt.cam.tables.lift_table import read_lift_table
-from camopt.scene import InputError, load_scene
+from camopt.scene import InputError
 from camopt.scene.geometry import Geometry
-from camopt.scene.units import DEG, MM
+from camopt.scene.units import DEG, MM, UM
+from tests.cam.cams import CAMS, FLAT, FOLLOWERS, KODAMA, WIDE, resting
+from tests.cam.cams import POLYDYNE as CAM
 
-KODAMA = load_scene("kodama")
-CAMS = {
-    "polydyne": polydyne(KODAMA),
-    "exponent": exponent(KODAMA),
-    "multi-pol": multi_pol(KODAMA, (7.5, 11.5, 7.5, 22.7, 22.8), a12=0.0114, j34=-0.00175, j45=-0.00014),
-    "kurz": kurz(KODAMA, (24.0, 25.0, 23.0), a23=-0.0078),
-    "trapezoid": trapezoid(KODAMA, (5.0, 8.0, 13.0, 46.0)),
-}
-FLAT = Geometry(follower="flat", base_radius_mm=40)
-ROLLS = Geometry(follower="roller", base_radius_mm=25, roller_radius_mm=9)
 ROUND_OFF = 1e-13
 """Of the lift [mm]: where it lies in the middle between two of the digits, half a unit is met only up to that."""
 
@@ -42,23 +42,9 @@ def decimals(path, name: str) -> set[int]:
 
 
 def lift_from_contour(points: np.ndarray, geometry: Geometry, theta: np.ndarray) -> np.ndarray:
-    """Lift (k) [m] that the points (p, 2) [m] of a contour give the follower at cam angles `theta` (k) [rad].
-
-    The follower rests on the outermost point: under a flat face that is the points' support function, for a roller the
-    offset by its radius. Between the angles of the points the lift is short by about step^2 / 8 times the radius of
-    curvature. Minus infinity where no point lies under the roller.
-    """
-    base, roller = geometry.base_radius_mm * MM, (geometry.roller_radius_mm or 0.0) * MM
-    found = []
-    for some in np.array_split(theta, max(1, len(theta) // 100)):
-        cos, sin = np.cos(some)[:, None], np.sin(some)[:, None]
-        along = points[:, 0] * cos + points[:, 1] * sin
-        if roller:
-            across = points[:, 1] * cos - points[:, 0] * sin
-            reach = np.sqrt(np.maximum(roller**2 - across**2, 0.0))
-            along = np.where((np.abs(across) <= roller) & (along > 0), along + reach, -np.inf)
-        found.append(along.max(axis=1))
-    return geometry.rocker_ratio * (np.concatenate(found) - base - roller)
+    """Lift (k) [m] of the follower that rests on points (p, 2) [m] of a contour at cam angles (k) [rad]; between the
+    angles of the points it is short by about step^2 / 8 times the radius of curvature."""
+    return np.array([resting(points, geometry, at) for at in theta])
 
 
 @pytest.mark.parametrize("digits", [3, 4, 5, 6])
@@ -76,7 +62,7 @@ class TestRoundTrip:
         assert decimals(path, "lift_mm") == decimals(path, "tappet_lift_mm") == {digits}
         assert written["cam_angle_deg"] * DEG == pytest.approx(theta, abs=1e-12)
 
-    @pytest.mark.parametrize("geometry", [FLAT, ROLLS], ids=["flat", "roller"])
+    @pytest.mark.parametrize("geometry", [WIDE, FOLLOWERS["roller"]], ids=["flat", "roller"])
     def test_contour(self, tmp_path, name, digits, geometry):
         """Lift rebuilt from all the points by the follower that rests on them, Cartesian and polar."""
         lift, path = CAMS[name], tmp_path / "contour.csv"
@@ -93,7 +79,10 @@ class TestRoundTrip:
         assert decimals(path, "radius_mm") == decimals(path, "x_mm") == {digits + 1}
 
 
-@pytest.mark.parametrize("geometry", [FLAT, ROLLS.model_copy(update={"rocker_ratio": 1.5})], ids=["flat", "roller"])
+ROCKED = FOLLOWERS["roller"].model_copy(update={"rocker_ratio": 1.5})
+
+
+@pytest.mark.parametrize("geometry", [WIDE, ROCKED], ids=["flat", "roller"])
 def test_rebuilt_lift_sees_a_change_of_the_contour(tmp_path, geometry):
     lift, path = CAMS["multi-pol"], tmp_path / "contour.csv"
     write_contour(path, lift, geometry, 0.1, 9)
@@ -149,9 +138,79 @@ def test_bad_exports(tmp_path):
     with pytest.raises(InputError, match="13 digits"):
         write_rounded_table(tmp_path / "a.csv", lift, 1.0, 13)
     with pytest.raises(InputError, match="contour: a flat follower needs"):
-        write_contour(tmp_path / "a.csv", CAMS["multi-pol"], Geometry(follower="flat", base_radius_mm=16), 1.0, 4)
-    assert list(np.isfinite(lift_from_contour(np.array([[0.025, 0.0]]), ROLLS, np.array([0.0, np.pi])))) == [
-        True,
-        False,
-    ]
+        write_contour(tmp_path / "a.csv", CAMS["multi-pol"], FLAT, 1.0, 4)
     assert list(tmp_path.iterdir()) == []
+
+
+KINDS = [WIDE, *(FOLLOWERS[name] for name in ("roller", "finger, pad", "rocker, roller"))]
+
+
+def drawn(folder, geometry, tolerance_um):
+    ezdxf = pytest.importorskip("ezdxf")
+    said = write_dxf(folder / "cam.dxf", CAM, geometry, tolerance_um * UM)
+    drawing = ezdxf.readfile(folder / "cam.dxf")
+    assert drawing.units == ezdxf.units.MM
+    assert not drawing.audit().errors
+    (polyline,) = drawing.modelspace().query(f"LWPOLYLINE[layer=='{CONTOUR}']")
+    assert polyline.closed
+    return drawing, polyline, said
+
+
+@pytest.mark.parametrize("geometry", KINDS)
+def test_the_arcs_keep_the_tolerance_and_the_lift(tmp_path, geometry):
+    """Points of the arcs, made by ezdxf, lie within the tolerance of the contour's dense chords, and the follower has
+    its lift on them within the tolerance over the cosine of the largest pressure angle."""
+    drawing, polyline, (count, missed) = drawn(tmp_path, geometry, 0.5)
+    assert len(polyline) == count and missed <= 0.5 * UM
+    from ezdxf.path import make_path
+
+    points = np.array([(p.x, p.y) for p in make_path(polyline).flattening(1e-6)]) * MM
+    fine = contact(CAM, geometry, np.linspace(-np.pi, np.pi, 40_001))
+    nearest = KDTree(fine.contour).query(points)[1]
+    along = ((points - fine.contour[nearest]) * fine.normal[nearest]).sum(axis=1)
+    assert np.abs(along).max() < 0.5 * UM + 2e-9  # flattening, and the curvature over half a step of 3 um
+    theta = angles_deg(0.5)[:-1:31] * DEG
+    lift = np.array([resting(points, geometry, at) for at in theta])
+    most = 1 / np.cos(np.abs(fine.pressure_angle).max()) * np.abs(fine.ratio).max()
+    assert np.abs(lift - CAM(theta)).max() < 0.5 * UM * max(most, 1.0) + 5e-9
+    (circle,) = drawing.modelspace().query(f"CIRCLE[layer=='{BASE_CIRCLE}']")
+    assert circle.dxf.radius == geometry.base_radius_mm
+
+
+@pytest.mark.parametrize("geometry", KINDS)
+def test_neighbouring_arcs_join_without_a_corner(tmp_path, geometry):
+    polyline = drawn(tmp_path, geometry, 0.5)[1]
+    x, y, bulge = np.array(polyline.get_points("xyb")).T
+    chord = np.angle(np.roll(x, -1) - x + 1j * (np.roll(y, -1) - y))
+    half = 2 * np.arctan(bulge)
+    corner = np.angle(np.exp(1j * (chord - half - np.roll(chord + half, 1))))
+    assert np.abs(corner).max() < 1e-6  # coordinates of 1e-12 mm over arcs of a tenth of a micrometre and more
+
+
+def test_a_tighter_tolerance_takes_more_arcs_and_is_kept(tmp_path):
+    counts = []
+    for tolerance_um in (5.0, 0.05):
+        count, missed = drawn(tmp_path, WIDE, tolerance_um)[2]
+        assert missed <= tolerance_um * UM
+        counts.append(count)
+    assert counts[0] < counts[1]
+
+
+def test_no_contour_no_drawing(tmp_path):
+    pytest.importorskip("ezdxf")
+    with pytest.raises(InputError, match="contour: a flat follower needs"):
+        write_dxf(tmp_path / "cam.dxf", CAM, Geometry(follower="flat", base_radius_mm=5), UM)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_ezdxf_the_extra_is_named(tmp_path, monkeypatch):
+    real = builtins.__import__
+
+    def importing(name, *rest):
+        if name == "ezdxf":
+            raise ImportError(name)
+        return real(name, *rest)
+
+    monkeypatch.setattr(builtins, "__import__", importing)
+    with pytest.raises(InputError, match=r"pip install 'camopt\[dxf\]'"):
+        write_dxf(tmp_path / "cam.dxf", CAM, FOLLOWERS["flat"], UM)

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from camopt import load_scene, multi_pol
+from camopt import multi_pol
 from camopt.cam.geometry import smallest_radii
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.baselines.comparison import member_or_sentence
@@ -11,8 +11,8 @@ from camopt.scene import InputError
 from camopt.scene.design import Piston
 from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM
+from tests.cam.cams import KODAMA, with_design
 
-KODAMA = load_scene("kodama")
 FLAT = Geometry(follower="flat", base_radius_mm=24.0)
 SECTIONS = (10, 7, 7, 27, 21)
 PISTON = Piston(stroke_mm=86.0, rod_mm=143.0, gap_at_top_mm=2.8, clearance_mm=1.0, lobe_centre_deg=108.0)
@@ -20,8 +20,7 @@ GRID = np.arange(-72.0, 72.0005, 0.001) * DEG
 
 
 def scene_with(geometry=FLAT, **limits):
-    design = KODAMA.design.model_copy(update={"max_lift_mm": 8.0, **limits}).within(geometry, KODAMA.operation)
-    return KODAMA.model_copy(update={"geometry": geometry, "design": design})
+    return with_design(geometry, max_lift_mm=8.0, **limits)
 
 
 def radius_mm(lift):

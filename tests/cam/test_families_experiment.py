@@ -1,16 +1,15 @@
 """The experiment on the cam families: its stored members, and its orders of continuity."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from camopt.cam.families.multi_pol import multi_pol
 from camopt.cam.families.new_design import new_design
-from camopt.cam.lift import Lift
-from camopt.scene import load_scene
 from experiments import cam_families
-from experiments.support.cam_families_table import orders_of_continuity
+from experiments.cam_families import orders_of_continuity
+from tests.cam.cams import KODAMA, MULTI_POL
 
 STORED = json.loads((cam_families.RESULTS / "cam_families.json").read_text())["cams"]
 
@@ -29,18 +28,14 @@ def test_stored_members_reach_the_literature(cam, reached):
 
 class TestContinuity:
     def test_multi_pol(self):
-        lift = multi_pol(load_scene("kodama"), (7.5, 11.5, 7.5, 22.7, 22.8), a12=0.0114, j34=-0.00175, j45=-0.00014)
-        assert orders_of_continuity(lift) == {"ramp": [2], "sections": [3, 3, 3, 3], "nose": [4]}
+        assert orders_of_continuity(MULTI_POL) == {"ramp": [2], "sections": [3, 3, 3, 3], "nose": [4]}
 
     @pytest.mark.parametrize(("ratio", "ramp", "first"), [(0.95, 1, 2), (0.0, 3, 2), (1.0, 1, 3)])
     def test_new_design(self, ratio, ramp, first):
-        lift = new_design(load_scene("kodama"), (15.8, 9.9, 11.0, 35.3), a12=0.0125, j34=0.00044, start_ratio=ratio)
+        lift = new_design(KODAMA, (15.8, 9.9, 11.0, 35.3), a12=0.0125, j34=0.00044, start_ratio=ratio)
         assert orders_of_continuity(lift) == {"ramp": [ramp], "sections": [first, 3, 3], "nose": [4]}
 
     def test_a_small_step_is_seen(self):
-        whole = multi_pol(load_scene("kodama"), (7.5, 11.5, 7.5, 22.7, 22.8), a12=0.0114, j34=-0.00175, j45=-0.00014)
-        nose = int(np.argmin(np.abs(whole.borders)))
-        pieces = whole.coefficients.copy()
-        pieces[nose, 1] += 1e-5 * np.abs(whole.extremes(1)).max()
-        stepped = Lift(whole.borders, pieces, whole.half_duration, "", whole.parameters)
-        assert orders_of_continuity(stepped)["nose"] == [0]
+        nose, pieces = int(np.argmin(np.abs(MULTI_POL.borders))), MULTI_POL.coefficients.copy()
+        pieces[nose, 1] += 1e-5 * np.abs(MULTI_POL.extremes(1)).max()
+        assert orders_of_continuity(replace(MULTI_POL, coefficients=pieces))["nose"] == [0]

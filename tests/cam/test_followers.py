@@ -4,28 +4,15 @@ import numpy as np
 import pytest
 
 from camopt.cam.conversion import converted, lift_along
-from camopt.cam.families.multi_pol import multi_pol
 from camopt.cam.followers import Arm, follower_of
 from camopt.cam.geometry import contact
 from camopt.cam.hertz import line_pressure
-from camopt.cam.lift import Lift
-from camopt.scene import InputError, load_scene
+from camopt.scene import InputError
 from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM
-from tests.cam.test_geometry import OFFSET, RADIUS, cam_of
+from tests.cam.cams import FINGER, FOLLOWERS, OFFSET, RADIUS, cam_of, resting, swing_to, valve_lift
+from tests.cam.cams import MULTI_POL as CAM
 
-CAM = multi_pol(load_scene("kodama"), (7.5, 11.5, 7.5, 22.7, 22.8), a12=0.0114, j34=-0.00175, j45=-0.00014)
-FINGER = {"follower": "finger", "base_radius_mm": 18, "pivot_mm": (-22.0, 14.0), "arm_mm": 24, "valve_arm_mm": 38}
-ROCKER = {"follower": "rocker", "base_radius_mm": 20, "pivot_mm": (30.0, -24.0), "arm_mm": 32, "valve_arm_mm": 40}
-FOLLOWERS = {
-    "flat": Geometry(follower="flat", base_radius_mm=30, rocker_ratio=1.2),
-    "roller": Geometry(follower="roller", base_radius_mm=25, roller_radius_mm=9),
-    "finger, pad": Geometry(**FINGER, pad_radius_mm=20, valve_arm_deg=-8),
-    "finger, roller": Geometry(**FINGER, roller_radius_mm=8, valve_arm_deg=-8),
-    "finger, other side": Geometry(**FINGER | {"pivot_mm": (22.0, 14.0)}, roller_radius_mm=8),
-    "rocker, pad": Geometry(**ROCKER, pad_radius_mm=25, valve_arm_deg=-6),
-    "rocker, roller": Geometry(**ROCKER, roller_radius_mm=10, valve_arm_deg=-6),
-}
 SWINGING = [name for name in FOLLOWERS if "," in name]
 THETA = np.linspace(-180.0, 180.0, 721)[:-1] * DEG
 
@@ -68,64 +55,18 @@ class TestBruteForce:
         assert short.max() < 400 * MM * (0.5 * DEG) ** 2 / 8
 
 
-def resting(points: np.ndarray, geometry: Geometry, theta: float) -> float:
-    """Valve lift [m] of the follower that rests on points (p, 2) [m] of a contour at one cam angle [rad]."""
-    z = (points[:, 0] + 1j * points[:, 1]) * np.exp(-1j * theta)
-    base, radius = geometry.base_radius_mm * MM, (geometry.contact_radius_mm or 0.0) * MM
-    if geometry.follower == "flat":
-        return geometry.rocker_ratio * (z.real.max() - base)
-    if geometry.follower == "roller":
-        near = z[(np.abs(z.imag) <= radius) & (z.real > 0)]
-        return (near.real + np.sqrt(radius**2 - near.imag**2)).max() - base - radius
-    across, along = geometry.pivot_mm
-    pivot = complex(along, across) * MM
-    side = -np.sign(across) * (1 if geometry.follower == "finger" else -1)
-    arm, reach = geometry.arm_mm * MM, np.abs(z - pivot)
-    cos = (arm**2 + reach**2 - radius**2) / (2 * arm * reach)
-    touching = np.abs(cos) <= 1  # the circle's way passes by the other points
-    angle = np.angle((z - pivot)[touching]) - side * np.arccos(cos[touching])
-    # from the base circle, the same by the triangle of cam axis, pivot and centre
-    away = abs(pivot)
-    rest = np.angle(-pivot) - side * np.arccos((arm**2 + away**2 - (base + radius) ** 2) / (2 * arm * away))
-    opening = -side * (np.mod(angle - rest + np.pi, 2 * np.pi) - np.pi)
-    valve_arm, shut = geometry.valve_arm_mm * MM, geometry.valve_arm_deg * DEG
-    return float((valve_arm * (np.sin(shut + opening) - np.sin(shut))).max())
-
-
 class TestCircleAboutAnotherCentre:
     """A circle about another centre and a pad make a four-bar linkage: the pad's centre keeps its distance from it."""
 
     @pytest.mark.parametrize("name", SWINGING)
     def test_contour_is_the_circle(self, name):
         geometry = FOLLOWERS[name].model_copy(update={"base_radius_mm": (RADIUS - OFFSET) / MM})
-        lift = four_bar(geometry)
+        reach = RADIUS + geometry.contact_radius_mm * MM
+        lift = cam_of(lambda theta: valve_lift(geometry, swing_to(geometry, OFFSET * np.exp(-1j * theta), reach)))
         found = contact(lift, geometry)
         assert found.radius_of_curvature == pytest.approx(RADIUS, rel=1e-5)
         centres = found.contour - RADIUS * found.normal
         assert centres == pytest.approx(np.broadcast_to([OFFSET, 0.0], centres.shape), abs=1e-7 * MM)
-
-
-def four_bar(geometry: Geometry) -> Lift:
-    """The valve lift of an eccentric circle: RADIUS about a centre OFFSET from the cam's axis."""
-    across, along = geometry.pivot_mm
-    pivot, radius = complex(along, across) * MM, geometry.contact_radius_mm * MM
-    side = -np.sign(across) * (1 if geometry.follower == "finger" else -1)
-    arm, valve_arm, shut = geometry.arm_mm * MM, geometry.valve_arm_mm * MM, geometry.valve_arm_deg * DEG
-
-    def swing(centre):
-        reach = np.abs(centre - pivot)
-        cos = (arm**2 + reach**2 - (RADIUS + radius) ** 2) / (2 * arm * reach)
-        return np.angle(centre - pivot) - side * np.arccos(cos)
-
-    away = abs(pivot)
-    cos = (arm**2 + away**2 - (RADIUS - OFFSET + radius) ** 2) / (2 * arm * away)
-    rest = np.angle(-pivot) - side * np.arccos(cos)
-
-    def law(theta):
-        turn = np.mod(swing(OFFSET * np.exp(-1j * theta)) - rest + np.pi, 2 * np.pi) - np.pi
-        return valve_arm * (np.sin(shut - side * turn) - np.sin(shut))
-
-    return cam_of(law)
 
 
 class TestMotion:
@@ -150,7 +91,7 @@ class TestMotion:
         if geometry.follower in ("finger", "rocker"):
             arm = Arm(geometry)
             turning = arm.swing(np.stack([CAM(THETA, k) for k in range(3)]))[1]
-            away = point - arm.pivot
+            away = point - [arm.pivot.real, arm.pivot.imag]
             body = turning[:, None] * np.stack([-away[:, 1], away[:, 0]], axis=1)
         if geometry.roller_radius_mm is not None:
             assert not found.sliding.any()

@@ -3,38 +3,16 @@
 import numpy as np
 import pytest
 
-from camopt.cam.families.multi_pol import multi_pol
 from camopt.cam.followers import signed_radius
 from camopt.cam.geometry import contact, crossing
 from camopt.cam.lift import Lift
-from camopt.scene import InputError, load_scene
+from camopt.scene import InputError
 from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM
+from tests.cam.cams import FLAT, OFFSET, RADIUS, ROLLER, ROLLS, cam_of, eccentric_flat, eccentric_roller
+from tests.cam.cams import MULTI_POL as CAM
 
-RADIUS, OFFSET, ROLLER = 20 * MM, 4 * MM, 8 * MM
-FLAT = Geometry(follower="flat", base_radius_mm=16, face_width_mm=12)
-ROLLS = Geometry(follower="roller", base_radius_mm=16, roller_radius_mm=8)
 WIDE = Geometry(follower="flat", base_radius_mm=30)
-CAM = multi_pol(load_scene("kodama"), (7.5, 11.5, 7.5, 22.7, 22.8), a12=0.0114, j34=-0.00175, j45=-0.00014)
-
-
-def cam_of(law) -> Lift:
-    """A lift law as pieces of degree 9 over 4 deg each, fitted to round-off."""
-    borders = np.linspace(-np.pi, np.pi, 91)
-    u = np.polynomial.chebyshev.chebpts2(24)
-    width = borders[1] - borders[0]
-    local = 0.5 * width * (u + 1)
-    pieces = [np.polynomial.Polynomial.fit(local, law(start + local), 9).convert().coef for start in borders[:-1]]
-    return Lift(borders, np.array([np.pad(c, (0, 10 - len(c))) for c in pieces]), np.pi / 2)
-
-
-def eccentric_flat(theta):
-    return OFFSET + OFFSET * np.cos(theta)
-
-
-def eccentric_roller(theta):
-    reach = RADIUS + ROLLER
-    return OFFSET * np.cos(theta) + np.sqrt(reach**2 - (OFFSET * np.sin(theta)) ** 2) - (RADIUS - OFFSET + ROLLER)
 
 
 class TestCircleAboutAnotherCentre:
@@ -81,7 +59,7 @@ class TestCircleAboutAnotherCentre:
 
 def pitch_radius(r, first, second):
     """That of a polar curve r(theta), whose derivatives are (r', r) and (r'' - r, 2 r') along and across its ray."""
-    return signed_radius(np.stack([first, r], axis=1), np.stack([second - r, 2 * first], axis=1))
+    return signed_radius(first + 1j * r, second - r + 2j * first)
 
 
 def test_concave_and_straight_pitch_curves():

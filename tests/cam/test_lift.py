@@ -4,15 +4,12 @@ import numpy as np
 import pytest
 from scipy.integrate import quad
 
-from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift, lift_table, with_ramps
 from camopt.cam.polynomials import recentred
 from camopt.cam.ramps import Ramp, scene_ramps
-from camopt.scene import load_scene
 from camopt.scene.units import DEG, MM
+from tests.cam.cams import KODAMA, POLYDYNE
 
-KODAMA = load_scene("kodama")
-POLYDYNE = polydyne(KODAMA)
 H = 0.0094
 
 

@@ -21,8 +21,8 @@ from camopt.scene.design import Piston
 from camopt.scene.geometry import Geometry
 from camopt.scene.train import build_train
 from camopt.scene.units import DEG, MM
+from tests.cam.cams import KODAMA, with_design
 
-KODAMA = load_scene("kodama")
 FLAT = Geometry(follower="flat", base_radius_mm=18.0)
 PISTON = Piston(
     stroke_mm=86.0, rod_mm=143.0, gap_at_top_mm=2.5, clearance_mm=1.0, lobe_centre_deg=108.0, pin_offset_mm=0.8,
@@ -32,8 +32,7 @@ GRID = np.arange(-72.0, 72.0005, 0.001)
 
 
 def scene_with(geometry=FLAT, **limits):
-    design = KODAMA.design.model_copy(update=limits)
-    return KODAMA.model_copy(update={"geometry": geometry, "design": design})
+    return with_design(geometry, **limits)
 
 
 def mm(lift, order):
@@ -115,22 +114,16 @@ def cam_radii_mm(lift):
     return 0.5 * (np.abs(chord[1:]) + np.abs(chord[:-1])) / turning - 9.0
 
 
-def smallest_concave(lift):
-    radii = cam_radii_mm(lift)
-    return -radii[radii < 0].max(initial=-1e9)
-
-
-def smallest_convex(lift):
-    radii = cam_radii_mm(lift)
-    return radii[radii > 0].min()
-
-
 @pytest.mark.parametrize(
-    ("key", "least", "smallest"),
-    [("nose_radius_min_mm", 11.2, smallest_convex), ("concave_radius_min_mm", 80.0, smallest_concave)],
+    ("key", "least", "side"), [("nose_radius_min_mm", 11.2, 1), ("concave_radius_min_mm", 80.0, -1)]
 )
-def test_linear_limits_hold_radii_under_a_roller_to_the_safe_side(key, least, smallest):
+def test_linear_limits_hold_radii_under_a_roller_to_the_safe_side(key, least, side):
     """The linear limits are stricter than the radii: at most by a tenth of the radius here."""
+
+    def smallest(lift):
+        radii = side * cam_radii_mm(lift)
+        return radii[radii > 0].min(initial=1e9)
+
     free = kinematic_optimum(KODAMA.design, free_cam(KODAMA.design, 2.0))
     scene = scene_with(ROLLER, **{key: least})
     held = kinematic_optimum(scene.design, free_cam(scene.design, 2.0))  # not near a cam
@@ -184,28 +177,24 @@ def test_a_duration_of_unequal_flanks_is_held_about_its_own_centre():
     assert duration_deg(held.lift, 5.0) < 80.002
 
 
+def nearer(gap_mm, lobe_deg):
+    return PISTON.model_copy(update={"gap_at_top_mm": gap_mm, "lobe_centre_deg": lobe_deg})
+
+
 @pytest.mark.parametrize(
     ("limits", "says"),
     [
         ({"lift_at": ((-55.0, 4.0, 5.5),)}, "lift_at's least lift at -55 deg would have to fall from 4 to "),
         ({"nose_radius_min_mm": 26.0}, "nose_radius_min_mm would have to fall from 26 to "),
         ({"duration_at": ((5.0, 100.0, 130.0),)}, "50 deg can reach only 3.25 mm, not 5 mm"),
-        (
-            {"piston": PISTON.model_copy(update={"gap_at_top_mm": 1.3, "lobe_centre_deg": 100.0})},
-            "piston.clearance_mm would have to fall from 1 ",
-        ),
+        ({"piston": nearer(1.3, 100.0)}, "piston.clearance_mm would have to fall from 1 "),
+        ({"piston": nearer(1.1, 150.0), "reach_max_lift": False}, "piston.clearance_mm would have to fall from 1"),
     ],
 )
 def test_contradictions_say_by_how_much(limits, says):
-    design = scene_with(reach_max_lift=True, **limits).design
+    """The last piston meets the ramp, which is refused before any search."""
+    design = scene_with(**{"reach_max_lift": True} | limits).design
     with pytest.raises(InputError, match=says.replace(".", r"\.")):
-        kinematic_optimum(design, program_cam(design, 3.0))
-
-
-def test_a_piston_that_meets_the_ramp_is_refused_before_any_search():
-    near = PISTON.model_copy(update={"gap_at_top_mm": 1.1, "lobe_centre_deg": 150.0})
-    design = scene_with(piston=near).design
-    with pytest.raises(InputError, match=r"piston\.clearance_mm would have to fall from 1"):
         kinematic_optimum(design, program_cam(design, 3.0))
 
 

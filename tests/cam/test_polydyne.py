@@ -10,15 +10,15 @@ from camopt.cam.families.polydyne import equivalent_train, polydyne
 from camopt.cam.polynomials import osculating_pieces
 from camopt.scene import InputError, build_train, load_scene, parse_scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3
+from tests.cam.cams import KODAMA
 
 HALF = 72 * DEG
 
 
 def test_calibrated_member_of_the_reference_fit():
     """Coefficients, nose lift and peaks as the fit of the reference train states them (exponents 2-12-20-32-34)."""
-    scene = load_scene("kodama")
     a, b = 1.02, 9.22 * DEG**2
-    lift = polydyne(scene, (2, 12, 20, 32, 34), ramp_height_mm=0.25, dynamic=(a, b))
+    lift = polydyne(KODAMA, (2, 12, 20, 32, 34), ramp_height_mm=0.25, dynamic=(a, b))
     powers = np.array([0, 2, 12, 20, 32, 34])
     c = np.array([1.0, -1.48482, 1.12132, -0.92831, 0.92071, -0.62891]) * 9.01728 * MM
     x = np.linspace(0.0, 1.0, 50)[:, None]
@@ -34,8 +34,7 @@ def test_calibrated_member_of_the_reference_fit():
 
 @pytest.mark.parametrize("exponents", [(2, 10, 18, 26, 34), (4, 12, 26, 34, 50), (2, 8.5, 20, 30, 41.3)])
 def test_conditions_of_the_flank_end(exponents):
-    scene = load_scene("kodama")
-    lift = polydyne(scene, exponents)
+    lift = polydyne(KODAMA, exponents)
     a, b = lift.parameters["A"], lift.parameters["B_deg2"] * DEG**2
     inner = HALF * (1 - 1e-13)
     assert lift(inner) == pytest.approx(0.265 * MM, rel=1e-9)  # y = 0, y'' = 0
@@ -48,8 +47,7 @@ def test_conditions_of_the_flank_end(exponents):
 
 
 def test_pieces_meet_the_power_law_between_their_borders():
-    scene = load_scene("kodama")
-    lift = polydyne(scene, (2, 10, 18, 26, 34), dynamic=(1.0, 1e-3))
+    lift = polydyne(KODAMA, dynamic=(1.0, 1e-3))
     theta = np.linspace(0.01, HALF - 0.01, 400)
     a, b, x = 1.0, 1e-3, theta / HALF
     powers = np.array([0, 2, 10, 18, 26, 34])
@@ -65,7 +63,7 @@ def test_pieces_meet_the_power_law_between_their_borders():
 
 
 def test_equivalent_train_is_the_series_stiffness_and_the_moving_mass():
-    train = build_train(load_scene("kodama"))
+    train = build_train(KODAMA)
     series = 1 / np.sum(1 / np.array([1.52e8, 8.12e7, 9.18e7, 8.01e7, 1.42e8]))
     k_e, k_sp, mass = equivalent_train(train)
     assert k_e == pytest.approx(series, rel=5e-3)
@@ -170,7 +168,7 @@ def test_conditions_without_a_solution_are_refused_and_no_defect():
 def test_exponents_that_rounding_cannot_tell_apart_are_refused():
     """Exponents 8.001 to 8.005 gave 9.54 mm of lift for 9.4 without a word."""
     with pytest.raises(InputError, match=r"^exponent: exponents 8\.001/.* give no cam: .*further apart"):
-        exponent(load_scene("kodama"), (8.001, 8.002, 8.003, 8.004, 8.005))
+        exponent(KODAMA, (8.001, 8.002, 8.003, 8.004, 8.005))
 
 
 def singular_factor(scene):
@@ -184,7 +182,7 @@ def singular_factor(scene):
 @pytest.mark.parametrize("exponents", [(2, 2, 3, 4, 5), (2, 10, 18, 26), (1, 10, 18, 26, 34), (2, 4.5, 18, 26, 34)])
 def test_unusable_exponents_are_refused(exponents):
     with pytest.raises(InputError, match="polydyne: exponents"):
-        polydyne(load_scene("kodama"), exponents)
+        polydyne(KODAMA, exponents)
 
 
 def test_osculating_pieces_carry_value_and_five_derivatives():

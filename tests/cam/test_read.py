@@ -8,18 +8,10 @@ import pytest
 from camopt.cam.design_file import as_written, design_record, read_design, write_design
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.families.registry import FAMILIES
-from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
-from camopt.scene import InputError, load_scene
+from camopt.scene import InputError
 from camopt.scene.units import DEG, MM
-
-KODAMA = load_scene("kodama")
-POLYDYNE = polydyne(KODAMA)
-THETA = np.linspace(-np.pi, np.pi, 7207)
-
-
-def difference(one: Lift, other: Lift, order: int = 0) -> float:
-    return float(np.abs(one(THETA, order) - other(THETA, order)).max())
+from tests.cam.cams import KODAMA, POLYDYNE, difference
 
 
 class TestFamilies:

@@ -9,15 +9,18 @@ import argparse
 import sys
 import tempfile
 from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 from tqdm import tqdm
 
 from camopt.storage import write_json
-from tests.campaign import messages
-from tests.campaign.fuzz import outcomes, table
+from tests.campaign import fuzz, messages
 from tests.campaign.kills import COMMANDS, killings
 from tests.campaign.soak import grown, soaked
+
+SHOWN = 20
+"""Wrong outcomes that are printed at most; `--json` keeps all."""
 
 
 def main() -> int:
@@ -29,63 +32,46 @@ def main() -> int:
     ask.add_argument("--workers", type=int, default=2)
     ask.add_argument("--json", type=Path, help="write what was wrong")
     args = ask.parse_args()
-    wrong = PARTS[args.part](args)
+    found = list(tqdm(PARTS[args.part](args), disable=None))
+    for (kind, ended), count in sorted(Counter((one["kind"], one["wrong"] or one["ended"]) for one in found).items()):
+        print(f"{kind:10s} {ended:40s} {count:7d}")
+    wrong = [one for one in found if one["wrong"]]
+    print(f"{len(found)} cases, {len(wrong)} wrong", *wrong[:SHOWN], sep="\n")
     if args.json:
         write_json(args.json, wrong)
     return 3 if wrong else 0
 
 
 def inputs(args: argparse.Namespace) -> list[dict]:
-    """The cases that ended wrongly."""
-    cases = range(args.seed, args.seed + args.cases)
-    found = []
-    for one in tqdm(outcomes(cases, args.workers), total=args.cases, disable=None):
-        found.append(one)
-        if one["wrong"]:
-            parts = (one["seed"], one["kind"], one["wrong"], " ".join(one["words"]), one.get("said", ""))
-            tqdm.write(" | ".join(map(str, parts)))
-    print(table(found))
-    return [f for f in found if f["wrong"]]
+    return fuzz.outcomes(range(args.seed, args.seed + args.cases), args.workers, progress=True)
 
 
-def kills(args: argparse.Namespace) -> list[dict]:
-    """The kills after which something was torn or came out differently; the commands share them evenly."""
-    found = []
-    with tempfile.TemporaryDirectory() as folder, tqdm(total=args.cases, disable=None) as progress:
+def kills(args: argparse.Namespace) -> Iterator[dict]:
+    """The commands share the kills evenly."""
+    with tempfile.TemporaryDirectory() as folder:
         for number, name in enumerate(COMMANDS):
             share = args.cases // len(COMMANDS) + (number < args.cases % len(COMMANDS))
-            for kill in killings(name, Path(folder), share, args.seed):
-                found.append(kill)
-                progress.update()
-    counts = Counter((kill["command"], "wrong" if kill["wrong"] else "the same") for kill in found)
-    for (name, what), count in sorted(counts.items()):
-        print(f"{name:10s} {what:10s} {count:5d}")
-    wrong = [kill for kill in found if kill["wrong"]]
-    for kill in wrong[:20]:
-        print(kill)
-    return wrong
+            yield from killings(name, Path(folder), share, args.seed)
 
 
-def soak(args: argparse.Namespace) -> list[dict]:
-    """What the process held at its end, where that is more than a tenth over what it held after a tenth of its way."""
-    found = list(tqdm(soaked(args.cases, max(args.cases // 10, 1)), total=10, disable=None))
-    for one in found:
-        print(one)
-    return [found[-1]] if grown(found[0], found[-1]) else []
+def soak(args: argparse.Namespace) -> Iterator[dict]:
+    """What the process holds after each tenth of its way; more than after the first of them is wrong."""
+    first = None
+    for held in soaked(args.cases, max(args.cases // 10, 1)):
+        first = first or held
+        yield {"kind": "soak", "ended": str(held), "wrong": f"grown: {held}" if grown(first, held) else ""}
 
 
-def asked(args: argparse.Namespace) -> list[dict]:
-    """The messages to the designer that got no answer or a wrong one."""
-    found = list(tqdm(messages.outcomes(range(args.seed, args.seed + args.cases)), total=args.cases, disable=None))
-    for status, count in sorted(Counter(one["status"] for one in found).items()):
-        print(f"status {status} {count:7d}")
-    wrong = [one for one in found if one["wrong"]]
-    for one in wrong[:20]:
-        print(one)
-    return wrong
+def asked(args: argparse.Namespace) -> Iterator[dict]:
+    return messages.outcomes(range(args.seed, args.seed + args.cases))
 
 
-PARTS = {"inputs": inputs, "kills": kills, "soak": soak, "messages": asked}
+PARTS: dict[str, Callable[[argparse.Namespace], Iterable[dict]]] = {
+    "inputs": inputs,
+    "kills": kills,
+    "soak": soak,
+    "messages": asked,
+}
 
 if __name__ == "__main__":
     sys.exit(main())

@@ -1,126 +1,89 @@
-"""Runs numbered cases in processes that are watched: a case over its time or memory is killed and counted."""
+"""Runs numbered cases in processes of `camopt.sweep`: what takes too long or too much memory, or dies, is counted."""
 
-import json
-import os
-import signal
-import subprocess
-import sys
-from collections import Counter
-from collections.abc import Iterator
-from concurrent.futures import ThreadPoolExecutor
+import io
+import resource
+import tempfile
+import time
+from contextlib import chdir, redirect_stderr, redirect_stdout, suppress
 from pathlib import Path
-from threading import Event, Lock, Thread
 
-from tests.campaign.inputs import drawn
+import camopt
+from camopt.cli.parser import main
+from tests.campaign.inputs import Case, drawn
 
 SECONDS, BYTES = 60.0, 2 * 2**30
-ROOT = Path(__file__).parents[2]
+"""Processor time after which a case ends its process, and memory that a case may hold at most."""
+LONGEST = 1500
+"""Characters of a line that a person still reads: several faults of a scene stand on lines of their own."""
 
 
-class Worker:
-    """A process that computes cases, replaced when one of them ends it."""
-
-    def __init__(self):
-        self.process: subprocess.Popen | None = None
-
-    def _started(self) -> subprocess.Popen:
-        if self.process is None or self.process.poll() is not None:
-            self.stop()
-            words = [sys.executable, "-m", "tests.campaign.worker"]
-            pipe = subprocess.PIPE
-            self.process = subprocess.Popen(
-                words, stdin=pipe, stdout=pipe, stderr=subprocess.DEVNULL, text=True, cwd=ROOT
-            )
-        return self.process
-
-    def answer(self, seed: int) -> dict:
-        """What came of a case; where the process was ended, why."""
-        process = self._started()
-        assert process.stdin is not None and process.stdout is not None
-        done = Event()
-        watch = Thread(target=_watched, args=(process, done), daemon=True)
-        watch.start()
-        process.stdin.write(f"{seed}\n")
-        process.stdin.flush()
-        line = process.stdout.readline()
-        done.set()
-        if not line:
-            wrong = f"over {SECONDS:g} s" if process.wait() == -signal.SIGTERM else f"died ({process.returncode})"
-            case = drawn(seed)
-            return {
-                "seed": seed,
-                "kind": case.kind,
-                "code": None,
-                "seconds": SECONDS,
-                "wrong": wrong,
-                "words": case.words,
-            }
-        found = json.loads(line)
-        if peak(process.pid) > BYTES:
-            found["wrong"] = found["wrong"] or "over 2 GB"
-            self.stop()
-        return found
-
-    def stop(self) -> None:
-        """Ends the process."""
-        if self.process is not None:
-            with self.process:  # closes its pipes
-                self.process.kill()
+def outcomes(seeds: range, workers: int = 2, progress: bool = False) -> list[dict]:
+    """What came of the cases of these numbers."""
+    tasks = ({"verb": "call", "function": f"{__name__}:answer", "arguments": {"seed": seed}} for seed in seeds)
+    with tempfile.TemporaryDirectory() as folder:
+        swept = camopt.sweep(tasks, Path(folder) / "cases.sqlite", workers=workers, progress=progress)
+        return [row if row["state"] == "done" else lost(row["seed"], row["reason"]) for row in swept.rows()]
 
 
-def _watched(process: subprocess.Popen, done: Event) -> None:
-    """Ends a process that took more than its processor time since now before `done`; a clock would tell of others."""
-    start = processor_time(process.pid)
-    while not done.wait(1.0):
-        if processor_time(process.pid) - start > SECONDS:
-            process.terminate()
-            return
+def lost(seed: int, reason: str) -> dict:
+    """The outcome of a case that ended its process, by its own fault or for its time."""
+    case = drawn(seed)
+    return {"seed": seed, "kind": case.kind, "ended": "", "wrong": reason, "said": "", "words": case.words}
 
 
-def processor_time(pid: int) -> float:
-    """Seconds that a process has computed; 0 where there is none."""
-    file = Path(f"/proc/{pid}/stat")
-    if not file.exists():
-        return 0.0
-    ticks = file.read_text().rpartition(")")[2].split()[11:13]
-    return sum(map(int, ticks)) / os.sysconf("SC_CLK_TCK")
+def answer(seed: int) -> dict:
+    """Kind, exit code, seconds and what is wrong with one case, in a process that computes nothing else."""
+    case, start = drawn(seed), time.process_time()
+    _, most = resource.getrlimit(resource.RLIMIT_CPU)
+    resource.setrlimit(resource.RLIMIT_CPU, (int(start + SECONDS) + 1, most))
+    with suppress(OSError):
+        Path("/proc/self/clear_refs").write_text("5")  # the greatest memory so far is forgotten
+    with tempfile.TemporaryDirectory() as folder:
+        code, said = run(case, Path(folder))
+    wrong = verdict(code, said)[:100] or ("over 2 GB" if peak() > BYTES else "")
+    return {
+        "kind": case.kind,
+        "ended": f"code {code}"[:300],
+        "seconds": round(time.process_time() - start, 3),
+        "wrong": wrong,
+        "said": said[-400:] if wrong else "",
+        "words": [w[:60] for w in case.words],
+    }
 
 
-def peak(pid: int) -> int:
-    """Greatest resident memory of a process so far [bytes]."""
-    status = Path(f"/proc/{pid}/status")
-    if not status.exists():
-        return 0
-    rows = [line.split() for line in status.read_text().splitlines() if line.startswith("VmHWM")]
-    return int(rows[0][1]) * 1024 if rows else 0
+def peak() -> int:
+    """Greatest resident memory of this process [bytes]; Linux alone tells it."""
+    with suppress(OSError):
+        rows = Path("/proc/self/status").read_text().splitlines()
+        return next(int(row.split()[1]) * 1024 for row in rows if row.startswith("VmHWM"))
+    return 0
 
 
-def outcomes(seeds: range, workers: int = 2) -> Iterator[dict]:
-    """Outcomes of the cases of these numbers, as they come."""
-    idle, lock = [Worker() for _ in range(workers)], Lock()
-
-    def one(seed: int) -> dict:
-        with lock:
-            worker = idle.pop()
+def run(case: Case, folder: Path) -> tuple[object, str]:
+    """Exit code and stderr of a case in a folder of its own."""
+    for name, content in case.files.items():
+        (folder / name).parent.mkdir(parents=True, exist_ok=True)
+        (folder / name).write_bytes(content)
+    said = io.StringIO()
+    with chdir(folder), redirect_stdout(io.StringIO()), redirect_stderr(said):
         try:
-            return worker.answer(seed)
-        finally:
-            with lock:
-                idle.append(worker)
-
-    try:
-        with ThreadPoolExecutor(workers) as pool:
-            yield from pool.map(one, seeds)
-    finally:
-        for worker in idle:
-            worker.stop()
+            code: object = main(case.words)
+        except SystemExit as stop:
+            code = stop.code
+        except BaseException as error:  # nothing may leave main but an exit
+            code = f"{type(error).__name__}: {error}"
+    return code, said.getvalue()
 
 
-def table(found: list[dict]) -> str:
-    """Counts by class and exit code, and what was wrong, as lines."""
-    counts = Counter((f["kind"], f["wrong"] or f"code {f['code']}") for f in found)
-    rows = [f"{kind:10s} {what:40s} {count:7d}" for (kind, what), count in sorted(counts.items())]
-    slowest = max((f["seconds"] for f in found), default=0.0)
-    return "\n".join(
-        [*rows, f"{len(found)} cases, {sum(bool(f['wrong']) for f in found)} wrong, slowest {slowest:.1f} s"]
-    )
+def verdict(code: object, said: str) -> str:
+    """What is wrong with how a command ended, or "" where nothing is."""
+    if code not in (0, 2, 3):
+        return f"exit {code}"
+    for word in ("Traceback", "a defect of camopt", "Warning:"):
+        if word in said:
+            return word
+    if code == 2 and not said.strip():
+        return "no sentence"
+    if any(len(line) > LONGEST for line in said.splitlines()):
+        return "a line that nobody reads"
+    return ""

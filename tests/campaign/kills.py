@@ -134,7 +134,8 @@ def killings(name: str, folder: Path, kills: int, seed: int = 0) -> Iterator[dic
             wrong = torn(here)
             begun = any(p.name != "plan.toml" for p in here.iterdir())
             words = command.words + (command.resume if begun else ())
-        yield {"command": name, "killed_at_s": at, "wrong": "; ".join(wrong) or _resumed(words, here, code, truth)}
+        wrong = "; ".join(wrong) or _resumed(words, here, code, truth)
+        yield {"kind": name, "ended": "the same", "killed_at_s": at, "wrong": wrong}
 
 
 def _folder(path: Path) -> Path:

@@ -57,7 +57,7 @@ def served(scene: Scene, folder: Path) -> Iterator[DesignServer]:
 
 
 def answered(server: DesignServer, seed: int) -> dict[str, Any]:
-    """What a message got: its status, and what is wrong with the answer, "" for nothing."""
+    """What a message got: how it ended, and what is wrong with the answer, "" for nothing."""
     body = drawn(seed, server.requests.session.values())
     begun = time.process_time()
     connection = http.client.HTTPConnection(HOST, server.port, timeout=10 * SECONDS)
@@ -70,7 +70,7 @@ def answered(server: DesignServer, seed: int) -> dict[str, Any]:
     connection.close()
     seconds = time.process_time() - begun
     wrong = wrong_with(status, text) or (f"over {SECONDS:g} s" if seconds > SECONDS else "")
-    return {"seed": seed, "status": status, "seconds": seconds, "wrong": wrong, "said": text[:300]}
+    return {"seed": seed, "kind": "message", "ended": f"status {status}", "wrong": wrong, "said": text[:300]}
 
 
 def wrong_with(status: int, text: str) -> str:

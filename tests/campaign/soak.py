@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 import camopt
-from camopt.scene.schema import Scene
+from camopt.scene.parameters import Tied, matching
 from camopt.verifier.verdict import verdict_on
 
 
@@ -29,9 +29,10 @@ def soaked(verdicts: int, every: int) -> Iterator[dict]:
     """What the process holds each time that so `many` verdicts more were given, each of another train and speed."""
     scene = camopt.load_scene("motori-1")
     cam = camopt.polydyne(scene)
-    draw = np.random.default_rng(0)
+    draw, preload = np.random.default_rng(0), Tied("preload", tuple(matching(scene, "spring.preload_N")))
     for done in range(1, verdicts + 1):
-        one, speed = varied(scene, draw), float(draw.integers(2000, 6000))
+        one = preload.scaled(scene, float(draw.uniform(0.9, 1.1)))
+        speed = float(draw.integers(2000, 6000))
         verdict_on(one, cam, (speed,), ("event",), band_step_rpm=None)
         if done % every == 0:
             yield {"verdicts": done, **usage()}
@@ -40,12 +41,3 @@ def soaked(verdicts: int, every: int) -> Iterator[dict]:
 def grown(before: dict, after: dict) -> bool:
     """Whether a process holds more threads or files than before, or a tenth more memory."""
     return any(after[key] > before[key] * (1.1 if key == "memory_MB" else 1) for key in usage())
-
-
-def varied(scene: Scene, draw: np.random.Generator) -> Scene:
-    """The scene with another preload of its spring."""
-    elements = tuple(
-        e.model_copy(update={"preload_N": e.preload_N * float(draw.uniform(0.9, 1.1))}) if e.name == "spring" else e
-        for e in scene.element
-    )
-    return scene.model_copy(update={"element": elements})

@@ -1,22 +1,22 @@
 """The campaign at a small size; its full size is `python -m tests.campaign inputs --cases 100000` and `kills`."""
 
 import os
+import resource
 import shutil
+import signal
 import subprocess
 import sys
 import time
-from contextlib import closing
 from pathlib import Path
 
 import pytest
 
-from tests.campaign import messages
-from tests.campaign.fuzz import outcomes, table
+from tests.campaign import fuzz, messages
+from tests.campaign.fuzz import outcomes, verdict
 from tests.campaign.inputs import KINDS, drawn
 from tests.campaign.kills import COMMANDS, digest, killings, torn
 from tests.campaign.soak import grown, soaked
 from tests.campaign.starved import LEAST_FILES, QUICK, bare, camopt, mounted, refused
-from tests.campaign.worker import verdict
 
 LONG = pytest.mark.long
 """For further rows of a table: a command starts in a second or more."""
@@ -29,9 +29,21 @@ class TestInputs:
         assert cases == [drawn(seed) for seed in range(300)]
 
     def test_a_sample_ends_in_a_sentence(self):
-        with closing(outcomes(range(80), workers=1)) as found:
-            cases = list(found)
-        assert not [case for case in cases if case["wrong"]], table(cases)
+        found = outcomes(range(80), workers=1)
+        assert {one["kind"] for one in found} >= {"scene", "cam", "table", "design", "command"}
+        assert not [one for one in found if one["wrong"]]
+
+    def test_a_case_that_takes_too_long_or_too_much_ends_or_is_wrong(self, monkeypatch):
+        """Where its processor time is spent the process ends, and of one that holds much memory it is said."""
+        monkeypatch.setattr(fuzz, "BYTES", 1)
+        code = "from tests.campaign import fuzz\nfuzz.SECONDS = 0.0\nfuzz.answer(0)\nwhile True: pass"
+        assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == -signal.SIGXCPU
+        limits = resource.getrlimit(resource.RLIMIT_CPU)
+        try:
+            assert fuzz.answer(0)["wrong"] == "over 2 GB"
+        finally:
+            resource.setrlimit(resource.RLIMIT_CPU, limits)
+        assert fuzz.lost(0, "3 workers died")["kind"] == drawn(0).kind
 
     @pytest.mark.parametrize(
         ("code", "said", "wrong"),
@@ -51,7 +63,7 @@ class TestInputs:
 class TestMessages:
     def test_every_message_to_the_designer_is_answered(self):
         found = list(messages.outcomes(range(60)))
-        assert {200, 400} <= {one["status"] for one in found}
+        assert {"status 200", "status 400"} <= {one["ended"] for one in found}
         assert not [one for one in found if one["wrong"]]
 
     @LONG

@@ -68,3 +68,13 @@ def differences(values, steps):
 def least_error(exact, reference):
     """Smallest |exact - reference| / |reference| over steps (first axis) of a reference gradient (steps, d)."""
     return min(np.linalg.norm(exact - r) / np.linalg.norm(r) for r in reference)
+
+
+def assert_slopes(exact, reference, names, allowed):
+    """Slopes (l, ...) of numbers are those of differences (steps, l, ...); one that is zero stays so, but for rounding
+    over the step."""
+    for i, name in enumerate(names):
+        if np.any(exact[i]):
+            assert least_error(exact[i], reference[:, i]) < allowed, name
+        else:
+            assert np.abs(reference[:, i]).max() < 1e-6, name

@@ -4,7 +4,9 @@ import numpy as np
 import pytest
 
 from camopt.exact import prepare, with_chords
+from camopt.exact.affine.lines import CHORD_FORCE, chords
 from camopt.scene import build_train, load_scene
+from camopt.scene.laws import HERTZ as HERTZ_LAW
 from experiments.chords import chord_error
 from tests.exact.small_trains import ONCE_A_SECOND, STILL, one_mass
 
@@ -65,6 +67,17 @@ def test_a_ball_is_pressed_in_as_deep_as_its_energy_says_with_an_error_that_fall
 
     errors = np.array([abs(deepest(count) - depth) for count in (4, 8, 16)]) / depth
     assert errors[0] < 0.02 and np.all(errors[:-1] / errors[1:] > 3.0)
+
+
+@pytest.mark.parametrize("preload", [0.0, 120.0])
+def test_chords_of_a_preloaded_point_contact_end_on_its_law(preload):
+    """F = k u^m, of which u counts from the touch; pressed in by nothing, the contact has its preload."""
+    stiffness, m = 2.0e9, 1.5
+    d, force = chords(HERTZ_LAW, stiffness, preload, m, np.empty((0, 2)), 8).T
+    touch = np.interp(0.0, force, d)
+    assert force == pytest.approx(stiffness * np.maximum(d - touch, 0.0) ** m, rel=1e-12, abs=1e-9)
+    assert stiffness * max(0.0, -touch) ** m == pytest.approx(preload, rel=1e-12)
+    assert (force[0], force[8]) == (0.0, pytest.approx(CHORD_FORCE)) and force[-1] >= 20 * CHORD_FORCE
 
 
 def test_without_curved_laws_nothing_changes():

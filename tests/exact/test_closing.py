@@ -23,7 +23,7 @@ def _by_python(monkeypatch):
 
 
 def no_seeds(segments, width):
-    chain, by_segment = (np.zeros(9, dtype=int), np.zeros(9), np.full((9, width), np.nan)), np.zeros((3, segments))
+    chain, by_segment = (np.zeros(9, dtype=int), np.zeros(9), np.full((9, width), np.nan)), np.zeros((2, segments))
     one, weight, head = np.zeros(1, dtype=int), np.array([2.5]), np.full(segments, -1)
     return Seeds(one, weight, head, *chain, *by_segment, np.zeros((1, 4)), np.zeros(1))
 
@@ -42,7 +42,7 @@ def on_its_seat(constant, states, positions):
         slot=np.array([0 if state == SEPARATED else 1 for state in states]),
         y=np.array([[x, 0.0] for x in (*positions, positions[-1])]),
     )  # fmt: skip
-    return SimpleNamespace(train=train, tables=tables), trace
+    return SimpleNamespace(train=train, tables=tables, step=STEP), trace
 
 
 def test_a_valve_that_never_leaves_its_seat_has_not_opened():

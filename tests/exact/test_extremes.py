@@ -6,16 +6,17 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.polydyne import polydyne
-from camopt.cam.lift import Lift
 from camopt.exact import prepare
-from camopt.exact.engine import default_step
+from camopt.exact.engine import EventExact
 from camopt.exact.kernel.propagators import highest_frequency
-from camopt.scene import MotionRefused, build_train, load_scene, parse_scene
+from camopt.scene import MotionRefused, build_train, load_scene
 from camopt.scene.response import end_state
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import MM
-from tests.exact.located_dop853 import located_dop853
-from tests.exact.test_engine import SEAT_ONLY, at
+from tests.exact.small_trains import GRAVITY, ONCE_A_SECOND, STILL, ball
+from tests.exact.test_engine import at
+from tests.measure import raw_motion as module
+from tests.measure.raw_motion import Equations, raw_motion, samples
 
 CASES = {
     "contacts of 1e9 N/m": (7000, {}, {"cam_follower": 1e9, "follower_valve": 1e9, "seat": 1e9}),
@@ -68,13 +69,14 @@ def test_no_stability_limit_and_no_dial_of_accuracy(name):
 
 @pytest.mark.long
 @pytest.mark.parametrize("name", list(CASES)[:3])
-def test_extremes_agree_with_located_dop853(name):
+def test_extremes_agree_with_located_dop853(name, monkeypatch):
     scene, lift, rpm = case(name)
     revolve, rest = revolution(scene, lift, rpm, 360)
-    grid = np.linspace(-np.pi, np.pi, 361)
+    grid, equations = np.linspace(-np.pi, np.pi, 361)[:CLOSED], Equations(scene, lift, rpm)
     # the reference's own error is the step: at 1e-5 s and 1e9 N/m it is 2e-6 mm here, at 2e-6 s 1e-8 mm
-    theirs = located_dop853(scene, lift, rpm, grid[:CLOSED], rest[:10], max_step=2e-6)
-    assert np.abs(at(revolve(rest), grid)[:CLOSED] - theirs).max() < 1e-6 * MM
+    monkeypatch.setattr(module, "LONGEST_STEP", 2e-6)
+    theirs = samples(equations, raw_motion(equations, rest, grid[-1]), grid)[1]
+    assert np.abs(at(revolve(rest), grid) - theirs[:, :10]).max() < 1e-6 * MM
 
 
 def test_advance_ends_where_the_sampled_revolution_ends():
@@ -86,40 +88,27 @@ def test_advance_ends_where_the_sampled_revolution_ends():
     assert np.abs(ends - state).max() > 1e-3  # it does not stand still
 
 
-def floor(stiffness, damping):
-    train = build_train(parse_scene(SEAT_ONLY.format(stiffness=stiffness, damping=damping), "drop"))
-    return train, Lift(np.array([-np.pi, np.pi]), np.zeros((1, 2)), 1.0)
-
-
 @pytest.mark.parametrize("stiffness", [1e7, 1e9, 1e11])
 def test_every_double_crossing_is_caught_and_energy_is_kept(stiffness):
     """Contacts last 2 to 1000 us; default steps are as long as the contact, so it closes and opens within one."""
-    train, flat = floor(stiffness, 0.0)
-    revolve, start = prepare(train, flat, 2 * np.pi), np.array([0.01, -1.0])
+    revolve, start = prepare(ball(stiffness, 0.0), STILL, ONCE_A_SECOND), np.array([0.01, -1.0])
     end = revolve.advance(start)
-    energy = 10.0 * start[0] + 0.5 * start[1] ** 2
-    assert 10.0 * end[0] + 0.5 * end[1] ** 2 == pytest.approx(energy, rel=1e-9)
+    energy = GRAVITY * start[0] + 0.5 * start[1] ** 2
+    assert GRAVITY * end[0] + 0.5 * end[1] ** 2 == pytest.approx(energy, rel=1e-9)
     response = revolve(start)
     speed = np.sqrt(2 * energy)
-    flight = 2 * speed / 10.0
+    flight = 2 * speed / GRAVITY
     assert abs(np.count_nonzero(np.diff(response.angle) == 0) - 2 / (flight + np.pi / np.sqrt(stiffness))) <= 2
     assert end == pytest.approx(end_state(response), abs=1e-9)
 
 
 def dipping(miss):
     """A ball on a spring swings from 20 mm down to `miss` above the floor (negative: into it); response, switchings."""
-    text = SEAT_ONLY.format(stiffness=1e6, damping=0.0).replace("force_N = -10.0", "force_N = 0.0")
-    text += """
-[[element]]
-name = "swing"
-kind = "spring"
-between = ["ball", "ground"]
-stiffness_N_per_m = 1.0e4
-"""
-    train = build_train(parse_scene(text, "graze"))
-    train = replace(train, preload=np.where(np.arange(3) == 2, -1.0e4 * (0.01 + miss), 0.0))
-    flat = Lift(np.array([-np.pi, np.pi]), np.zeros((1, 2)), 1.0)
-    response = prepare(train, flat, 2 * np.pi)(np.array([0.02 + miss, 0.0]))
+    swing = '[[element]]\nname = "swing"\nkind = "spring"\nbetween = ["ball", "ground"]\nstiffness_N_per_m = 1.0e4'
+    train = ball(1e6, 0.0, swing)
+    pulled = np.where(np.arange(3) == 2, -1.0e4 * (0.01 + miss), 0.0)
+    train = replace(train, mass_force=np.zeros(1), preload=pulled)
+    response = prepare(train, STILL, ONCE_A_SECOND)(np.array([0.02 + miss, 0.0]))
     return response, np.count_nonzero(np.diff(response.angle) == 0)
 
 
@@ -132,13 +121,7 @@ def test_a_grazing_contact_is_seen_however_shallow(depth):
     assert missed.x[:, 0].min() == pytest.approx(depth, abs=1e-4)
 
 
-def test_chatter_is_refused_by_advance_too():
-    train, flat = floor(1e12, 0.0)
+@pytest.mark.parametrize("call", [EventExact.__call__, EventExact.advance])
+def test_chatter_is_refused(call):
     with pytest.raises(MotionRefused, match="switch more than"):
-        prepare(train, flat, 2 * np.pi).advance(np.array([1e-9, 0.0]))
-
-
-def test_step_without_samples_asked_serves_all_speeds():
-    train = build_train(load_scene("kodama"))
-    lift = polydyne(load_scene("kodama"))
-    assert {prepare(train, lift, s).step for s in (30.0, 300.0, 366.0)} == {default_step(train)}
+        call(prepare(ball(1e12, 0.0), STILL, ONCE_A_SECOND), np.array([1e-9, 0.0]))

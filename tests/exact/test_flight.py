@@ -1,7 +1,6 @@
 """A ball in free flight, all of whose figures are polynomials: metrics, their cotangents, whole revolutions.
 
-Python runs what is compiled otherwise, `camopt.exact.adjoint.metrics`, `camopt.exact.kernel.revolution` and
-`camopt.exact.kernel.revolution` among it, which are reached through a traced motion.
+Python runs what is compiled otherwise.
 """
 
 from dataclasses import replace
@@ -12,17 +11,15 @@ from numpy.polynomial import Polynomial
 
 from camopt.cam.lift import Lift
 from camopt.exact import prepare
-from camopt.exact.adjoint.integrals import seed_square
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.adjoint.seeds import empty_seeds
 from camopt.exact.adjoint.slopes import room_for_bars
 from camopt.exact.adjoint.sweep import Bars, sweep
 from camopt.exact.kernel.propagators import propagators
-from camopt.exact.kernel.tables import TERMS
-from camopt.exact.kernel.trace import first
+from camopt.exact.kernel.trace import rows_of
 from camopt.scene.units import DEG
 from tests.exact.interpreted import interpret
-from tests.exact.test_gradient_closed_form import FLAT, GRAVITY, ball
+from tests.exact.small_trains import GRAVITY, STILL, ball
 
 PERIOD = 0.02
 """Seconds per revolution of the cam."""
@@ -37,57 +34,40 @@ def _by_python(monkeypatch):
 
 
 def flying(revolutions=1):
-    return TracedMotion(ball(1e4, 0.0), FLAT, 2.0 * np.pi / PERIOD, START, revolutions)
+    return TracedMotion(ball(1e4, 0.0), STILL, 2.0 * np.pi / PERIOD, START, revolutions)
 
 
 def cut(segments):
     """(setting, the first segments of the flight, its duration [s])."""
     motion = flying()
-    trace = first(motion.trace, segments)
+    trace = rows_of(motion.trace, 0, segments)
     return motion.setting, trace, (trace.angle[-1] + np.pi) / motion.cam_speed
 
 
-def between(polynomial, end):
-    """The integral from zero."""
-    return polynomial.integ()(end)
-
-
-@pytest.mark.parametrize(("linear", "square"), [(1.0, 0.0), (-1.0, 0.0), (0.0, 1.0), (0.0, -1.0), (0.3, -2.0)])
-def test_a_sweep_differentiates_integrals_of_the_distance_by_the_start(linear, square, monkeypatch):
-    """Of height and of its square; by the start, height changes by 1 and by the time. No room is read unwritten."""
+@pytest.mark.parametrize("weight", [1.0, -0.3])
+def test_a_sweep_differentiates_the_integral_of_the_distance_by_the_start(weight, monkeypatch):
+    """By the start, height changes by 1 and by the time. No room is read unwritten."""
     s, trace, end = cut(2)
     seeds, width = empty_seeds(2, 0, s.train), s.cam.pieces.shape
-    seeds.integral[:], seeds.square[:] = linear, square
+    seeds.integral[:] = weight
     bars = Bars(*(part[0] for part in room_for_bars(s.train, width, 1, False)))
     with monkeypatch.context() as unwritten:
         unwritten.setattr(np, "empty", lambda shape: np.full(shape, np.nan))
         sweep(s, trace, seeds, bars)
-    weight = linear + 2.0 * square * HEIGHT
-    wanted = [between(weight * Polynomial(change), end) / s.step for change in ([1.0], [0.0, 1.0])]
-    assert bars.start == pytest.approx(wanted, rel=1e-9)
-
-
-def test_the_squared_distance_changes_with_the_gap_by_twice_the_distance():
-    s, trace, end = cut(2)
-    seeds = empty_seeds(2, 0, s.train)
-    seeds.weight[0] = 0.5
-    for k in range(2):
-        seed_square(s, trace, seeds, k, 3.0, np.empty(TERMS + 1), np.empty(trace.y.shape[1]))
-    assert seeds.gap[s.train.seat] == pytest.approx(0.5 * 3.0 * 2.0 * between(HEIGHT, end) / s.step, rel=1e-9)
-    assert seeds.square == pytest.approx([1.5, 1.5])
+    assert bars.start == pytest.approx([weight * end / s.step, weight * 0.5 * end**2 / s.step], rel=1e-9)
 
 
 def test_without_a_push_the_contact_force_is_zero_and_the_contact_apart_in_the_whole_window():
     motion = flying()
     assert motion.values(["contact_force_max_N", "contact_force_min_N"]).tolist() == [0.0, 0.0]
-    assert motion.values(["jump_deg"]) == pytest.approx(2.0 * FLAT.half_duration / DEG)
+    assert motion.values(["jump_deg"]) == pytest.approx(2.0 * STILL.half_duration / DEG)
     assert motion.by_half_duration(["jump_deg"]) == pytest.approx(2.0 / DEG, rel=1e-6)
 
 
 def test_the_largest_contact_force_may_be_that_at_the_very_start():
     """Pressed 20 um into 1e6 N/m under a weight of 10 N, a damped ball swings back to less than these 20 N."""
     train, depth = replace(ball(1e-3, 0.0), mass_damping=np.array([200.0])), 20e-6
-    whole = Lift(FLAT.borders, FLAT.coefficients, np.pi)
+    whole = Lift(STILL.borders, STILL.coefficients, np.pi)
     start = np.array([-5e-3 - depth, 0.0])
     motion = TracedMotion(train, whole, 2.0 * np.pi / PERIOD, start)
     assert motion.values(["contact_force_max_N"]) == pytest.approx(1e6 * depth, rel=1e-6)
@@ -103,7 +83,7 @@ def test_revolutions_follow_each_other_along_one_parabola():
 
 def test_a_train_whose_modes_do_not_die_out_is_never_leapt_over():
     train = ball(1e4, 0.0)
-    revolution = prepare(train, FLAT, 2.0 * np.pi / PERIOD)
+    revolution = prepare(train, STILL, 2.0 * np.pi / PERIOD)
     with propagators(train, revolution.step, 2, 8).lent() as one:
         assert one.tables.leap.key[0] == -1
     ends = [HEIGHT(PERIOD), HEIGHT.deriv()(PERIOD)]

@@ -5,26 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from camopt.cam.lift import Lift
 from camopt.exact.adjoint.motion import TracedMotion, rest_back, value_and_gradient
-from camopt.scene import build_train, parse_scene
 from camopt.scene.rest import rest_position, state_at_rest
 from tests.exact.gradient_problems import by_train, cam_with_bumps, kodama
-from tests.exact.test_engine import SEAT_ONLY
-
-FLAT = Lift(np.array([-np.pi, np.pi]), np.zeros((1, 2)), 1.0)
-GRAVITY = 10.0
-
-
-def ball(stiffness, damping):
-    return build_train(parse_scene(SEAT_ONLY.format(stiffness=stiffness, damping=damping), "drop"))
+from tests.exact.small_trains import GRAVITY, STILL, ball, collision
 
 
 def test_bouncing_ball_without_damping():
     """Height after one bounce: with fall time T, contact time C and time t since take-off, x = v t - g t^2 / 2."""
     k, height = 1e5, 0.1
     train = ball(k, 0.0)
-    motion = TracedMotion(train, FLAT, 2 * np.pi / 0.4, np.array([height, 0.0]), mechanical=True)
+    motion = TracedMotion(train, STILL, 2 * np.pi / 0.4, np.array([height, 0.0]), mechanical=True)
 
     def end(height, k, g):
         fall, omega = np.sqrt(2 * height / g), np.sqrt(k)
@@ -49,7 +40,7 @@ def test_damped_contact_reverses_a_fast_ball_by_its_coefficient_of_restitution()
     """Without gravity a contact m x'' = -k x - c x' lets go where its force is zero, the phase below later."""
     k, c, speed, distance = 1e6, 400.0, 2.0, 0.01
     train = replace(ball(k, c), mass_force=np.zeros(1))
-    motion = TracedMotion(train, FLAT, 2 * np.pi / 0.02, np.array([distance, -speed]), mechanical=True)
+    motion = TracedMotion(train, STILL, 2 * np.pi / 0.02, np.array([distance, -speed]), mechanical=True)
 
     def end(speed, distance, c, k):
         omega, decay = np.sqrt(k - c**2 / 4), c / 2
@@ -74,39 +65,11 @@ def test_damped_contact_reverses_a_fast_ball_by_its_coefficient_of_restitution()
     assert by_train(slopes).stiffness[:, 1] == pytest.approx(wanted[3], rel=1e-8)
 
 
-TWO_BODIES = """
-format = 1
-name = "collision"
-[[mass]]
-name = "left"
-mass_kg = 1.0
-force_N = 1.0e-9
-[[mass]]
-name = "right"
-mass_kg = 3.0
-[[element]]
-name = "touch"
-kind = "contact"
-between = ["left", "right"]
-stiffness_N_per_m = 1.0e8
-[[element]]
-name = "soft_left"
-kind = "spring"
-between = ["left", "ground"]
-stiffness_N_per_m = 1.0e-6
-[[element]]
-name = "soft_right"
-kind = "spring"
-between = ["right", "ground"]
-stiffness_N_per_m = 1.0e-6
-"""
-
-
 def test_two_bodies_collide_elastically():
     """Speeds after: v1 = ((m1 - m2) u1 + 2 m2 u2) / (m1 + m2), v2 = ((m2 - m1) u2 + 2 m1 u1) / (m1 + m2)."""
-    train = build_train(parse_scene(TWO_BODIES, "collision"))
     u1, u2, m1, m2 = 2.0, -1.0, 1.0, 3.0
-    motion = TracedMotion(train, FLAT, 2 * np.pi / 0.02, np.array([-0.01, 0.01, u1, u2]), mechanical=True)
+    train = collision(m1, m2, 1e8)
+    motion = TracedMotion(train, STILL, 2 * np.pi / 0.02, np.array([-0.01, 0.01, u1, u2]), mechanical=True)
     total = m1 + m2
     v1, v2 = ((m1 - m2) * u1 + 2 * m2 * u2) / total, ((m2 - m1) * u2 + 2 * m1 * u1) / total
     assert motion.end[2:] == pytest.approx([v1, v2], rel=1e-6)
@@ -169,8 +132,7 @@ def test_periodic_motion_follows_the_cam():
 
 def test_grazing_is_reported():
     train = ball(1e6, 100.0)
-    slow = TracedMotion(train, FLAT, 2 * np.pi, np.array([1e-7, 0.0])).grazing()
-    fast = TracedMotion(train, FLAT, 2 * np.pi, np.array([0.1, 0.0])).grazing()
+    slow, fast = (value_and_gradient(train, STILL, 2 * np.pi, [], np.array([x, 0.0])).grazing for x in (1e-7, 0.1))
     assert slow.approach_m_per_s == pytest.approx(np.sqrt(2 * GRAVITY * 1e-7), rel=1e-3)
     assert slow.approach_m_per_s < 0.1 * np.sqrt(2 * GRAVITY * 0.1)
     assert fast.gap_m == np.inf

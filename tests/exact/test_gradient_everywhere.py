@@ -63,7 +63,8 @@ def random_motion(seed: int) -> Gradient | None:
         return None
 
 
-def check_random(count: int) -> None:
+@pytest.mark.parametrize("count", [24, pytest.param(1000, marks=pytest.mark.long)])
+def test_random_scenes(count):
     followed = 0
     for seed in range(count):
         found = random_motion(seed)
@@ -71,15 +72,6 @@ def check_random(count: int) -> None:
             check(found, f"random scene {seed}")
             followed += 1
     assert followed >= 0.9 * count
-
-
-def test_random_scenes():
-    check_random(24)
-
-
-@pytest.mark.long
-def test_a_thousand_random_scenes():
-    check_random(1000)
 
 
 def test_a_flat_lift_stays_at_rest():

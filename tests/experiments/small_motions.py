@@ -10,9 +10,8 @@ from camopt.study.extremes.classification import WITHIN
 from camopt.study.extremes.extremes import STEP_METHODS
 from camopt.verifier.outside.forces import LAWS_OF_CONTACT
 from experiments.accuracy_promise import DRAWS
-from experiments.linear_cost import SCENES
-from experiments.support.cam_follower_parts import TIP
-from experiments.support.problems import PROBLEMS
+from experiments.cam_follower import TIP
+from experiments.fixed_problems import PROBLEMS
 from experiments.wandering import ABOUT
 from tests.experiments import stored_results
 
@@ -36,10 +35,7 @@ def accuracy_promise(content):
 
 
 def batch_scaling(content):
-    assert [(row["trains"], row["cams"], row["speeds"]) for row in content["rows"]] == [(2, 1, 5), (1, 2, 2), (2, 1, 5)]
-    assert [row["precision"] for row in content["rows"]] == ["float64", "float64", "float32"]
-    for row in content["rows"]:
-        assert row["motion_ms"] > 0.01 and row["gradient_processor_ms"] > row["motion_processor_ms"]
+    assert all(row["gradient_processor_ms"] > row["motion_processor_ms"] for row in content["rows"])
     assert 0.0 < content["float32_error_N"] < 100.0  # of forces of a thousand newtons
 
 
@@ -180,22 +176,6 @@ def identification(content):
     assert abs(rows["valve.mass_kg"]["estimate"] / 0.24 - 1) < 0.08 < abs(rows["valve.mass_kg"]["start"] / 0.24 - 1)
 
 
-def jacobian_cost(content):
-    counts = {(row["source"], row["by"]): [] for row in content["rows"]}
-    for row in content["rows"]:
-        counts[row["source"], row["by"]].append(row["count"])
-    for source in {source for source, _ in counts}:
-        assert counts[source, "masses"] == [10, 1]
-        assert counts[source, "speeds"] == counts[source, "trains"] == [1, 2]
-        assert counts[source, "coefficients"] == [23, 47]  # of an event of 162 deg, less four conditions
-
-
-def linear_cost(content):
-    assert len(content["rows"]) == 3 * len(SCENES)
-    assert all(row["before_us"] > 1.0 for row in content["rows"].values())
-    assert content["largest_ratio"] == max(row["ratio"] for row in content["rows"].values())
-
-
 def modes(content):
     for row in content["ohv_3dof"]:
         # the paper prints four to six figures
@@ -210,7 +190,7 @@ def modes(content):
 
 
 def motori(content):
-    """What Figures 5 and 6 of MOTORI 2004 say of the contact force, and what the extreme conditions must do."""
+    """What Figures 5 and 6 of MOTORI 2004 say of the contact force."""
     soft, middle, hard = (motori_stiffness(content, "damping constant 1200 kg/s", k) for k in (10, 50, 1000))
     assert middle["ripple_N"] < soft["ripple_N"] < hard["ripple_N"] / 2
     assert middle["jump_mm"] == 0 and middle["contact_force_min_N"] > 100
@@ -219,18 +199,6 @@ def motori(content):
     assert hard["landing_force_N"] == pytest.approx(0.132 * np.sqrt(1e9 * 0.24), rel=0.1)
     middle, hard = (motori_stiffness(content, "damping ratio 0.1", k) for k in (50, 1000))
     assert hard["jump_mm"] == 0 and hard["ripple_N"] < middle["ripple_N"] / 2
-    engines = {row["engine"] for row in content["extremes"]}
-    assert len(engines) == 2
-    for engine in engines:
-        by_case = {row["case"]: row for row in content["extremes"] if row["engine"] == engine}
-        fast, calm = by_case["high speed (4000)"], by_case["low speed (300)"]
-        assert fast["jump_mm"] > 1 and fast["bounce_mm"] > 1 and fast["clash_force_max_N"] > 1000
-        assert calm["jump_mm"] == 0 and calm["ripple_N"] < 5
-        wide = by_case["clearance 0.4 mm, beyond the ramp"]
-        assert wide["jump_mm"] > 0.1 and wide["contact_force_max_N"] > 1.3 * calm["contact_force_max_N"]
-        springs = ("soft spring (x 0.5)", "as given", "hard spring (x 2)")
-        least = [by_case[case]["contact_force_min_N"] for case in springs]
-        assert least[0] < least[1] - 50 and least[1] < least[2] - 200  # of a preload of 125, 250 and 500 N
 
 
 def motori_stiffness(content, kept, train_kN_per_mm):
@@ -296,8 +264,5 @@ def wandering(content):
 
 
 def work_precision(content):
-    rows = {row["method"]: row for row in reversed(content["methods"])}
-    assert {"event-exact", "Runge-Kutta-Gill", "Houbolt", "Dormand-Prince, compiled", "SciPy DOP853"} <= set(rows)
-    assert rows["event-exact"]["error_mm"][0] < 1e-8 < 1e-3 < rows["Runge-Kutta-Gill"]["error_mm"][0]
-    assert all(row["ms"] > 0 for row in rows.values())
-    assert content["parts"]["switchings"] > 50
+    errors = {row["method"]: row["error_mm"][0] for row in reversed(content["methods"])}
+    assert errors["event-exact"] < 1e-8 < 1e-3 < min(errors["Dormand-Prince, compiled"], errors["Runge-Kutta-Gill"])

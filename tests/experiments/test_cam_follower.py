@@ -8,7 +8,7 @@ import pytest
 from camopt.exact import prepare
 from camopt.scene import build_train, load_scene
 from experiments import cam_follower
-from experiments.support.cam_follower_parts import (
+from experiments.cam_follower import (
     TIP,
     arcs,
     bound_on_decline,

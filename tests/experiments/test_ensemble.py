@@ -5,22 +5,28 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact.adjoint.motion import value_and_gradient
-from camopt.scene import InputError, MotionRefused
+from camopt.scene import MotionRefused
 from camopt.study.gradient.paths import cosine, moved, with_bumps
-from experiments.ensemble_gradients import evolution_strategy_gradient
-from experiments.support.ensemble import CamEnsemble, ensemble_gradient, summary
+from experiments.ensemble_gradients import (
+    Bumped,
+    drawn_heights,
+    evolution_strategy,
+    of_pairs,
+    pathwise,
+    split_half_cosine,
+)
 from tests.exact.gradient_problems import kodama
 
-NAMES = ["jump_mm", "bounce_mm"]
+NAMES = ("jump_mm", "bounce_mm")
 
 
-def cam(count):
+def bumped(count: int, rpm: float) -> Bumped:
     scene, train = kodama()
-    return (train, *with_bumps(polydyne(scene), count)), scene
+    return Bumped(train, *with_bumps(polydyne(scene), count), scene.cam_speed(rpm), NAMES)
 
 
 def test_bumps_leave_the_ramps_and_have_height_one():
-    (_, lift, directions), scene = cam(20)
+    (scene, _), (_, lift, directions, *_) = kodama(), bumped(20, 6000)
     theta = np.linspace(-np.pi, np.pi, 20001)
     assert np.abs(lift(theta) - polydyne(scene)(theta)).max() < 1e-16
     outside = np.abs(theta) > lift.half_duration
@@ -33,58 +39,30 @@ def test_bumps_leave_the_ramps_and_have_height_one():
 
 
 def test_cams_that_hardly_differ_have_the_gradient_of_one():
-    (train, lift, directions), scene = cam(5)
-    speed = scene.cam_speed(6000)
-    found = ensemble_gradient(train, CamEnsemble(lift, directions, 1e-12, 4, seed=1), speed, NAMES)
-    single = value_and_gradient(train, lift, speed, NAMES)
-    assert found.values == pytest.approx(single.values, rel=1e-6)
-    slopes = np.einsum("lpq,mpq->lm", single.by_coefficients, directions)
-    assert np.linalg.norm(found.gradient - slopes) < 1e-5 * np.linalg.norm(slopes)
-    assert found.members == 4
-    assert found.split_half_cosine == pytest.approx(1.0)
+    one = bumped(5, 6000)
+    slopes = pathwise(one, drawn_heights(4, 5, 1e-12, seed=1))
+    single = value_and_gradient(one.train, one.lift, one.cam_speed, NAMES)
+    wanted = np.einsum("lpq,mpq->lm", single.by_coefficients, one.directions)
+    assert np.linalg.norm(slopes.mean(axis=0) - wanted) < 1e-5 * np.linalg.norm(wanted)
+    assert split_half_cosine(slopes) == pytest.approx([1.0, 1.0])
 
 
 def test_the_pathwise_mean_is_that_of_the_evolution_strategy_and_has_less_noise():
-    (train, lift, directions), scene = cam(5)
-    speed = scene.cam_speed(6500)
-    pathwise = ensemble_gradient(train, CamEnsemble(lift, directions, 1e-6, 100, seed=2), speed, NAMES)
-    judge = evolution_strategy_gradient(train, CamEnsemble(lift, directions, 1e-6, 1200, seed=3), speed, NAMES)
-    assert pathwise.values == pytest.approx(judge.values, rel=1e-2)
-    for found, reference in zip(pathwise.gradient, judge.gradient, strict=True):
+    one = bumped(5, 6500)
+    slopes = pathwise(one, drawn_heights(100, 5, 1e-6, seed=2))
+    judge = evolution_strategy(one, drawn_heights(1200, 5, 1e-6, seed=3), 1e-6)
+    for found, reference in zip(slopes.mean(axis=0), judge.mean(axis=0), strict=True):
         assert cosine(found, reference) > 0.97
         assert np.linalg.norm(found) == pytest.approx(np.linalg.norm(reference), rel=0.2)
-    assert np.all(pathwise.standard_error[0] * np.sqrt(100) < judge.standard_error[0] * np.sqrt(1200))
+    assert np.all(slopes[:, 0].std(axis=0) < judge[:, 0].std(axis=0))
 
 
-def test_pairs_without_a_value_are_left_out_of_all_means():
-    """Of four pairs one has a refused member: the others make mean, error and halves."""
-    values = np.array([[1.0, 3.0], [2.0, np.nan], [5.0, 7.0], [0.0, 2.0]])[:, :, None]
-    slopes = np.array([[1.0, 0.0], [9.0, 9.0], [0.0, 2.0], [0.0, 4.0]])[:, None, :]
-    found = summary(["bounce_mm"], values, slopes)
-    assert (found.members, found.refused) == (6, 2)
-    assert found.values == pytest.approx([3.0])
-    assert found.gradient[0] == pytest.approx([1 / 3, 2.0])
-    assert found.standard_error[0] == pytest.approx([1 / 3, 2 / np.sqrt(3)])
-    assert found.split_half_cosine == pytest.approx([0.0])
-    with pytest.raises(MotionRefused, match="of 4 pairs of cams 0 move"):
-        summary(["bounce_mm"], np.where(values > 1.9, np.nan, values), slopes)
+def test_a_refused_member_leaves_out_its_pair():
+    def numbers(heights: np.ndarray) -> np.ndarray:
+        if heights[0] == 2.0:
+            raise MotionRefused("no motion")
+        return np.where(heights == -3.0, np.nan, heights)
 
-
-def test_members_come_in_pairs_of_opposite_heights():
-    (_, lift, directions), _ = cam(3)
-    ensemble = CamEnsemble(lift, directions, 2e-6, 6, seed=4)
-    heights, lifts = ensemble.heights(), ensemble.lifts()
-    assert heights.shape == (3, 3) and len(lifts) == 6
-    assert CamEnsemble(lift, directions, 4e-6, 6, seed=4).heights() == pytest.approx(2 * heights)
-    for i, height in enumerate(heights):
-        change = np.einsum("m,mpq->pq", height, directions)
-        for one, sign in ((lifts[2 * i], 1.0), (lifts[2 * i + 1], -1.0)):
-            np.testing.assert_allclose(one.coefficients, lift.coefficients + sign * change, rtol=1e-12, atol=1e-14)
-
-
-def test_unusable_ensembles_are_refused():
-    (_, lift, directions), _ = cam(5)
-    with pytest.raises(InputError, match="members = 5: an ensemble needs an even number"):
-        CamEnsemble(lift, directions, 1e-6, 5, seed=1)
-    with pytest.raises(InputError, match="sigma_m = 0"):
-        CamEnsemble(lift, directions, 0.0, 4, seed=1)
+    heights, pairs = of_pairs(numbers, np.array([[1.0], [2.0], [3.0], [4.0]]))
+    np.testing.assert_array_equal(heights, [[1.0], [4.0]])
+    np.testing.assert_array_equal(pairs, [[[1.0], [-1.0]], [[4.0], [-4.0]]])

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from experiments.support import gradient_ball as ball
-from experiments.support.gradient_warp import warp_kernel
+from experiments.support.gradient_ball import warp_kernel
 
 
 def test_the_closed_form_conserves_momentum_by_its_coefficient_of_restitution():

@@ -16,9 +16,8 @@ from camopt.scene.units import DEG, MM
 from experiments import chords, drawing_limits, modes, sweep_scaling, table5
 from experiments.linear_programs import decided, programs
 from experiments.near_limit import scene_of
-from experiments.support.dormand_prince import DENSE, ERROR, A, dormand_prince, right_hand_side
-from experiments.support.near_limit_cams import band
-from experiments.support.near_limit_truth import from_rest, truth
+from experiments.support.dormand_prince import dormand_prince, right_hand_side
+from experiments.support.near_limit_cams import band, from_rest, truth
 from experiments.work_precision import Case
 from tests.experiments import small_cams
 
@@ -84,17 +83,6 @@ def test_dormand_prince_follows_scipy_where_nothing_switches():
     assert np.abs(ours - theirs)[:, :10].max() < 1e-10
     assert np.ptp(theirs[:, 1]) > 1e-4
     assert tried > 100
-
-
-def test_dormand_prince_coefficients_have_order_five():
-    """Order conditions on the bushy and tall trees, and the error estimate's order four."""
-    b, c = A[6], A.sum(axis=1)[:6]
-    for k in range(1, 6):
-        assert b @ c ** (k - 1) == pytest.approx(1 / k, abs=1e-14)
-    assert b @ (A[:6] @ (A[:6] @ (A[:6] @ c))) == pytest.approx(1 / 120, abs=1e-14)
-    for k in range(4):
-        assert ERROR @ A.sum(axis=1) ** k == pytest.approx(0.0, abs=1e-14)
-    assert abs(DENSE.sum()) < 1e-12
 
 
 def test_the_values_of_limits_are_those_of_formulas_written_again():

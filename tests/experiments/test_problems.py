@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from camopt.study.extremes.extremes import LOCATING, STEP_METHODS
-from experiments.support.problems import HEIGHT, PROBLEMS, bouncing, position
+from experiments.fixed_problems import HEIGHT, PROBLEMS, bouncing, position
 
 ANGLE = np.linspace(-np.pi, np.pi, 361)
 METHODS = {**STEP_METHODS, "event": LOCATING["event"]}

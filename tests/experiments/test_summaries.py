@@ -13,9 +13,8 @@ from experiments import (
     never_nothing,
     outside_judges,
     starts,
-    table5_conclusion,
 )
-from experiments.support.work_precision_parts import ratios
+from experiments.work_precision import ratios
 
 
 @pytest.mark.parametrize(
@@ -91,11 +90,6 @@ def test_ratios_of_times_are_those_at_the_target():
         "slow": {"ms": pytest.approx(100.0), "sampled": pytest.approx(200.0), "end_state": pytest.approx(400.0)},
         "never": None,
     }
-
-
-def test_the_interval_of_a_share_is_wilsons():
-    # ten of ten: z^2 / (n + z^2) is missing at the lower end, nothing at the upper
-    assert table5_conclusion.wilson(10, 10) == pytest.approx((10 / (10 + 1.96**2), 1.0), abs=1e-12)
 
 
 def test_a_start_without_a_cam_leaves_its_sentence(monkeypatch):

@@ -45,8 +45,8 @@ QUICK: dict[str, tuple[str, ...]] = {}
 """Commands by the name of the case, which run one after the other in one folder."""
 LONG: dict[str, tuple[str, ...]] = {}
 """The same of the verbs that take longer than ten seconds."""
-for scene, name, varied in zip(SCENES, ("slow", "measured"), ("spring.preload_N", "spring.preload_N"), strict=True):
-    rpm = {"slow": 4500, "measured": 7000}[name]
+for scene, rpm in zip(SCENES, (4500, 7000), strict=True):
+    name, varied = scene.removesuffix(".toml"), "spring.preload_N"
     search = f"optimize {scene} --accuracy draft --speeds nominal"
     QUICK |= {
         f"{name}-bound": (f"bound {scene} --json bound.json",),

@@ -2,7 +2,6 @@
 
 from dataclasses import replace
 from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,13 +9,13 @@ import pytest
 from camopt.cam.families.exponent import exponent
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare
-from camopt.measure.energy import energy
+from camopt.measure.energy import Elastic, energy
 from camopt.scene import build_train, load_scene
 from camopt.scene.laws import OIL, PROGRESSIVE
 from camopt.scene.response import Response, end_state, joined
-from camopt.scene.rest import state_at_rest
 from camopt.scene.train import GROUND
 from camopt.verifier.methods import dop853, rkg, tmm
+from tests.verifier.scenes import REAL, from_rest, with_elements
 from tests.verifier.trains import ball_on_seat, laws, no_lift, smooth_lift, train, two_springs
 
 CLOSED = 1e-8
@@ -24,12 +23,16 @@ CLOSED = 1e-8
 
 
 @cache
+def revolutions(name, rpm):
+    """The first two revolutions from rest."""
+    case, rest = from_rest(name, rpm)
+    revolve = prepare(*case, 7200)
+    first = revolve(rest)
+    return first, revolve(end_state(first)), case[1]
+
+
 def second_revolution(name, rpm):
-    scene = load_scene(name)
-    lift, train = polydyne(scene), build_train(scene)
-    revolve = prepare(train, lift, scene.cam_speed(rpm), 7200)
-    first = revolve(state_at_rest(train))
-    return revolve(end_state(first)), lift
+    return revolutions(name, rpm)[1:]
 
 
 CASES = [("kodama", 5000), ("kodama", 7000), ("motori-1", 5000), ("motori-1", 7000)]
@@ -86,12 +89,8 @@ def test_what_an_opening_contact_still_holds_is_left_behind():
 
 
 def test_records_add_up():
-    scene = load_scene("motori-1")
-    lift, train = polydyne(scene), build_train(scene)
-    revolve = prepare(train, lift, scene.cam_speed(6000), 3600)
-    one = revolve(state_at_rest(train))
-    two = revolve(end_state(one))
-    parts, whole = (energy(one, lift), energy(two, lift)), energy(joined([one, two]), lift)
+    *motions, lift = revolutions("motori-1", 7000)
+    parts, whole = [energy(motion, lift) for motion in motions], energy(joined(motions), lift)
     assert whole.put_in == pytest.approx(sum(p.put_in for p in parts), rel=1e-12)
     assert whole.dissipated == pytest.approx(sum(p.dissipated for p in parts), rel=1e-12)
 
@@ -104,15 +103,10 @@ def test_without_located_contacts_the_residual_is_the_error_of_the_method(method
     assert np.log(coarse / fine) / np.log(4) == pytest.approx(order, abs=0.25)
 
 
-REAL = Path(__file__).parents[1] / "scene/real.toml"
-
-
 @cache
-def real_revolution(rpm, method="dop853", steps=7200):
-    scene = load_scene(REAL)
-    train, lift = build_train(scene), exponent(scene)
-    prepare = {"dop853": dop853.prepare, "rkg": rkg.prepare}[method]
-    return prepare(train, lift, scene.cam_speed(rpm), steps)(state_at_rest(train)), lift
+def real_revolution(rpm, method=dop853, steps=7200):
+    case, rest = from_rest(REAL, rpm, exponent)
+    return method.prepare(*case, steps)(rest), case[1]
 
 
 @pytest.mark.parametrize("rpm", [2000, 4000])
@@ -151,18 +145,25 @@ def test_a_record_under_another_gas_force_does_not_balance():
 
 def test_the_residual_of_a_real_train_falls_with_the_steps_of_a_method():
     def residual(steps):
-        runs = [real_revolution(4000, "rkg", steps + more) for more in range(1, 6)]
+        runs = [real_revolution(4000, rkg, steps + more) for more in range(1, 6)]
         return np.mean([abs(energy(*run).residual_relative) for run in runs])
 
     coarse, fine = residual(3600), residual(57_600)
     assert fine < 2 / 16 * coarse  # order 1 across a damped closing
 
 
-def test_balance_closes_with_hertz_contacts():
+LOSSY = {"law": "hunt-crossley", "dissipation_s_per_m": 0.3, "damping_N_s_per_m": 0.0}
+
+
+@pytest.mark.parametrize("changes", [{}, LOSSY], ids=["hertz", "hunt-crossley"])
+def test_balance_closes_with_curved_contacts(changes):
     scene = load_scene("kodama-hertz")
-    train, lift = build_train(scene), polydyne(load_scene("kodama"))
-    found = energy(dop853.prepare(train, lift, scene.cam_speed(6000), 7200)(state_at_rest(train)), lift)
-    assert abs(found.residual_relative) < CLOSED and found.left.sum() > 1e3 * CLOSED * found.stored.max()
+    curved = [e.law == "hertz" for e in scene.element]
+    scene = with_elements(scene, **{e.name: changes for e in scene.element if e.law == "hertz"})
+    case, rest = from_rest(scene, 6000, lambda _: polydyne(load_scene("kodama")))
+    found = energy(dop853.prepare(*case, 7200)(rest), case[1])
+    assert abs(found.residual_relative) < CLOSED
+    assert np.all((found.damped[curved] if changes else found.left.sum()) > 1e3 * CLOSED * found.stored.max())
 
 
 def test_balance_closes_with_a_preloaded_progressive_seat():
@@ -178,8 +179,8 @@ def test_balance_closes_with_a_preloaded_progressive_seat():
 def test_what_an_oil_column_loses_is_known_from_few_samples():
     """Held at d it loses k d^2 (1 - exp(-2 k t / leak)) / 2; here a step is a fifth of leak / k."""
     k, leak, d, steps = 1e6, 1e3, 1e-3, 20
-    held = train([1e12], [(0, GROUND, False, False, k, 0.0, 0.0, 0.0)])  # no force moves such a mass
-    held = replace(held, laws=laws([OIL], [k], leak=leak))
+    oil = laws([OIL], [k], leak=leak)
+    held = train([1e12], [(0, GROUND, False, False, k, 0.0, 0.0, 0.0)], laws=oil)  # no force moves such a mass
     angle, end = np.linspace(-np.pi, np.pi, steps + 1), steps / 5 * leak / k
     time, still = (angle + np.pi) / (2 * np.pi) * end, np.zeros((steps + 1, 1))
     z = d * (1 - np.exp(-k * time / leak))[:, None]
@@ -188,11 +189,28 @@ def test_what_an_oil_column_loses_is_known_from_few_samples():
     assert energy(record, no_lift()).damped == pytest.approx([lost], rel=1e-5)
 
 
-def test_balance_closes_with_hunt_crossley_contacts():
+COMPRESSION = np.linspace(-2e-4, 2e-4, 401)
+
+
+def test_a_hertz_contact_pushes_with_the_power_of_its_compression_from_the_touch():
     scene = load_scene("kodama-hertz")
-    law = {"law": "hunt-crossley", "dissipation_s_per_m": 0.3, "damping_N_s_per_m": 0.0}
-    elements = tuple(e.model_copy(update=law) if e.law == "hertz" else e for e in scene.element)
-    train, lift = build_train(scene.model_copy(update={"element": elements})), polydyne(load_scene("kodama"))
-    found = energy(dop853.prepare(train, lift, scene.cam_speed(6000), 7200)(state_at_rest(train)), lift)
-    lost = found.damped[[e.law == "hunt-crossley" for e in elements]]
-    assert abs(found.residual_relative) < CLOSED and np.all(lost > 1e3 * CLOSED * found.stored.max())
+    train = build_train(scene)
+    e = next(i for i, element in enumerate(scene.element) if element.law == "hertz")
+    element = scene.element[e]
+    force = Elastic(train).force(np.repeat(COMPRESSION[:, None], len(train.a), axis=1))[:, e]
+    k, p = element.stiffness_N_per_m, element.exponent or 1.5
+    expected = k * np.maximum(0.0, COMPRESSION + (element.preload_N / k) ** (1.0 / p)) ** p
+    np.testing.assert_allclose(force, expected, rtol=1e-12, atol=1e-12)
+    assert force.max() > 1.0
+
+
+@pytest.mark.parametrize("name", ["kodama-hertz", "kodama"])
+def test_the_energy_is_the_integral_of_the_force(name):
+    train = build_train(load_scene(name))
+    elastic, d = Elastic(train), np.repeat(COMPRESSION[:, None], len(train.a), axis=1)
+    memory = np.zeros((len(d), len(train.memory)))
+    change = np.diff(elastic.stored(d, memory), axis=0)
+    pushed = np.where(train.contact, np.maximum(elastic.force(d), 0.0), elastic.force(d))
+    middle = 0.5 * (pushed[1:] + pushed[:-1]) * np.diff(d, axis=0)
+    scale = np.abs(change).max(axis=0)
+    np.testing.assert_allclose(change, middle, atol=1e-3 * scale.max())  # trapezoids of 1 um

@@ -128,7 +128,7 @@ def test_what_an_adjuster_has_leaked_is_lash_at_the_nominal_closing(leaked):
     """An adjuster that has filled instead leaves the nominal closing where the lash has it."""
     elements = [*ELEMENTS, (0, 1, False, False, 1e7, 0.0, 0.0, 0.0)]
     law = laws([LINEAR] * 3 + [OIL], [e[4] for e in elements], leak=[0.0, 0.0, 0.0, 1e6])
-    hydraulic = replace(train([0.1, 0.1], elements, valve=1, seat=2, cam_side=(0, 1)), laws=law, adjusters=(3,))
+    hydraulic = train([0.1, 0.1], elements, valve=1, seat=2, cam_side=(0, 1), laws=law, adjusters=(3,))
     nominal = lift().closing_angle(LASH + max(0.0, leaked))
     late = nominal + 0.2
     motion = hops(2, [event(0, late)])
@@ -163,15 +163,10 @@ def test_dynamic_area():
 def separated(parts_cam, parts_tip, revolutions=2):
     """Follower off the cam and valve off the follower by the given hops; both pressed 2 um together elsewhere."""
     angle = angles(revolutions, [k for p in (*parts_cam, *parts_tip) for k in p[:2]])
-    gap, gap_rate, tip, tip_rate = 0 * angle - 2e-6, 0 * angle, 0 * angle - 2e-6, 0 * angle
-    for part in parts_cam:
-        hop = parabola(angle, *part)
-        gap, gap_rate = gap + hop[0], gap_rate + hop[1]
-    for part in parts_tip:
-        hop = parabola(angle, *part)
-        tip, tip_rate = tip + hop[0], tip_rate + hop[1]
-    follower = lift()(angle) + gap, lift()(angle, 1) + gap_rate
-    return record(angle, follower[0] - LASH + tip - TOUCH, follower[1] + tip_rate, follower)
+    pressed = np.stack([0 * angle - 2e-6, 0 * angle])
+    gap, tip = (pressed + sum(np.stack(parabola(angle, *part)) for part in parts) for parts in (parts_cam, parts_tip))
+    follower = np.stack([lift()(angle), lift()(angle, 1)]) + gap
+    return record(angle, follower[0] - LASH + tip[0] - TOUCH, follower[1] + tip[1], follower)
 
 
 def hop_width(width, height):
@@ -180,9 +175,8 @@ def hop_width(width, height):
 
 
 def test_jump_is_the_largest_of_a_contact_and_its_total_angle():
-    figures = measure(
-        separated([(0.2, 0.5, 0.4 * MM), (-0.6, -0.5, 0.1 * MM)], [(0.7, 1.05, 0.3 * MM)]), lift()
-    )  # fmt: skip
+    hops_of_cam = [(0.2, 0.5, 0.4 * MM), (-0.6, -0.5, 0.1 * MM)]
+    figures = measure(separated(hops_of_cam, [(0.7, 1.05, 0.3 * MM)]), lift())
     assert figures["jump_mm"] == pytest.approx([0.4 - 0.002], rel=1e-6)
     cam = hop_width(0.3, 0.4 * MM) + hop_width(0.1, 0.1 * MM)
     assert figures["jump_deg"] == pytest.approx([cam], rel=1e-6)
@@ -237,10 +231,8 @@ def test_doubled_samples_change_nothing():
 @pytest.mark.parametrize("seed", range(8))
 def test_a_revolution_is_measured_as_in_the_record_with_the_next_one(seed):
     """Bit by bit, on a motion that trembles everywhere, over the span that each metric reads."""
-    motion, rng = (
-        hops(2, [event(0), (2.2, TURN - 1.9, 0.3 * MM), event(1)], 1001 + 2 * seed),
-        np.random.default_rng(seed),
-    )
+    rng = np.random.default_rng(seed)
+    motion = hops(2, [event(0), (2.2, TURN - 1.9, 0.3 * MM), event(1)], 1001 + 2 * seed)
     x, v, force = (getattr(motion, k) * rng.uniform(0.9, 1.1, getattr(motion, k).shape) for k in ("x", "v", "force"))
     middle = np.searchsorted(motion.angle, np.pi)
     motion = replace(motion, x=x + 0.1 * MM * rng.normal(size=x.shape), v=v, force=force)

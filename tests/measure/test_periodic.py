@@ -1,24 +1,21 @@
 """Periodic states of maps whose fixed point and eigenvalues are known, and of a train that settles slowly."""
 
 from dataclasses import replace
-from functools import cache
-from pathlib import Path
 
 import numpy as np
 import pytest
 
 from camopt.cam.families.exponent import exponent
-from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare
 from camopt.measure import periodic
 from camopt.measure.periodic import periodic_state
-from camopt.scene import MotionRefused, build_train, load_scene
+from camopt.scene import MotionRefused
 from camopt.scene.laws import FRICTION, LINEAR, OIL
 from camopt.scene.response import end_state
-from camopt.scene.rest import state_at_rest
 from camopt.scene.train import GROUND
 from camopt.verifier.methods import rkg
 from tests.measure.test_settling import revolve_to
+from tests.verifier.scenes import REAL, from_rest
 from tests.verifier.trains import laws, no_lift, train
 
 FIXED = np.array([2e-3, -0.7])
@@ -88,20 +85,11 @@ def test_a_motion_that_is_refused_at_once_stays_refused():
         periodic_state(revolve_to(lambda y: np.inf * y), START)
 
 
-@cache
-def surging():
-    """Kodama's train with a quarter of its coils' damping: surge takes fifty revolutions to die out."""
-    scene = load_scene("kodama")
-    train = build_train(scene)
-    coils = train.stiffness < 1e6
-    train = replace(train, damping=np.where(coils, 0.25 * train.damping, train.damping))
-    return train, polydyne(scene), scene.cam_speed(5000)
-
-
 def test_agrees_with_plain_settling():
-    train, lift, cam_speed = surging()
-    revolve = prepare(train, lift, cam_speed)
-    rest = state_at_rest(train)
+    """Kodama's train with a quarter of its coils' damping: surge takes fifty revolutions to die out."""
+    (train, lift, cam_speed), rest = from_rest("kodama", 5000)
+    damping = np.where(train.stiffness < 1e6, 0.25 * train.damping, train.damping)
+    revolve = prepare(replace(train, damping=damping), lift, cam_speed)
     found = periodic_state(revolve, rest)
     state, changes = rest, []
     for _ in range(80):
@@ -117,21 +105,15 @@ def test_agrees_with_plain_settling():
 
 
 def test_a_bouncing_train_is_aperiodic():
-    scene = load_scene("kodama")
-    train = build_train(scene)
-    rest = state_at_rest(train)
-    found = periodic_state(prepare(train, polydyne(scene), scene.cam_speed(7000)), rest)
+    case, rest = from_rest("kodama", 7000)
+    found = periodic_state(prepare(*case), rest)
     assert not found.periodic and found.residual > 1
 
 
-REAL = Path(__file__).parents[1] / "scene/real.toml"
-
-
 def test_the_periodic_state_of_a_train_with_memories():
-    scene = load_scene(REAL)
-    train = build_train(scene)
-    revolve = rkg.prepare(train, exponent(scene), scene.cam_speed(3000), 7200)
-    found = periodic_state(revolve, state_at_rest(train), memories=len(train.memory))
+    case, rest = from_rest(REAL, 3000, exponent)
+    train, revolve = case[0], rkg.prepare(*case, 7200)
+    found = periodic_state(revolve, rest, memories=len(train.memory))
     assert found.periodic and len(found.multipliers) == train.state_size
     after = revolve(found.state)
     assert np.abs(end_state(after) - found.state)[[0, 1, 4, 5]].max() < 1e-10
@@ -143,9 +125,8 @@ def test_a_leak_that_takes_hundreds_of_revolutions_is_found_directly():
     k, spring, period = 1e6, 1e3, 0.05
     leak = 300 * period * spring  # the force fades by exp(-1 / 300) a revolution
     elements = [(GROUND, 0, False, False, k, 0.0, 0.0, 0.0), (GROUND, 0, False, False, spring, 0.0, 0.0, 0.0)]
-    column = replace(
-        train([0.1], elements, force=-1.0, mass_damping=50.0), laws=laws([OIL, LINEAR], [k, spring], leak=[leak, 0.0])
-    )
+    own = laws([OIL, LINEAR], [k, spring], leak=[leak, 0.0])
+    column = train([0.1], elements, force=-1.0, mass_damping=50.0, laws=own)
     revolve = rkg.prepare(column, no_lift(), 2 * np.pi / period, 1440)
     found = periodic_state(revolve, np.zeros(3), memories=1)
     sunk = 1.0 / spring
@@ -158,7 +139,7 @@ def test_a_leak_that_takes_hundreds_of_revolutions_is_found_directly():
 def test_friction_that_never_slides_leaves_a_multiplier_of_one():
     """Wherever it sticks, the motion is periodic: no state of them is the one that disturbances come back to."""
     elements = [(0, GROUND, False, False, 1e5, 0.0, 0.0, 0.0), (0, GROUND, False, False, 1e5, 60.0, 0.0, 0.0)]
-    stuck = replace(train([0.1], elements), laws=laws([FRICTION, LINEAR], [1e5, 1e5], slip=[50.0, 0.0]))
+    stuck = train([0.1], elements, laws=laws([FRICTION, LINEAR], [1e5, 1e5], slip=[50.0, 0.0]))
     revolve = rkg.prepare(stuck, no_lift(), 2 * np.pi / 0.05, 1440)
     found = periodic_state(revolve, np.array([1e-4, 0.0, 1e-5]), memories=1)
     assert not found.periodic and found.residual < 1e-4

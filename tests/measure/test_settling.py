@@ -18,13 +18,13 @@ UNIT = np.array([6e-7, 6e-4])
 """Position [m] and velocity [m/s] within which a motion wanders that settles by no other measure."""
 
 
-def revolve_to(after):
-    """A method whose revolution ends in `after(state)`."""
+def revolve_to(after, train=TRAIN):
+    """A method of a train with one mass whose revolution ends in `after(state)`."""
 
     def revolve(state):
-        ends = np.stack([state, after(state)])
+        x, v, z = np.split(np.stack([state, after(state)]), [1, 2], axis=1)
         zeros = np.zeros(2)
-        return Response(TRAIN, 1.0, np.array([-np.pi, np.pi]), zeros, ends[:, :1], ends[:, 1:], zeros[:, None])
+        return Response(train, 1.0, np.array([-np.pi, np.pi]), zeros, x, v, zeros[:, None], z)
 
     return revolve
 
@@ -72,17 +72,8 @@ def test_worst_is_largest_or_where_less_is_worse_smallest():
 
 
 def remembering(after):
-    """A method of a train with one mass and one memory whose revolution ends in `after(state)`."""
-    oil = replace(TRAIN, laws=laws([OIL], 1e5, leak=1.0))
-
-    def revolve(state):
-        ends = np.stack([state, after(state)])
-        zeros = np.zeros(2)
-        return Response(
-            oil, 1.0, np.array([-np.pi, np.pi]), zeros, ends[:, :1], ends[:, 1:2], zeros[:, None], ends[:, 2:]
-        )
-
-    return revolve
+    """The same with one memory."""
+    return revolve_to(after, replace(TRAIN, laws=laws([OIL], 1e5, leak=1.0)))
 
 
 def test_a_memory_settles_as_a_position_does():
@@ -131,8 +122,8 @@ def test_the_leak_of_a_seated_adjuster_is_that_of_its_force():
         (0, 1, False, False, k, 0.0, 0.0, 0.0),
         (GROUND, 1, True, False, k, 0.0, 100.0, 0.0),
     ]
-    parts = train([0.1, 0.1], elements, force=np.array([-10.0, -10.0]), valve=1, seat=2, cam_side=(0,))
-    parts = replace(parts, laws=laws([LINEAR, OIL, LINEAR], k, leak=[0.0, leak, 0.0]))
+    own = laws([LINEAR, OIL, LINEAR], k, leak=[0.0, leak, 0.0])
+    parts = train([0.1, 0.1], elements, force=-10.0, valve=1, seat=2, cam_side=(0,), laws=own)
     assert slowest_leak(parts) == pytest.approx(0.5 * k / (3 * leak), rel=1e-9)
     assert slowest_leak(TRAIN) == np.inf
 

@@ -7,7 +7,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.exact import settled_metrics
 from camopt.measure import sweep as module
 from camopt.measure.resonance import Resonance
-from camopt.measure.sweep import SpeedCache, first_exceeding, sweep
+from camopt.measure.sweep import SpeedCache, first_exceeding, reserve_sentences, sweep
 from camopt.scene import QUANTITIES, load_scene
 
 SCENE = load_scene("kodama")
@@ -102,3 +102,18 @@ def test_the_step_about_a_peak_is_quartered_until_it_is_the_finest(known):
     second = min((first + 16.0 * k for k in range(-3, 4)), key=lambda rpm: abs(rpm - 6000.0))
     assert {second + 4.0 * k for k in range(-3, 4)} <= looked
     assert {6000.0 + k for k in range(-3, 4)} <= looked
+
+
+@pytest.mark.parametrize(
+    ("starts", "design", "says"),
+    [
+        ({"jump": 7620.0}, {"jump_max_mm": 0.02}, ["Jump exceeds 0.02 mm from 7620 r/min on, 0.3 % above the band."]),
+        ({"bounce": 3990.0}, {}, ["Bounce exceeds 0.05 mm from 3990 r/min on, below the band."]),
+        ({"bounce": 5000.0}, {"bounce_max_mm": None}, ["Bounce exceeds 0.05 mm from 5000 r/min on, within the band."]),
+        ({"jump": None}, {}, ["Jump does not exceed 0.05 mm below 1.5 times the band's top."]),
+        ({}, {}, []),
+    ],
+)
+def test_what_is_kept_beyond_the_band_is_said_with_the_scenes_own_limits(starts, design, says):
+    starts = {f"first_{name}_rpm": speed for name, speed in starts.items()}
+    assert reserve_sentences(starts, design, (4000.0, 7600.0)) == says

@@ -42,9 +42,7 @@ class Choice:
         if source.startswith(COMPILED) and on_import(ROOT / source, lines):
             return
         naming, others = tests_of(source)
-        found = self.running(naming, False, source, asked)
-        yield False, found
-        yield False, [test for test in self.running(others, False, source, asked) if not found]
+        yield False, self.running(naming, False, source, asked) or self.running(others, False, source, asked)
 
     def running(self, files: list[str], plain: bool, source: str, lines: range) -> list[Timed]:
         """The tests of files that run any of the lines, or any line where these only run on import."""

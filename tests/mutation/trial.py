@@ -10,19 +10,27 @@ import json
 import os
 import resource
 import shutil
+import signal
 import sys
+import time
 import traceback
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 from typing import Any
 
+import coverage
+import pytest
+
 from tests.mutation.choice import DIGITS, Timed
 from tests.mutation.mutants import ROOT
-from tests.mutation.watching import Watch
 
 SECONDS = 120
 """Processor time after which a mutant counts as caught: the tests of the sources as they are need less."""
+WATCHED = 120.0
+"""Processor time after which a test is not asked: a trial is to be cheap."""
+ALTOGETHER = 300.0
+"""Processor time for a file of tests."""
 HEAVY = (
     *("jax", "diffrax", "scipy.optimize", "scipy.stats", "numba", "pydantic", "matplotlib.figure", "xarray", "pytest"),
     *("hypothesis", "_hypothesis_pytestplugin", "xdist.plugin", "pytest_timeout", "beartype", "jaxtyping"),
@@ -111,6 +119,49 @@ class First:
             self.file.write_text(report.nodeid, encoding="utf-8")
 
 
+class Watch:
+    """A plugin of pytest that keeps lines and processor time [s] of every test that passes."""
+
+    def __init__(self, folder: Path):
+        self.folder, self.seconds, self.passed, self.wrong = folder, {}, set(), set()
+        source = [str(folder / "camopt")]
+        self.coverage = coverage.Coverage(data_file=None, config_file=False, source=source, messages=False)
+        signal.signal(signal.SIGPROF, lambda *_: pytest.fail("takes too long to be asked"))
+        self.coverage.start()
+
+    @pytest.hookimpl(hookwrapper=True)
+    def pytest_runtest_protocol(self, item):
+        """Lines that run from here on are this test's."""
+        if time.process_time() > ALTOGETHER:
+            item.session.shouldstop = "enough tests of one file"
+        self.coverage.switch_context(item.nodeid)
+        start = time.process_time()
+        signal.setitimer(signal.ITIMER_PROF, WATCHED)
+        yield
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        self.coverage.switch_context("")
+        self.seconds[item.nodeid] = round(time.process_time() - start, 3)
+
+    def pytest_runtest_logreport(self, report):
+        """A test that is skipped, fails or takes too long is not asked."""
+        if report.when == "call" and report.passed:
+            self.passed.add(report.nodeid)
+        elif not report.passed:
+            self.wrong.add(report.nodeid)
+
+    def found(self) -> dict[str, dict]:
+        """For each test its seconds and the lines by file."""
+        self.coverage.stop()
+        data = self.coverage.get_data()
+        tests = {t: {"seconds": self.seconds[t], "lines": {}} for t in sorted(self.passed - self.wrong)}
+        for path in sorted(data.measured_files()):
+            name = Path(path).relative_to(self.folder).as_posix()
+            for line, contexts in data.contexts_by_lineno(path).items():
+                for test in tests.keys() & set(contexts):
+                    tests[test]["lines"].setdefault(name, []).append(line)
+        return tests
+
+
 def _asked(folder: Path, tests: tuple[str, ...], plain: bool, faulty: str | None) -> tuple[str | None, float]:
     """(the first of the tests that fails, else what ended them, None where all pass; processor time [s])."""
     first = folder / "first.txt"
@@ -125,8 +176,6 @@ def _asked(folder: Path, tests: tuple[str, ...], plain: bool, faulty: str | None
 
 
 def _pytest(options: list[str], tests: list[str], plugin: Any) -> int:
-    import pytest
-
     return int(pytest.main([*options, *tests], plugins=[plugin]))
 
 

@@ -14,15 +14,17 @@ from camopt.plots import (
     valve_motion,
 )
 from camopt.plots.speeds import first_passed
+from camopt.plots.yields import SHOWN, blame_bars, used_against_speed
 from camopt.scene.load import load_scene
 from camopt.scene.response import Response
 from camopt.scene.train import build_train
 from camopt.scene.units import DEG, MM
-from experiments.support.campbell import campbell
+from experiments.modes import campbell
 from experiments.support.panels import Panel, panels
 
 SCENE = load_scene("kodama")
 DESIGN = SCENE.design
+SPEEDS = np.array([5000.0, 6000.0, 7000.0])
 
 
 def bump(height_mm: float, half_deg: float = 72.0) -> dict:
@@ -317,3 +319,26 @@ def test_names_of_late_stages_end_inside_the_figure():
     stage = [*["no-jump program"] * 2, *["margin"] * 102, *["margins by gradient"] * 4, *["gradient"] * 6]
     sides = {text.get_text(): text.get_ha() for text in convergence(steps(stage, [0.56] * 114)).axes[0].texts}
     assert [sides[name] for name in dict.fromkeys(stage)] == ["left", "left", "right", "right"]
+
+
+def test_median_ranges_and_worst_train_stand_in_a_panel_for_each_limit():
+    used = np.linspace(0.0, 1.0, 21)[:, None] * np.array([0.5, 1.0, 1.5])
+    used[-1, 2] = np.inf
+    figure = used_against_speed(
+        np.array([5000.0, 6000.0, 7000.0]), {"bounce_max_mm": used, "jump_max_mm": 0.5 * used[:-1]}, "kodama"
+    )
+    bounce, jump = figure.axes
+    median, worst = bounce.lines[:2]
+    np.testing.assert_allclose(median.get_ydata(), [0.25, 0.5, 0.75])
+    assert worst.get_ydata()[:2] == pytest.approx([0.5, 1.0]) and worst.get_ydata()[2] > SHOWN == bounce.get_ylim()[1]
+    assert bounce.get_title(loc="left") == "kodama\nbounce_max_mm" and "r/min" in jump.get_xlabel()
+    assert [text.get_text() for text in figure.legends[0].get_texts()][-2:] == ["median", "worst train"]
+
+
+def test_bars_of_blame_and_of_what_half_buys():
+    figure = blame_bars({"lash": 0.4, "preload": 0.1}, {"lash": 0.05, "preload": -0.01})
+    blame, bought = figure.axes
+    assert [bar.get_width() for bar in blame.patches] == pytest.approx([10.0, 40.0])
+    assert [bar.get_width() for bar in bought.patches] == pytest.approx([-1.0, 5.0])
+    assert [label.get_text() for label in blame.get_yticklabels()] == ["preload", "lash"]
+    assert len(blame_bars({"lash": 0.4}, {}).axes) == 1

@@ -18,7 +18,6 @@ from camopt.plots.style import (
     new_figure,
     save,
 )
-from camopt.scene import InputError
 
 # Machado, Oliveira, Fernandes 2009, Table 1: linear RGB as a protanope and a deuteranope see it
 PROTAN = [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
@@ -117,20 +116,6 @@ def test_settings_hold_only_inside(tmp_path):
     save(drawn(), tmp_path, "x")
     assert dict(matplotlib.rcParams) == before
     assert before["svg.hashsalt"] != RC["svg.hashsalt"]
-
-
-def test_a_failed_write_leaves_the_old_file(tmp_path, monkeypatch):
-    path = tmp_path / "x.png"
-    path.write_bytes(b"old")
-
-    def full(_):
-        raise OSError("disk full")
-
-    monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(InputError, match="disk full"):
-        save(new_figure(1, 1), tmp_path, "x")
-    assert path.read_bytes() == b"old"
-    assert [p.name for p in tmp_path.iterdir()] == ["x.png"]
 
 
 def test_a_limit_is_a_line_at_its_value_with_its_words():

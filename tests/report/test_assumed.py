@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.polydyne import polydyne
-from camopt.report import write_report
 from camopt.report.advice import advice, assumed_numbers, first_to_measure, ranked
 from camopt.report.cams import stress
 from camopt.report.folder import read_run_folder
 from camopt.report.motion import RunCams
-from camopt.report.wording import after_a_change
+from camopt.report.wording import used
 from camopt.scene import load_scene, parse_scene
 from camopt.scene.parameters import with_numbers
 from camopt.scene.text_file import scene_toml
@@ -53,7 +52,7 @@ def test_the_ranking_is_what_a_tenth_does_to_the_limits():
 def test_the_table_and_the_sentence_name_them_in_order():
     found = [{"name": f"m{i}.mass_kg", "moved_to": 0.9 - 0.1 * i} for i in range(6)]
     found[0] = {"name": "seat.damping_N_s_per_m", "moved_to": np.inf}
-    assert [after_a_change(row["moved_to"]) for row in found[:2]] == ["no motion that counts", "80 %"]
+    assert [used(row["moved_to"]) for row in found[:2]] == ["no motion that counts", "80 %"]
     said = "seat.damping_N_s_per_m, m1.mass_kg and 4 more, ranked in the valve train's section"
     assert first_to_measure(found) == said
     assert first_to_measure(found[:2]) == "seat.damping_N_s_per_m, m1.mass_kg" and first_to_measure([]) == ""
@@ -71,26 +70,18 @@ def test_what_the_materials_bear_stands_beside_the_stress():
 
 
 @pytest.mark.parametrize(
-    ("folder", "here"), [("runs/first", "."), ("first", "."), ("a b", "."), ("runs/first", "runs")]
+    ("folder", "here"),
+    [("runs/first", "."), ("first", "."), ("a b", "."), ("runs/first", "runs"), ("first", "elsewhere")],
 )
 def test_commands_work_from_where_the_report_is_made(tmp_path, monkeypatch, folder, here):
     place = tmp_path / folder
-    place.mkdir(parents=True)
+    for path in (place, tmp_path / here):
+        path.mkdir(parents=True, exist_ok=True)
     (place / "scene.toml").write_text(scene_toml(SCENE))
     (place / "design.json").write_text("{}")
     monkeypatch.chdir(tmp_path / here)
     run = read_run_folder(Path(os.path.relpath(place)))
-    steps = advice(run, f"{run.path}/scene.toml", run.path)
-    words = shlex.split(steps[0]["command"])
+    words = shlex.split(advice(run, f"{run.path}/scene.toml", run.path)[0]["command"])
     assert words[:2] == ["camopt", "verify"] and Path(words[2]).is_file() and Path(words[-1]).is_dir()
-    assert Path(words[2]).resolve() == place / "scene.toml" and not Path(words[2]).is_absolute()
-
-
-def test_from_elsewhere_they_have_the_whole_path(tmp_path, monkeypatch):
-    (tmp_path / "run").mkdir()
-    (tmp_path / "run" / "scene.toml").write_text(scene_toml(SCENE))
-    (tmp_path / "elsewhere").mkdir()
-    monkeypatch.chdir(tmp_path / "elsewhere")
-    assert read_run_folder(tmp_path / "run").path == (tmp_path / "run").as_posix()
-    page = write_report(tmp_path / "run").read_text(encoding="utf-8")
-    assert "in which this report was made" not in page or (tmp_path / "run").as_posix() in page
+    assert Path(words[2]).resolve() == place / "scene.toml"
+    assert Path(words[2]).is_absolute() is (here == "elsewhere")

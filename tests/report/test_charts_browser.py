@@ -77,14 +77,6 @@ def test_cams_are_switched_on_and_off(open_page):
     assert figure.locator(".line").count() == 1
 
 
-def test_another_speed_changes_the_motion(open_page):
-    page = open_page()
-    figure = chart(page, "charts-motion", "Force of cam_follower")
-    before = figure.locator(".line").first.get_attribute("d")
-    page.locator("#motion-speed select").select_option("5000")
-    assert figure.locator(".line").first.get_attribute("d") != before
-
-
 def slowest(page, title: str) -> dict[str, float]:
     """What a chart over the speeds says at their lowest one, by its lines."""
     figure = chart(page, "charts-band", title)
@@ -109,13 +101,14 @@ def test_phases_by_speed_are_those_of_the_motion(open_page, lifts):
         assert touches[f"{name} rests"] >= touches[f"{name} touches"] - 1e-9
 
 
-def test_the_phase_plane_is_that_of_the_chosen_speed(open_page):
+def test_forces_and_phase_plane_are_those_of_the_chosen_speed(open_page):
     page = open_page()
-    figure = chart(page, "charts-motion", "Phase plane: velocity")
-    before = figure.locator(".line").first.get_attribute("d")
-    assert before.count("L") > 200  # points while the valve is open
+    figures = [chart(page, "charts-motion", title) for title in ("Force of cam_follower", "Phase plane: velocity")]
+    before = [figure.locator(".line").first.get_attribute("d") for figure in figures]
+    assert before[1].count("L") > 200  # points while the valve is open
     page.locator("#motion-speed select").select_option("5000")
-    assert figure.locator(".line").first.get_attribute("d") != before
+    for figure, line in zip(figures, before, strict=True):
+        assert figure.locator(".line").first.get_attribute("d") != line
     assert chart(page, "charts-motion", "close to the seat").is_visible()
 
 

@@ -1,11 +1,25 @@
+"""The drawing of a train, what the animation is told of its follower, and the drawing of a contour's tightest spot."""
+
 import numpy as np
 import pytest
 
+from camopt.cam.followers import Arm
+from camopt.cam.geometry import contact
+from camopt.cam.read import read_cam
+from camopt.report.cams import geometry, tightest
 from camopt.report.drawing import BASE_MM, LENGTH, SCALE, drawing, drawn_follower, room_for
+from camopt.report.motion import RunCams
 from camopt.scene import build_train, load_scene
+from camopt.scene.geometry import Geometry
 from camopt.scene.load import parse_scene, scene_text
 from camopt.scene.train import GROUND
+from camopt.scene.units import DEG, MM
 
+KODAMA = load_scene("kodama")
+LIFT = read_cam("polydyne", KODAMA)
+ROCKER = Geometry(
+    follower="rocker", base_radius_mm=20, roller_radius_mm=10, pivot_mm=(30, -24), arm_mm=32, valve_arm_mm=40
+)
 LIFT_MM = np.linspace(0.0, 9.4, 24)
 
 
@@ -60,13 +74,13 @@ def test_elements_meet_their_masses(name):
 
 
 def test_kodama_reads_as_an_engine_does():
-    _, picture = drawn(load_scene("kodama"))
+    _, picture = drawn(KODAMA)
     masses = {m["name"]: m for m in picture["masses"]}
     elements = {e["name"]: e for e in picture["elements"]}
     way = ["camshaft", "follower", "valve_tip", "valve_stem", "valve_head"]
     assert [masses[n]["y"] for n in way] == sorted(masses[n]["y"] for n in way)
     assert len({masses[n]["x"] for n in way[1:]}) == 1  # one axis, and the spring beside it
-    valve_mm = drawn_follower(load_scene("kodama").geometry)["arm"]["valve"][0]
+    valve_mm = drawn_follower(KODAMA.geometry)["arm"]["valve"][0]
     assert masses["follower"]["x"] - masses["camshaft"]["x"] == pytest.approx(SCALE * valve_mm)
     assert elements["cam_follower"]["x"] == masses["camshaft"]["x"]
     assert masses["spring_1"]["x"] > masses["valve_tip"]["x"]
@@ -92,3 +106,70 @@ def test_masses_in_a_circle_are_drawn_too():
     strap = picture["elements"][-1]
     assert strap["x"] != picture["masses"][5]["x"]  # beside the coils, not through them
     assert np.isfinite(picture["height"])
+
+
+@pytest.mark.parametrize("geometry", [KODAMA.geometry, ROCKER], ids=["finger", "rocker"])
+class TestSwinging:
+    def test_stands_on_the_base_circle(self, geometry):
+        arm = drawn_follower(geometry)["arm"]
+        assert np.hypot(*arm["centre"]) == pytest.approx(geometry.base_radius_mm + geometry.contact_radius_mm, abs=1e-3)
+        for end, length in (("centre", geometry.arm_mm), ("valve", geometry.valve_arm_mm)):
+            assert np.hypot(*np.subtract(arm[end], arm["pivot"])) == pytest.approx(length, abs=1e-3)
+        assert arm["valve"][0] > 0
+
+    def test_the_page_s_turning_opens_the_valve_by_the_lift(self, geometry):
+        """What animation.js does: turn about the pivot by side (asin(sin shut + lift / length) - shut)."""
+        arm, lift = drawn_follower(geometry)["arm"], 7.0
+        shut = arm["shut_deg"] * DEG
+        by = arm["side"] * (np.arcsin(np.sin(shut) + lift / arm["valve_arm_mm"]) - shut)
+        x, y = np.subtract(arm["valve"], arm["pivot"])
+        assert y * np.cos(by) + x * np.sin(by) - y == pytest.approx(lift, abs=1e-3)
+        swing = Arm(geometry).swing(np.array([[lift * MM], [0.0], [0.0]]))[0, 0]
+        assert abs(by) == pytest.approx(abs(swing))
+
+    def test_room_holds_every_part(self, geometry):
+        drawn = drawn_follower(geometry)
+        room = room_for(drawn, 27.0)
+        assert min(room.left, room.right, room.above, room.below) >= 27.0
+        for x, y in (drawn["arm"]["pivot"], drawn["arm"]["valve"], drawn["arm"]["centre"]):
+            assert -room.left < x < room.right and -room.above < y < room.below
+
+
+def test_other_followers_have_no_arm():
+    assert drawn_follower(None)["follower"] == "point"
+    flat = drawn_follower(Geometry(follower="flat", base_radius_mm=30))
+    assert (flat["arm"], flat["base_radius_mm"], room_for(flat, 40.0).train) == (None, 30.0, 0.0)
+
+
+def test_without_geometry_there_is_no_section():
+    assert geometry(RunCams(KODAMA.model_copy(update={"geometry": None}), {"design": LIFT}, [])) is None
+    assert geometry(RunCams(None, {}, [])) is None
+
+
+@pytest.mark.parametrize("follower", [Geometry(follower="flat", base_radius_mm=40, face_width_mm=10),
+                                      Geometry(follower="roller", base_radius_mm=18, roller_radius_mm=8)])  # fmt: skip
+def test_the_spot_lies_where_the_radius_is_smallest(follower):
+    scene = KODAMA.model_copy(update={"geometry": follower})
+    found = geometry(RunCams(scene, {"design": LIFT, "polydyne": LIFT}, []))
+    assert found is not None and [row["cam"] for row in found["rows"]] == ["design", "polydyne"]
+    c = contact(LIFT, follower)
+    i = tightest(c)
+    assert abs(c.radius_of_curvature[i]) == np.min(np.abs(c.radius_of_curvature))
+    drawn = found["drawing"]
+    # the drawing's scale from the base circle; nose up, the angle growing to the right
+    scale = drawn["base"] / follower.base_radius_mm
+    x, y = c.contour[i] / MM
+    assert drawn["spot"][0] - drawn["centre"][0] == pytest.approx(scale * y, abs=0.2)
+    assert drawn["centre"][1] - drawn["spot"][1] == pytest.approx(scale * x, abs=0.2)
+    assert f"{c.theta[i] / DEG:.3g}".replace("-", "−") in drawn["sentence"]
+    if follower.follower == "flat":
+        assert "face" in found["rows"][0]["faults"] and "face_width_needed_mm" in found["columns"]
+    else:
+        assert found["rows"][0]["faults"] == "none"
+
+
+def test_a_follower_that_cannot_follow_is_said():
+    short = KODAMA.geometry.model_copy(update={"valve_arm_mm": 8.0})
+    found = geometry(RunCams(KODAMA.model_copy(update={"geometry": short}), {"design": LIFT}, []))
+    assert found is not None and "drawing" not in found
+    assert found["none"][0].startswith("design: [geometry]: a valve arm of 8 mm does not lift the valve")

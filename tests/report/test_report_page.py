@@ -135,23 +135,25 @@ def test_limits_show_the_worst_at_its_speed(write, contents):
     assert limits["seating velocity"]["reached"] == "0.3"
 
 
-def test_the_upper_end_of_the_range_decides(write, contents):
-    contents["verification"]["speeds"][2]["ranges"]["bounce_mm"] = [0.01, 0.0501]
+@pytest.mark.parametrize(
+    ("at", "changes", "state", "reached", "where"),
+    [
+        (2, {"ranges": {"bounce_mm": [0.01, 0.0501]}}, "✗ broken", "0.0501", "at 6500 r/min"),
+        (3, {"bounce_mm": 0.0499, "bounce_error_mm": 2e-4, "bounce_range_mm": None, "ranges": None},
+         "✗ broken", "0.0501", "at 7000 r/min"),
+        (3, {"bounce_mm": None, "bounce_range_mm": None, "ranges": None},
+         "? not known", "–", "no figure at 7000 r/min"),
+    ],
+    ids=["the upper end of the range", "without a range the error is added", "never seats"],
+)  # fmt: skip
+def test_what_decides_of_the_bounce(write, contents, at, changes, state, reached, where):
+    contents["verification"]["speeds"][at] |= changes
     page = page_of(write(contents))
     row = page.table("limit")["bounce"]
-    assert (row["state"], row["reached"], row["where"]) == ("✗ broken", "0.0501", "at 6500 r/min")
-    assert "Contradiction" in page.text and "it breaks: bounce" in page.text
-
-
-def test_without_a_range_the_error_is_added(write, contents):
-    contents["verification"]["speeds"][3] |= {
-        "bounce_mm": 0.0499,
-        "bounce_error_mm": 0.0002,
-        "bounce_range_mm": None,
-        "ranges": None,
-    }
-    row = page_of(write(contents)).table("limit")["bounce"]
-    assert (row["state"], row["reached"]) == ("✗ broken", "0.0501")
+    assert (row["state"], row["reached"], row["where"]) == (state, reached, where)
+    broken = state == "✗ broken"
+    assert ("Contradiction" in page.text and "it breaks: bounce" in page.text) is broken
+    assert (page.table("speed [r/min]")["7000"]["bounce [mm]"] == "never seats") is not broken
 
 
 def test_a_deceleration_below_its_limit_is_broken(write, contents):
@@ -160,14 +162,6 @@ def test_a_deceleration_below_its_limit_is_broken(write, contents):
     page = page_of(write(contents))
     assert page.table("limit")["acceleration min"]["state"] == "✗ broken"
     assert page.table("limit")["acceleration max"]["state"] == "✓ held"
-
-
-def test_a_valve_that_never_seats_is_not_called_held(write, contents):
-    contents["verification"]["speeds"][3] |= {"bounce_mm": None, "bounce_range_mm": None, "ranges": None}
-    page = page_of(write(contents))
-    row = page.table("limit")["bounce"]
-    assert row["state"] == "? not known" and row["where"] == "no figure at 7000 r/min"
-    assert page.table("speed [r/min]")["7000"]["bounce [mm]"] == "never seats"
 
 
 def test_a_speed_that_is_not_confirmed_contradicts_the_verdict(write, contents):

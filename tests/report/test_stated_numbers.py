@@ -73,11 +73,6 @@ def states_what_verification_says(folder) -> None:
 
 
 @pytest.mark.parametrize("rejected", [False, True])
-def test_every_place_states_the_worst_of_verification(write, contents, rejected):
-    states_what_verification_says(write(rejected_between(contents) if rejected else contents))
-
-
-@pytest.mark.parametrize("rejected", [False, True])
 @pytest.mark.parametrize("name", LABELS)
 @pytest.mark.parametrize("place", ["band.worst", "worst_in_band", "speeds"])
 def test_a_number_changed_in_verification_is_followed_everywhere(write, contents, rejected, name, place):

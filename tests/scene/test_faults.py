@@ -15,12 +15,15 @@ def keys(text: str, need: tuple[str, ...] = ()) -> set[str]:
 
 class TestNothingHidesAnother:
     def test_schema_and_names(self):
-        text = changed(EXAMPLE, "duration_deg = 144", 'duration_deg = "long"')
-        text = changed(text, 'between = ["valve", "ground"]', 'between = ["poppet", "ground"]')
-        text = changed(text, 'name = "spring"', 'name = "train"')
-        text = changed(text, 'valve = "valve" ', 'valve = "piston" ')
-        text = changed(text, 'seat = "seat"', 'seat = "cushion"')
-        text = changed(text, 'assumed = ["mass_kg"]', 'assumed = ["mass_kilo"]')
+        text = changed(
+            EXAMPLE,
+            ("duration_deg = 144", 'duration_deg = "long"'),
+            ('between = ["valve", "ground"]', 'between = ["poppet", "ground"]'),
+            ('name = "spring"', 'name = "train"'),
+            ('valve = "valve" ', 'valve = "piston" '),
+            ('seat = "seat"', 'seat = "cushion"'),
+            ('assumed = ["mass_kg"]', 'assumed = ["mass_kilo"]'),
+        )
         expected = {"design.duration_deg", "element.2.between", "element", "valve", "seat", "mass.1.assumed"}
         assert keys(text) == expected
 
@@ -30,16 +33,20 @@ class TestNothingHidesAnother:
         assert fault.startswith("element.2.stiffness_N_per_m: ") and fault.endswith(" (element 'spring')")
 
     def test_schema_in_a_row_and_names_in_others(self):
-        text = changed(EXAMPLE, "mass_kg = 0.24", "mass_kg = -1.0")
-        text = changed(text, "stiffness_N_per_m = 38200.0", "stiffness = 38200.0")
-        text = changed(text, 'seat = "seat"', 'seat = "cushion"')
+        wrong = ("mass_kg = 0.24", "mass_kg = -1.0"), ('seat = "seat"', 'seat = "cushion"')
+        text = changed(EXAMPLE, *wrong, ("stiffness_N_per_m = 38200.0", "stiffness = 38200.0"))
         assert keys(text) == {"mass.1.mass_kg", "element.2.stiffness_N_per_m", "element.2.stiffness", "seat"}
 
     def test_schema_and_a_train_that_nothing_holds_at_rest(self):
         """The paper's own placement: lash at the cam and no hold-down force leave the follower floating."""
-        loose = changed(changed(AS_GIVEN, "force_N = -19.1\n", ""), ', "force_N"]', "]")
-        loose = changed(changed(loose, "gap_mm = 0.169\n", ""), ', "gap_mm"]', "]")
-        loose = changed(loose, "cam_driven = true\n", "cam_driven = true\ngap_mm = 0.169\n")
+        loose = changed(
+            AS_GIVEN,
+            ("force_N = -19.1\n", ""),
+            (', "force_N"]', "]"),
+            ("gap_mm = 0.169\n", ""),
+            (', "gap_mm"]', "]"),
+            ("cam_driven = true\n", "cam_driven = true\ngap_mm = 0.169\n"),
+        )
         (alone,) = faults(loose)
         assert "follower" in alone and "force_N" in alone
         assert faults(changed(loose, "duration_deg = 144", "duration_deg = -1")) == [
@@ -54,20 +61,20 @@ class TestNothingHidesAnother:
         assert keys(text) == {"element.1.gap", "mass.2"}
 
     def test_schema_and_parts_that_the_command_needs(self):
-        assert keys(scene_text("ohv-3dof").replace("0.47", "-1"), ("valve", "design")) == {
-            "mass.1.mass_kg",
-            "valve",
-            "design",
-        }
+        found = keys(scene_text("ohv-3dof").replace("0.47", "-1"), ("valve", "design"))
+        assert found == {"mass.1.mass_kg", "valve", "design"}
 
     def test_checks_of_a_whole_table_and_of_its_keys(self):
-        text = changed(EXAMPLE, "bounce_max_mm = 0.05", 'bounce_max_mm = "none"')
-        text = changed(text, "nose_deg = 40 ", "nose_deg = 80 ")
-        text = changed(text, "ramp_height_mm = 0.265 ", "ramp_height_mm = 0.05 ")
-        text = changed(text, "band_rpm = [5000, 7000]", "band_rpm = [7000, 5000]")
-        text = changed(text, "speeds_rpm = [5000, 6000,", "speeds_rpm = [6000, 5000,")
-        text = changed(text, 'follower = "flat" ', 'follower = "roller" ')
-        text = changed(text, "face_width_mm = 12", "face_width_mm = -12")
+        text = changed(
+            EXAMPLE,
+            ("bounce_max_mm = 0.05", 'bounce_max_mm = "none"'),
+            ("nose_deg = 40 ", "nose_deg = 80 "),
+            ("ramp_height_mm = 0.265 ", "ramp_height_mm = 0.05 "),
+            ("band_rpm = [5000, 7000]", "band_rpm = [7000, 5000]"),
+            ("speeds_rpm = [5000, 6000,", "speeds_rpm = [6000, 5000,"),
+            ('follower = "flat" ', 'follower = "roller" '),
+            ("face_width_mm = 12", "face_width_mm = -12"),
+        )
         assert keys(text) == {
             "design.bounce_max_mm",
             "design.nose_deg",
@@ -86,24 +93,6 @@ class TestNothingHidesAnother:
         lines = faults(EXAMPLE + rows)
         assert len(lines) == 101
         assert lines[-1] == "and 280 faults more"
-
-
-@pytest.mark.parametrize(
-    ("old", "new", "says"),
-    [
-        ("mass_kg = 0.24", "mas_kg = 0.24", "mass.1.mas_kg: unknown key; did you mean 'mass_kg'?"),
-        ("[design] ", "[desing] ", "desing: unknown key; did you mean 'design'?"),
-        ("band_rpm = [5000, 7000]", "band_rpm = [5000, 7000]\nnose_deg = 40", "it belongs in [design]"),
-        ("format = 1", "format = 1\nmass_kg = 1", "it belongs in [[mass]]"),
-        ('between = ["valve", "ground"]', 'between = ["vavle", "ground"]', "'vavle'; did you mean 'valve'?"),
-        ('valve = "valve" ', 'valve = "Valve" ', "did you mean 'valve'?"),
-        ('seat = "seat"', 'seat = "seet"', "did you mean 'seat'?"),
-        ('kind = "contact"                  #', 'kind = "contct" #', "did you mean 'contact'?"),
-        ('assumed = ["mass_kg"]', 'assumed = ["mass_kgs"]', "did you mean 'mass_kg'?"),
-    ],
-)
-def test_what_was_probably_meant_is_named(old, new, says):
-    assert any(says in line for line in faults(changed(EXAMPLE, old, new)))
 
 
 def test_plain_words_instead_of_the_schemas():

@@ -18,6 +18,7 @@ from camopt.scene.parameters import number_of, valve_spring, with_number, with_s
 from camopt.scene.rest import static_forces
 from camopt.study.fronts import joint_spring
 from camopt.study.identify.lift_fit import FreeParameters
+from tests.scene.test_load import assert_one_fault, changed
 
 ROWS = [[0.0, 210], [1, 244], [2, 279], [4, 350], [6, 423], [8, 499], [10.2, 585]]
 FREE = [[0.0, 0.0], *([at + 11.5, force] for at, force in ROWS)]
@@ -71,11 +72,17 @@ preload_N = 210.0
 """
 
 
-def measured(rows=ROWS, more: str = ""):
-    return parse_scene(TEXT.replace("ROWS", f"{rows}{more}"), "measured")
+def text(rows=ROWS, more: str = "", tolerance: str = "") -> str:
+    """The scene with a spring of these rows, further keys of it, and a tolerance."""
+    return TEXT.replace("ROWS", f"{rows}\n{more}") + (tolerance and f"\n[[tolerance]]\n{tolerance}\n")
 
 
-FROM_FREE = measured(FREE, "\ninstalled_mm = 11.5")
+def measured(*parts, **more):
+    return parse_scene(text(*parts, **more), "measured")
+
+
+INSTALLED = "installed_mm = 11.5"
+FROM_FREE = measured(FREE, INSTALLED)
 
 
 def spring_force(scene, compression_mm: np.ndarray) -> np.ndarray:
@@ -105,17 +112,15 @@ def test_compression_in_metres_is_noticed():
 @pytest.mark.parametrize(
     ("more", "says"),
     [
-        ("\ninstalled_mm = 25", "must lie in force_table, from 0 to 21.7 mm"),
-        ("\ninstalled_mm = -1", "greater than or equal to 0"),
-        ("\npreload_N = 20", "its force is all in its law"),
+        (text(FREE, "installed_mm = 25"), "must lie in force_table, from 0 to 21.7 mm"),
+        (text(FREE, "installed_mm = -1"), "greater than or equal to 0"),
+        (text(FREE, "preload_N = 20"), "its force is all in its law"),
+        (changed(text(), "gap_mm = 0.15", "installed_mm = 0.15"), 'belongs to law = "table"'),
     ],
+    ids=["beyond", "negative", "preload", "linear"],
 )
 def test_faults_are_one_sentence(more, says):
-    with pytest.raises(InputError, match=says) as error:
-        measured(FREE, more)
-    assert len(str(error.value).splitlines()) == 1
-    with pytest.raises(InputError, match='belongs to law = "table"'):
-        parse_scene(TEXT.replace("ROWS", str(ROWS)).replace("gap_mm = 0.15", "installed_mm = 0.15"), "measured")
+    assert_one_fault(more, "element.", says)
 
 
 @pytest.mark.parametrize("scene", [measured(), FROM_FREE], ids=["closed", "free"])
@@ -133,8 +138,8 @@ def test_rate_and_preload_are_those_with_the_valve_closed(scene):
 
 def test_its_loads_scatter_by_a_share():
     """Rate and preload in one array: every load of the table moves by the same share."""
-    more = '\n[[tolerance]]\nname = "loads"\nof = ["spring.preload_N", "spring.stiffness_N_per_m"]\nrelative = 0.03\n'
-    scene = parse_scene(TEXT.replace("ROWS", f"{FREE}\ninstalled_mm = 11.5") + more, "measured")
+    loads = 'name = "loads"\nof = ["spring.preload_N", "spring.stiffness_N_per_m"]\nrelative = 0.03'
+    scene = measured(FREE, INSTALLED, loads)
     draws = deviates(scene, 0, 3)
     built = scene_as_built(scene, draws)
     share = 1 + 0.03 * draws["loads"][0]
@@ -144,8 +149,7 @@ def test_its_loads_scatter_by_a_share():
 
 
 def test_its_place_scatters_in_millimetres():
-    more = '\n[[tolerance]]\nof = "spring.installed_mm"\nplus_minus = 0.2\n'
-    scene = parse_scene(TEXT.replace("ROWS", f"{FREE}\ninstalled_mm = 11.5") + more, "measured")
+    scene = measured(FREE, INSTALLED, 'of = "spring.installed_mm"\nplus_minus = 0.2')
     draws = deviates(scene, 0, 3)
     moved = 0.2 * draws["spring.installed_mm"][0]
     built, at = scene_as_built(scene, draws), np.linspace(1.0, 9.0, 9)
@@ -166,9 +170,7 @@ def test_it_is_free_by_preload_rate_or_place():
 
 
 def test_it_scatters_with_all_others_that_have_the_key():
-    scene = parse_scene(
-        TEXT.replace("ROWS", f"{ROWS}") + '\n[[tolerance]]\nof = "*.preload_N"\nrelative = 0.03\n', "it"
-    )
+    scene = measured(tolerance='of = "*.preload_N"\nrelative = 0.03')
     assert len(deviates(scene, 0, 3)["*.preload_N"]) == 2  # its own and the seat's
 
 

@@ -16,7 +16,9 @@ from docs.record import commands_of, furnish, printed
 
 DOCS = Path(__file__).parents[2] / "docs"
 PAGES = [
+    DOCS.parent / "README.md",
     DOCS / "index.md",
+    DOCS / "reference" / "commands.md",
     *(p for part in ("tutorials", "how-to", "explanation") for p in sorted((DOCS / part).glob("*.md"))),
 ]
 BLOCKS = {
@@ -35,7 +37,7 @@ GRADIENTS = [name for name in PYTHON if name.startswith("gradients")]
 
 @pytest.mark.parametrize("command", [*COMMANDS, *TERMINAL])
 def test_commands_parse(command):
-    assert parser().parse_args(shlex.split(command)[1:]).command
+    assert parser().parse_args(shlex.split(command.partition(" > ")[0])[1:]).command
 
 
 def test_every_command_with_its_output_is_recorded():
@@ -93,7 +95,7 @@ def test_the_scene_of_the_tutorial_is_a_scene():
     [
         pytest.param(n, marks=[pytest.mark.long] * (n in SLOW))
         for n in sorted(PYTHON.keys() - {*GRADIENTS})
-        if not n.startswith("cluster-")  # two files of one experiment, which tests/tasks/test_cluster_page.py runs
+        if not n.startswith("cluster-")  # two files of one experiment, which tests/tasks/test_cluster.py runs
     ],
 )
 def test_python_runs(name, capsys, tmp_path, monkeypatch):

@@ -15,13 +15,15 @@ from camopt.exact.adjoint.metrics import METRICS
 from camopt.exact.adjoint.motion import value_and_gradient
 from camopt.scene import InputError
 from camopt.scene.rest import state_at_rest
-from camopt.scene.train import TRAIN_PARAMETERS
 from camopt.smooth import exact_rule
 from camopt.smooth.exact_rule import exact_metrics
 from camopt.smooth.families import differentiable
 from camopt.smooth.varying_motion import Varying
 from camopt.study.simulate.motion import motion_parameters
-from tests.exact.gradient_problems import by_train, from_rest, kodama, least_error
+from tests.exact.gradient_problems import assert_slopes, by_train, differences, from_rest, kodama, least_error
+from tests.exact.test_real_trains import FAST, real
+from tests.exact.test_real_trains import METRICS as REAL_METRICS
+from tests.exact.test_real_trains import SCENE as REAL
 
 SCENE, TRAIN = kodama()
 SPEED = SCENE.cam_speed(6500)
@@ -42,16 +44,30 @@ def adjoint():
     return value_and_gradient(TRAIN, polydyne(), SPEED, NAMES, mechanical=True)
 
 
-def test_gradients_by_cam_and_train_are_those_of_the_adjoint():
-    found = adjoint()
-    numbers = {name: getattr(TRAIN, name) for name in TRAIN_PARAMETERS} | {"lift": polydyne().coefficients}
-    values, slopes = exact_metrics(TRAIN, polydyne(), SPEED, numbers, NAMES), jax.jacrev(
-        lambda p: exact_metrics(TRAIN, polydyne(), SPEED, p, NAMES)
-    )(numbers)  # fmt: skip
-    np.testing.assert_array_equal(values, found.values)
+CASES = {
+    "linear": (lambda: (TRAIN, polydyne(), SPEED, NAMES), 1e-6),
+    "every element": (lambda: (*real(), REAL.cam_speed(FAST), REAL_METRICS), 1e-5),
+}
+
+
+@pytest.mark.parametrize("case", CASES)
+def test_gradients_by_cam_train_and_speed_are_those_of_the_adjoint(case):
+    """By the speed, that is through masses and dampings, those of central differences."""
+    (moving, allowed), steps = CASES[case], 10.0 ** np.arange(-3.0, -6.5, -0.5)
+    train, lift, cam_speed, names = moving()
+    found = value_and_gradient(train, lift, cam_speed, names, mechanical=True)
+
+    def metrics(numbers, speed):
+        return exact_metrics(train, lift, speed, numbers, names)
+
+    at = train.parameters | {"lift": lift.coefficients}
+    slopes, by_speed = jax.jacrev(metrics, argnums=(0, 1))(at, cam_speed)
+    np.testing.assert_array_equal(metrics(at, cam_speed), found.values)
     np.testing.assert_allclose(slopes.pop("lift"), found.by_coefficients, rtol=1e-9)
     for name, slope in slopes.items():
         np.testing.assert_allclose(slope, getattr(by_train(found), name), rtol=1e-9, err_msg=name)
+    reference = differences(lambda h: from_rest(train, lift, cam_speed * (1 + h), names), steps)
+    assert_slopes(np.asarray(by_speed) * cam_speed, reference, names, allowed)
 
 
 def test_compiled_and_batched_in_one_call(monkeypatch):
@@ -74,62 +90,28 @@ def test_compiled_and_batched_in_one_call(monkeypatch):
     np.testing.assert_allclose(found[2, 1], single.by_coefficients[0], rtol=1e-9)
 
 
-def test_by_speed_through_masses_and_dampings():
-    def values(speed):
-        return from_rest(TRAIN, polydyne(), speed, NAMES)
-
-    found = jax.jacrev(lambda speed: by_cam(polydyne().coefficients, speed))(SPEED)
-    differences = np.array([(values(SPEED + h) - values(SPEED - h)) / (2 * h) for h in (1e-2, 1e-3, 1e-4)])
-    error = np.min(np.abs(differences / found - 1), axis=0)
-    assert error.max() < 1e-6
-    start = state_at_rest(TRAIN) + np.repeat([0.0, 1e-2], 10)  # moving: its velocities stay in m/s
+def test_by_speed_from_a_start_whose_velocities_are_held():
+    start = state_at_rest(TRAIN) + np.repeat([0.0, 1e-2], 10)
     held = jax.grad(lambda s: exact_metrics(TRAIN, polydyne(), s, {"start": start}, NAMES)[0])(SPEED)
     pair = [from_rest(TRAIN, polydyne(), SPEED + h, NAMES, start)[0] for h in (1e-3, -1e-3)]
     assert held == pytest.approx((pair[0] - pair[1]) / 2e-3, rel=1e-5)
 
 
-def chain(cam, steps):
-    """(gradient along cos(i) of each of a cam's parameters in `steps`, its central differences), through pieces and
-    motion: one compilation."""
-    borders, coefficients = (np.array(part) for part in cam.pieces(cam.parameters))
-    lift = Lift(borders, coefficients, float(cam.half_duration(cam.parameters)))
+def test_chain_from_the_free_coefficients_of_a_cam():
+    """Along cos(i) of each, against central differences, through pieces and motion: one compilation."""
+    free = free_cam(SCENE.design, 6.0)
+    z = free.Z.T @ (-0.004 * np.cos(np.linspace(-3.2, 2.9, len(free.x_p))) - free.x_p)
+    cam = differentiable(SCENE, free.lift(z))
+    lift = Lift(*(np.array(part) for part in cam.pieces({"z": z})), free.lift(z).half_duration)
 
-    def value(p):
-        borders, coefficients = cam.pieces(cam.parameters | p)
+    def value(z):
+        borders, coefficients = cam.pieces({"z": z})
         values = exact_metrics(TRAIN, lift, SPEED, {"borders": borders, "lift": coefficients}, NAMES)
         return values, values
 
-    at = {name: np.asarray(cam.parameters[name]) for name in steps}
-    compiled, found = jax.jit(jax.jacrev(value, has_aux=True)), []
-    slopes, _ = compiled(at)
-    for name, step in steps.items():
-        direction = np.cos(np.arange(at[name].size)).reshape(at[name].shape)
-        differences = []
-        for h in step * 10.0 ** -np.arange(3):
-            up, down = (compiled(at | {name: at[name] + sign * h * direction})[1] for sign in (1, -1))
-            differences.append((up - down) / (2 * h))
-        found.append((np.tensordot(slopes[name], direction, direction.ndim), np.array(differences)))
-    return found
-
-
-def test_chain_from_the_free_coefficients_of_a_cam():
-    free = free_cam(SCENE.design, 6.0)
-    z = free.Z.T @ (-0.004 * np.cos(np.linspace(-3.2, 2.9, len(free.x_p))) - free.x_p)
-    ((found, differences),) = chain(differentiable(SCENE, free.lift(z)), {"z": 1e-5})
-    assert least_error(found, differences) < 1e-6
-
-
-@pytest.mark.long
-def test_chain_from_the_parameters_of_a_polydyne():
-    for found, differences in chain(differentiable(SCENE, polydyne()), {"exponents": 1e-3, "speed_rpm": 1.0}):
-        assert least_error(found, differences) < 1e-6
-
-
-@pytest.mark.long
-def test_chain_from_section_angles_moves_the_borders():
-    cam = differentiable(SCENE, camopt.trapezoid(SCENE, sections_deg=(5.0, 8.0, 13.0, 46.0)))
-    ((found, differences),) = chain(cam, {"sections_deg": 1e-3})
-    assert least_error(found[:1], differences[:, :1]) < 1e-5  # a jerk that steps leaves kinks in the second derivative
+    compiled, direction = jax.jit(jax.jacrev(value, has_aux=True)), np.cos(np.arange(len(z)))
+    reference = differences(lambda h: np.asarray(compiled(z + h * direction)[1]), (1e-5, 1e-6, 1e-7))
+    assert least_error(compiled(z)[0] @ direction, reference) < 1e-6
 
 
 def simulated(parameters, name, sample):

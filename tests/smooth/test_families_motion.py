@@ -109,26 +109,15 @@ def test_event_exact_where_the_window_of_the_duration_bounds_a_metric():
     compare("polydyne", "event", 2000.0, 1e-5, ("duration_deg", "ramp_height_mm", "max_lift_mm"))
 
 
-@pytest.mark.parametrize("only_lift", [False, True])
-def test_the_lift_alone_carries_what_its_borders_do(only_lift):
+def test_the_lift_alone_carries_what_its_borders_do():
     """A user who gives the pieces' coefficients and no borders: 0.58 for 5.84 by duration, 81 for 96 by ramp height."""
-    compare("polydyne", "event", RPM, 1e-5, ("duration_deg", "ramp_height_mm"), only_lift, METRICS[:2])
+    compare("polydyne", "event", RPM, 1e-5, ("duration_deg", "ramp_height_mm"), True, METRICS[:2])
 
 
 @pytest.mark.long
 def test_the_smooth_path():
     """Its default layer leaves gradients within one percent (camopt.smooth.simulate)."""
     compare("polydyne", "smooth", 5000.0, 1e-2, ("duration_deg", "ramp_height_mm", "max_lift_mm"))
-
-
-@pytest.mark.long
-def test_as_a_user_writes_it():
-    """The whole chain in one function, of the lift alone: the numbers are those of the shorter way above."""
-    cam = differentiable(KODAMA, start("polydyne"))
-    whole = compiled(jax.grad(lambda p: simulated(start("polydyne"), {"lift": cam.pieces(p)[1]}, "event", RPM)[0]))
-    found, parts = whole(cam.parameters), slopes("polydyne", "event", RPM, only_lift=True)
-    for name in STEPS.keys() & found.keys():
-        np.testing.assert_allclose(found[name], parts[name][0], rtol=1e-9)
 
 
 def test_values_follow_the_parameters():

@@ -1,68 +1,37 @@
-"""Gradients of the smooth path against central differences and the adjoint of event-exact: its acceptance.
+"""Gradients of the smooth path by the cam against central differences and the adjoint of event-exact: its acceptance.
 
-All tests but that of the forward mode share one program: values and their slopes by train, cam and start state.
+All tests but that of the forward mode share one program: values and their slopes by the cam.
 """
 
-import dataclasses
-from functools import cache, partial
+from functools import partial
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.interpolate import BSpline, PPoly
 
-from camopt.cam.lift import Lift
 from camopt.exact.adjoint.motion import value_and_gradient
 from camopt.exact.engine import prepare as prepare_exact
-from camopt.measure.hermite import Hermite
 from camopt.measure.metrics import measure
 from camopt.scene.response import end_state, joined
-from camopt.scene.units import DEG
 from camopt.smooth.metrics import revolution_metrics
-from camopt.smooth.rest import rest_of, rest_state
+from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import EPS, LAYER, STEPS, lift_samples, response_arrays
 from camopt.smooth.system import build_system
 from camopt.study.gradient.paths import moved, with_bumps
 from tests.smooth.trains import delivered, kodama
 
-METRICS = ("seating_velocity_m_per_s", "contact_force_min_N", "closed_integral_m2_rad", "contact_force_max_N")
+METRICS = ("seating_velocity_m_per_s", "contact_force_min_N", "dynamic_area_mm_deg", "contact_force_max_N")
 BUMPS = 10
 
 
-@cache
-def bump(i: int) -> Lift:
-    """A quintic B-spline on the lift, 24 degrees wide, the ten of them spread over the event."""
-    knots = (np.linspace(-60.0, 60.0, BUMPS)[i] + np.linspace(-12.0, 12.0, 7)) * DEG
-    pieces = PPoly.from_spline(BSpline.basis_element(knots).tck)
-    inside = [
-        k for k in range(len(pieces.x) - 1) if pieces.x[k] < pieces.x[k + 1] and knots[0] <= pieces.x[k] < knots[-1]
-    ]
-    rows = np.vstack([np.zeros(6), pieces.c[::-1, inside].T, np.zeros(6)])
-    return Lift(np.concatenate([[-np.pi], knots, [np.pi]]), rows, 1.0)
-
-
-def with_bump(lift: Lift, i: int, height: float) -> Lift:
-    return lift.shifted(dataclasses.replace(bump(i), coefficients=height * bump(i).coefficients))
-
-
 def exact_metrics(train, lift, cam_speed, state) -> np.ndarray:
-    """The first three metrics of the revolution from `state` by event-exact, measured on the verifier's side."""
+    """METRICS of the revolution from `state` by event-exact, measured on the verifier's side."""
     revolve = prepare_exact(train, lift, cam_speed, 2880)
     first = revolve(state)
-    record = joined([first, revolve(end_state(first))])
-    found = measure(record, lift)
-    seat = Hermite(record.angle, record.seat_separation(), record.v[:, train.valve] / cam_speed)
-    inside = record.angle <= np.pi
-    top = record.angle[np.argmax(np.where(inside, record.seat_separation(), -np.inf))]
-    touch = seat.falls_through_zero(top, 2 * np.pi)[0]
-    node, weight = np.polynomial.legendre.leggauss(4)
-    knots = np.concatenate([[touch], seat.angle[(seat.angle > touch) & (seat.angle <= np.pi)]])
-    width, middle = 0.5 * np.diff(knots), 0.5 * (knots[1:] + knots[:-1])
-    s = np.maximum(0.0, seat(middle[:, None] + width[:, None] * node))
-    closed = np.sum(width[:, None] * weight * s**2)
-    return np.array([found[METRICS[0]][0], found[METRICS[1]][0], closed])
+    found = measure(joined([first, revolve(end_state(first))]), lift)
+    return np.array([found[name][0] for name in METRICS])
 
 
 def smooth_values(system, samples, cam_speed, y0, half_duration, opening_foot):
@@ -73,13 +42,13 @@ def smooth_values(system, samples, cam_speed, y0, half_duration, opening_foot):
 
 @partial(jax.jit, static_argnames="half_duration")
 def values_and_slopes(*arguments, half_duration, opening_foot):
-    """Values (l) of METRICS and their slopes by system, samples (l, k, 2) and start (l, 2, n)."""
+    """Values (l) of METRICS and their slopes (l, k, 2) by the lift's samples."""
 
     def twice(system, samples, cam_speed, y0):
         values = smooth_values(system, samples, cam_speed, y0, half_duration, opening_foot)
         return values, values
 
-    slopes, values = jax.jacrev(twice, argnums=(0, 1, 3), has_aux=True)(*arguments)
+    slopes, values = jax.jacrev(twice, argnums=1, has_aux=True)(*arguments)
     return values, slopes
 
 
@@ -88,6 +57,11 @@ def smooth(train, lift, cam_speed, state):
     y0, samples = jnp.asarray(state).reshape(2, -1), jnp.asarray(lift_samples(lift))
     cam = {"half_duration": lift.half_duration, "opening_foot": lift.opening_foot}
     return values_and_slopes(build_system(train), samples, cam_speed, y0, **cam)
+
+
+def samples_along(lift, directions) -> np.ndarray:
+    """Changes of the lift's samples (m, k, 2) along the directions (m, p, q)."""
+    return np.stack([lift_samples(moved(lift, directions, e)) - lift_samples(lift) for e in np.eye(len(directions))])
 
 
 def relative(found, reference) -> float:
@@ -124,34 +98,24 @@ def test_gradients_by_cam_coefficients_are_those_of_the_exact_motion(case):
     speed = scene.cam_speed(rpm)
     state = settled_state(train, lift, speed, revolutions)
     step = 1e-8  # of 10 nm: between the curvature of the truth and its rounding, both below 1e-3 here
-    reference = np.stack(
-        [
-            (
-                exact_metrics(train, with_bump(lift, i, step), speed, state)
-                - exact_metrics(train, with_bump(lift, i, -step), speed, state)
-            )
-            / (2 * step)
-            for i in range(BUMPS)
-        ],
-        axis=1,
-    )
-    value, (_, by_samples, _) = smooth(train, lift, speed, state)
-    basis = np.stack([lift_samples(bump(i)) for i in range(BUMPS)])
-    found = np.einsum("qmk,imk->qi", by_samples, basis)
+    lift, directions = with_bumps(lift, BUMPS)
+    pairs = [
+        [exact_metrics(train, moved(lift, directions, sign * step * e), speed, state) for sign in (1, -1)]
+        for e in np.eye(BUMPS)
+    ]
+    reference = np.stack([(up - down) / (2 * step) for up, down in pairs], axis=1)
+    value, by_samples = smooth(train, lift, speed, state)
+    found = np.einsum("qmk,imk->qi", by_samples, samples_along(lift, directions))
     exact = exact_metrics(train, lift, speed, state)
-    assert value[0] == pytest.approx(exact[0], rel=1e-3)
-    assert relative(found[0], reference[0]) < 1e-2
+    for i in (0, 2):
+        assert value[i] == pytest.approx(exact[i], rel=1e-3)
+        assert relative(found[i], reference[i]) < 1e-2, METRICS[i]
     layer = EPS * train.stiffness.max()  # the force that the width of the layer stands for
     if exact[1] > layer:
         assert relative(found[1], reference[1]) < 1e-2
     else:  # the cam jumps: the least force is zero and stays so
         assert abs(exact[1]) < 1e-6 and 0.0 <= value[1] < layer
         assert value[1] > 0.0 or not np.any(found[1])
-    if value[2] < 1e-18:
-        assert exact[2] < 1e-18  # no bounce: what is left is the layer
-    else:
-        assert value[2] == pytest.approx(exact[2], rel=1e-2)
-        assert relative(found[2], reference[2]) < 1e-2
 
 
 CAMS = (
@@ -180,6 +144,7 @@ def test_gradients_are_those_of_the_adjoint_over_many_states(count):
 
     Allowed is 1e-2, or what the exact gradient itself changes by when the cam is moved by 3 nm: the layer is 2 nm wide.
     Of 120 such states three need that, one at 6000 r/min (1.3e-2; a contact there closes at 0.8 mm/s, all but grazing).
+    The area, which all hops of a bouncing valve share in, is left to tests/smooth/test_random_scenes.py.
     """
     for rpm, train, lift, directions, speed, state in drawn(count):
         nearby = 3e-9 * np.cos(np.arange(BUMPS) ** 2.0)
@@ -187,46 +152,25 @@ def test_gradients_are_those_of_the_adjoint_over_many_states(count):
             np.einsum("lpq,mpq->lm", value_and_gradient(train, cam, speed, METRICS, state).by_coefficients, directions)
             for cam in (lift, moved(lift, directions, nearby))
         )
-        parts = np.stack([lift_samples(moved(lift, directions, e)) - lift_samples(lift) for e in np.eye(BUMPS)])
-        found = np.einsum("qmk,imk->qi", smooth(train, lift, speed, state)[1][1], parts)
+        found = np.einsum("qmk,imk->qi", smooth(train, lift, speed, state)[1], samples_along(lift, directions))
         for name, a, b, c in zip(METRICS, found, exact, near, strict=True):
+            if name == "dynamic_area_mm_deg":
+                continue
             if np.any(b):
                 assert relative(a, b) < max(1e-2, relative(c, b)), (rpm, name)
-            else:  # no jump or no bounce: the metric is still, but for s^2 in the layer; a bounce has 1e-8
+            else:  # the cam jumps: the least force is zero and stays so
                 assert np.abs(a).max() < 1e-13, (rpm, name)
 
 
 @pytest.mark.long
-def test_gradients_by_the_train_are_those_of_the_exact_motion():
-    """Stiffness, damping, preload, gap and mass, the state at rest moving along."""
-    scene, train, lift = kodama()
-    speed, system = scene.cam_speed(5000), build_system(train)
-    start, back = jax.vjp(lambda s: rest_of(s), system)
-    _, (held, _, by_start) = smooth(train, lift, speed, start)
-    gradient = jax.tree.map(lambda a, b: a[0] + b, held, back(by_start[0])[0])
-    seat = train.seat
-    for name, i in (("stiffness", 3), ("damping", seat - 1), ("preload", seat), ("gap", 2), ("mass", 4)):
-        step = 1e-5 * getattr(train, name)[i]
-        pair = []
-        for sign in (1.0, -1.0):
-            values = getattr(train, name).copy()
-            values[i] += sign * step
-            changed = dataclasses.replace(train, **{name: values})
-            pair.append(exact_metrics(changed, lift, speed, np.asarray(rest_state(changed)).ravel())[0])
-        reference = (pair[0] - pair[1]) / (2 * step)
-        assert reference != 0.0
-        assert float(getattr(gradient, name)[i]) == pytest.approx(reference, rel=2e-2), name
-
-
-@pytest.mark.long  # a small train always runs it: tests/smooth/test_adaptive.py
 def test_forward_mode_agrees_with_reverse_mode():
     scene, train, lift = kodama()
     speed, y0 = scene.cam_speed(6000), rest_state(train)
-    samples, direction = jnp.asarray(lift_samples(lift)), jnp.asarray(lift_samples(bump(7)))
+    samples, direction = jnp.asarray(lift_samples(lift)), jnp.asarray(samples_along(*with_bumps(lift, BUMPS))[7])
 
     def values(samples):
         return smooth_values(build_system(train), samples, speed, y0, lift.half_duration, lift.opening_foot)
 
     _, forward = jax.jit(lambda s: jax.jvp(values, (s,), (direction,)))(samples)
-    _, (_, reverse, _) = smooth(train, lift, speed, y0)
+    _, reverse = smooth(train, lift, speed, y0)
     np.testing.assert_allclose(forward, jnp.einsum("qmk,mk->q", reverse, direction), rtol=1e-7)

@@ -2,7 +2,6 @@
 
 import dataclasses
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -10,8 +9,7 @@ from scipy.interpolate import CubicHermiteSpline
 from scipy.linalg import expm
 
 from camopt.exact.engine import prepare as prepare_exact
-from camopt.scene import InputError, MotionRefused, Response, state_at_rest
-from camopt.scene.response import record_of
+from camopt.scene import InputError, MotionRefused, Response
 from camopt.smooth.laws import Layer
 from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem, integrate, lift_at
@@ -91,28 +89,6 @@ def test_equal_steps_come_near_the_refined_motion():
         errors.append(valve_difference_mm(Response(train, speed, *map(np.asarray, equal[:5])), fine))
     assert errors[0] > 10 * errors[1]
     assert errors[1] < 1e-3
-
-
-@pytest.mark.long
-def test_a_batch_of_speeds_is_what_each_gives_alone():
-    scene, train, lift = kodama()
-    system, samples, y0 = build_system(train), jnp.asarray(lift_samples(lift)), rest_state(train)
-    speeds = jnp.asarray([scene.cam_speed(r) for r in (5000.0, 6000.0)])
-    many = jax.vmap(lambda speed: compiled_response(DrivenSystem(system, samples, speed), y0))(speeds)
-    for i, speed in enumerate(speeds):
-        alone = compiled_response(DrivenSystem(system, samples, speed), y0)
-        assert np.max(np.abs(many.x[i, -1] - alone.x[-1])) < 1e-9  # rounding, grown by the contacts
-
-
-@pytest.mark.long
-def test_two_revolutions_are_one_after_the_other():
-    scene, train, lift = kodama()
-    record = record_of(prepare(train, lift, scene.cam_speed(5000)), state_at_rest(train), 2)
-    assert record.revolutions == 2
-    assert np.all(np.diff(record.angle) >= 0)
-    driven = DrivenSystem(build_system(train), jnp.asarray(lift_samples(lift)), record.cam_speed)
-    arrays = compiled_response(driven, rest_state(train), revolutions=2)
-    np.testing.assert_allclose(arrays.x[-1], record.x[-1], atol=1e-9)
 
 
 def test_too_few_steps_are_refused_and_bad_arguments_named(monkeypatch):

@@ -19,7 +19,6 @@ from camopt.smooth.laws import Layer
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples
 from camopt.smooth.tied import (
-    IMAGINARY_LIMIT,
     LARGEST_PHASE,
     STEPS,
     WIDTH,
@@ -31,6 +30,8 @@ from camopt.smooth.tied import (
 from experiments.support.smooth_batch import batch_motion, stage_lifts
 
 HALF = np.deg2rad(72.0)
+IMAGINARY_LIMIT = 3.34
+"""Largest phase of an undamped oscillation per step for which the method is stable."""
 
 
 def swung(steps: int, parts: int = 1, turns: int = 1) -> jax.Array:

@@ -13,7 +13,7 @@ from camopt.scene.load import parse_scene
 from camopt.scene.rest import state_at_rest
 from camopt.study.simulate import accuracy_control as module
 from camopt.study.simulate import motion as motion_module
-from camopt.study.simulate.accuracy_control import ANGLES, Delivered, apart_um, deliver, valve_position
+from camopt.study.simulate.accuracy_control import ANGLES, apart_um, deliver
 from camopt.study.simulate.motion import dialled, simulate
 from camopt.verifier.accuracy import Curve, stored_curves
 from tests.test_cli import run as command
@@ -25,17 +25,16 @@ CURVED_TEXT = scene_text("motori-1").replace(
 CURVED = parse_scene(CURVED_TEXT, "curved")
 
 
-def valve_mm(motion, scene) -> np.ndarray:
-    return motion.position_mm.sel(mass=scene.valve).values
+def apart(motion, truth) -> float:
+    """Largest difference of the valve's positions [um]."""
+    one, other = (found.position_mm.sel(mass=MOTOR.valve).values for found in (motion, truth))
+    return 1e3 * np.abs(one - other).max()
 
 
-def simulate_response():
+def shifted(by: float):
+    """A revolution of the motor whose positions are off [m]."""
     train = build_train(MOTOR)
-    rest = state_at_rest(train)
-    return engine.prepare(train, polydyne(MOTOR), MOTOR.cam_speed(3000), 720)(rest)
-
-
-def shifted(response, by: float):
+    response = engine.prepare(train, polydyne(MOTOR), MOTOR.cam_speed(3000), 720)(state_at_rest(train))
     return replace(response, x=response.x + by)
 
 
@@ -46,8 +45,9 @@ class TestSimulate:
     def test_the_error_is_what_was_asked_for(self, method, asked):
         truth = simulate(MOTOR, self.CAM, 3000, "event")
         motion = simulate(MOTOR, self.CAM, 3000, method, accuracy=asked)
-        true_um = 1e3 * np.abs(valve_mm(motion, MOTOR) - valve_mm(truth, MOTOR)).max()
-        assert true_um <= motion.attrs["accuracy_estimated_um"] <= asked == motion.attrs["accuracy_asked_um"]
+        assert (
+            apart(motion, truth) <= motion.attrs["accuracy_estimated_um"] <= asked == motion.attrs["accuracy_asked_um"]
+        )
         assert motion.attrs["accuracy_reached"] == 1
         assert motion.attrs["accuracy_statement"].startswith(f"accuracy asked: {asked:g} um; estimated error")
 
@@ -75,7 +75,7 @@ class TestCurvedLaws:
     def test_a_motion_without_an_accuracy_states_its_error(self, step_deg):
         motion = simulate(CURVED, self.CAM, 5000, step_deg=step_deg)
         truth = simulate(CURVED, self.CAM, 5000, "dop853", step_deg=step_deg)
-        true_um = 1e3 * np.abs(valve_mm(motion, CURVED) - valve_mm(truth, CURVED)).max()
+        true_um = apart(motion, truth)
         assert 0.01 < true_um <= motion.attrs["accuracy_estimated_um"] < 50 * true_um
         assert motion.attrs["accuracy_estimated_um"] == motion.attrs["accuracy_estimated_by_revolution_um"].max()
         said = f"estimated error of the valve's position: {motion.attrs['accuracy_estimated_um']:.2g} um, from "
@@ -91,8 +91,7 @@ class TestCurvedLaws:
     def test_an_accuracy_is_kept(self):
         truth = simulate(CURVED, self.CAM, 5000, "dop853")
         motion = simulate(CURVED, self.CAM, 5000, accuracy=0.5)
-        true_um = 1e3 * np.abs(valve_mm(motion, CURVED) - valve_mm(truth, CURVED)).max()
-        assert true_um <= motion.attrs["accuracy_estimated_um"] <= 0.5
+        assert apart(motion, truth) <= motion.attrs["accuracy_estimated_um"] <= 0.5
 
     def test_every_setting_of_the_dial_has_chords_of_its_own(self, monkeypatch):
         """At a high speed, where a revolution has few steps, too: equal answers would be taken for an exact one."""
@@ -128,7 +127,7 @@ def test_the_budget_of_the_chords_is_known():
 
         def run(setting: float, tried=tried):
             tried.append(setting)
-            return shifted(simulate_response(), 1e-3 * len(tried))
+            return shifted(1e-3 * len(tried))
 
         with pytest.MonkeyPatch.context() as patch:
             patch.setattr(motion_module, "dialled", lambda *_, run=run: run)
@@ -156,13 +155,12 @@ class TestDial:
     @staticmethod
     def run(offset, refuse=lambda setting: False):
         calls = []
-        exact = simulate_response()
 
         def motion(setting: float):
             calls.append(setting)
             if refuse(setting):
                 raise MotionRefused("too coarse")
-            return shifted(exact, offset(setting))
+            return shifted(offset(setting))
 
         return motion, calls
 
@@ -174,13 +172,6 @@ class TestDial:
         assert found.reached and calls == pytest.approx([self.START / 2**i for i in range(-1, 8)])
         assert found.estimate_um[0] == pytest.approx(1.5 * 7 * 10 / 2**7, rel=1e-6)
         assert found.setting == calls[-1]
-
-    def test_the_finest_setting_ends_it_unreached(self):
-        further = count()
-        run, calls = self.run(lambda s: 1e-3 * next(further))
-        found = deliver(run, "rkg", 1.0, 1, self.START / 8)
-        assert len(calls) == found.budget == 5 and not found.reached
-        assert found.estimate_um[0] == pytest.approx(1.5 * 3000.0)
 
     def test_the_best_of_the_budget_is_delivered_and_not_the_last(self):
         offsets = iter([8e-6, 4e-6, 2e-6, 1e-6, 9e-6])
@@ -203,7 +194,7 @@ class TestDial:
         found = deliver(run, "rkg", 1.0, 1, self.START / 8)
         assert found.sentence().endswith("5 settings, too few of which gave a motion: the error is not known")
 
-    def test_the_bar_shows_how_much_of_the_budget_is_spent(self, monkeypatch):
+    def test_the_finest_setting_ends_it_unreached_and_the_bar_shows_what_is_spent(self, monkeypatch):
         shown = []
 
         class Bar(module.tqdm):
@@ -214,9 +205,11 @@ class TestDial:
         monkeypatch.setattr(module, "tqdm", Bar)
         monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
         further = count()
-        run, _ = self.run(lambda s: 1e-3 * next(further))
-        deliver(run, "rkg", 1.0, 1, self.START / 8, progress=True)
+        run, calls = self.run(lambda s: 1e-3 * next(further))
+        found = deliver(run, "rkg", 1.0, 1, self.START / 8, progress=True)
         assert shown == [(1, 31), (3, 31), (7, 31), (15, 31), (31, 31)]
+        assert len(calls) == found.budget == 5 and not found.reached
+        assert found.estimate_um[0] == pytest.approx(1.5 * 3000.0)
 
     def test_refused_settings_are_passed_over_and_all_refused_is_a_refusal(self):
         run, calls = self.run(lambda s: 0.0, refuse=lambda s: s > 0.3 * self.START)
@@ -247,21 +240,8 @@ def test_apart_is_the_largest_difference_of_each_revolution():
     np.testing.assert_allclose(apart_um(answer, [other, answer], 2), [3.0, 8.0])
 
 
-def test_position_is_that_of_the_valve():
-    x = valve_position(simulate_response(), 1)
-    assert len(x) == ANGLES + 1 and 8e-3 < x.max() < 9.5e-3
-
-
-def test_words():
-    found = Delivered(simulate_response(), 0.5, 0.5, np.array([0.25, 4.0]), 0.1, 7)
-    assert found.sentence() == (
-        "accuracy asked: 0.5 um; not reached within the budget of 7 settings: the valve's position is known to a range "
-        "only, at best +-0.25 um in revolution 1, +-4 um in revolution 2"
-    )
-
-
 class TestCurves:
-    CURVE = Curve("rad", np.array([0.01, 0.1, 1.0]), np.array([1.0, 10.0, 100.0]), np.array([3.0, 2.0, 300.0]))
+    CURVE = Curve(np.array([0.01, 0.1, 1.0]), np.array([1.0, 10.0, 100.0]), np.array([3.0, 2.0, 300.0]))
 
     def test_between_settings_on_the_logarithms_and_never_outside(self):
         assert self.CURVE.coarsest(np.sqrt(1000.0), typical=True) == pytest.approx(np.sqrt(0.1))

@@ -1,4 +1,4 @@
-"""A rise between two dwells through the command: peaks and bounds of the closed forms, and its table."""
+"""A rise between two dwells: program and bound meet the closed forms, through the command too, and its table."""
 
 import csv
 import json
@@ -6,29 +6,44 @@ import json
 import numpy as np
 import pytest
 
-from camopt.study.rise import rise
+from camopt.scene import InputError
+from camopt.study.rise import least_acceleration, least_peak, rise
 from tests.test_cli import run
 
 UNIT = ("rise", "--rise-mm", "1", "--over-deg", "1")
 
 
 @pytest.mark.parametrize(
-    ("least", "key", "peak"),
-    [
-        ("acceleration", "acceleration_mm_per_deg2", 4.0),
-        ("jerk", "jerk_mm_per_deg3", 32.0),
-        ("snap", "snap_mm_per_deg4", 384.0),
-        ("crackle", "crackle_mm_per_deg5", 6144.0),
-    ],
+    ("least", "order", "peak"),
+    [("acceleration", 2, 4.0), ("jerk", 3, 32.0), ("snap", 4, 384.0), ("crackle", 5, 6144.0)],
 )
-def test_program_and_bound_meet_the_closed_forms(capsys, tmp_path, least, key, peak):
+def test_the_least_peak_of_a_derivative(capsys, tmp_path, least, order, peak):
+    found = least_peak(order)
+    assert found.bound <= peak * (1 + 1e-9) and found.peak >= peak * (1 - 1e-9)
+    turns = np.flatnonzero(np.diff(np.sign(found.derivative))) / len(found.derivative)
+    assert turns == pytest.approx((1 - np.cos(np.arange(1, order) * np.pi / order)) / 2, abs=1e-3)
     file = tmp_path / "rise.json"
     code, out, _ = run(capsys, *UNIT, "--least", least, "--json", str(file))
-    found = json.loads(file.read_text())
-    assert code == 0 and found["least"] == least
-    assert found[f"{key}_peak"] == pytest.approx(peak, rel=1e-6)
-    assert found[f"{key}_bound"] == pytest.approx(peak, rel=1e-6)
-    assert out.count(f"{peak:.6g} mm/deg^") == 2
+    content = json.loads(file.read_text())
+    assert code == 0 and content["least"] == least
+    ends = [content[f"{least}_mm_per_deg{order}_{what}"] for what in ("peak", "bound")]
+    assert ends == pytest.approx([peak, peak], rel=1e-6) and out.count(f"{peak:.6g} mm/deg^{order}") == 2
+
+
+@pytest.mark.parametrize("jerk", [39.48, *(pytest.param(j, marks=pytest.mark.long) for j in (36.0, 60.0, 69.47))])
+def test_the_least_peak_acceleration_under_a_jerk(jerk):
+    least = jerk / 4 * (1 - np.sqrt(1 - 32 / jerk))
+    found = least_acceleration(jerk)
+    assert found.bound <= least * (1 + 1e-9) and found.peak >= least * (1 - 1e-9)
+    assert [found.peak, found.bound] == pytest.approx([least, least], rel=1e-6)
+    assert np.abs(np.diff(found.derivative)).max() * (len(found.derivative) - 1) <= jerk * (1 + 1e-6)
+
+
+def test_too_little_of_either_is_refused():
+    with pytest.raises(InputError, match="more than 32"):
+        least_acceleration(32.0)
+    with pytest.raises(InputError, match="2, which is the acceleration"):
+        least_peak(1)
 
 
 def test_the_table_is_the_motion_in_its_units(capsys, tmp_path):

@@ -50,27 +50,28 @@ def test_the_tied_motion_is_that_of_linearised():
     assert last == pytest.approx(paths.contact_force_N.values[0, :, 0], abs=0.5)  # the motion has settled to this
 
 
+SMOOTH = {"cam": CAM, "speed_rpm": SPEED, "method": "smooth"}
+
+
 @pytest.mark.parametrize(
-    ("call", "says"),
+    ("verb", "arguments", "says"),
     [
+        (camopt.simulate, SMOOTH | {"method": "event", "width_um": 1.0}, "width_um with method 'event': take method="),
+        (camopt.simulate, SMOOTH | {"tie": 2.0}, "tie 2.0: expected a share from 0 to 1"),
         (
-            lambda: camopt.simulate(SCENE, CAM, SPEED, width_um=1.0),
-            "width_um with method 'event': take method='smooth'",
+            camopt.simulate,
+            SMOOTH | {"tie": 1.0, "parameters": {"gap": np.zeros(3)}},
+            "tie with parameters: take camopt.",
         ),
-        (lambda: camopt.simulate(SCENE, CAM, SPEED, "smooth", tie=2.0), "tie 2.0: expected a share from 0 to 1"),
-        (
-            lambda: camopt.simulate(SCENE, CAM, SPEED, "smooth", tie=1.0, parameters={"gap": np.zeros(3)}),
-            "tie with parameters: take camopt.linearised or camopt.objective",
-        ),
-        (lambda: camopt.objective(SCENE, steps_per_revolution=10), "steps_per_revolution 10: expected an integer from"),
-        (lambda: camopt.optimize(SCENE, source="exact", width_um=2.0), "with source 'exact' or a wanted yield"),
-        (lambda: camopt.optimize(SCENE, width_um=0.0), "optimize: width_um 0.0: expected a width"),
-        (lambda: camopt.optimize(SCENE, source="nothing"), "'nothing': expected one of auto, smooth, exact, none"),
+        (camopt.objective, {"steps_per_revolution": 10}, "steps_per_revolution 10: expected an integer from"),
+        (camopt.optimize, {"source": "exact", "width_um": 2.0}, "with source 'exact' or a wanted yield"),
+        (camopt.optimize, {"width_um": 0.0}, "optimize: width_um 0.0: expected a width"),
+        (camopt.optimize, {"source": "nothing"}, "'nothing': expected one of auto, smooth, exact, none"),
     ],
 )
-def test_what_does_not_go_is_a_sentence(call, says):
+def test_what_does_not_go_is_a_sentence(verb, arguments, says):
     with pytest.raises(InputError, match=re.escape(says)):
-        call()
+        verb(SCENE, **arguments)
 
 
 def test_only_what_differs_from_the_defaults_stands_in_a_runs_settings():

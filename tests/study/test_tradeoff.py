@@ -4,6 +4,7 @@ import csv
 import json
 import time
 from itertools import chain, repeat
+from unittest.mock import Mock
 
 import numpy as np
 import pytest
@@ -31,11 +32,28 @@ def table(folder) -> list[dict]:
         return list(csv.DictReader(file))
 
 
+def line(case: str, method: str, *, verdict: str | None = None, seconds: float = 1.0, **figures) -> dict:
+    """A line of the journal."""
+    said = {} if verdict is None else {"verdict": verdict}
+    shared = {"case": case, "method": method, "setting": "s", "failure": "", "seconds": seconds}
+    return {**shared, "figures": figures, **said}
+
+
+def row(method: str, setting: str, error: float, seconds: float, **more) -> dict:
+    """A row of tradeoff.csv."""
+    fixed = {"case": "revolution at 7000 r/min", "error_of": "lift_mm", "converged": True, "verdict": ""}
+    return {**fixed, "method": method, "setting": setting, "error": error, "seconds": seconds, **more}
+
+
 def busy(seconds: float) -> None:
     """Uses that much processor time."""
     end = time.process_time() + seconds
     while time.process_time() < end:
         pass
+
+
+def command(*words) -> int:
+    return cli.main(["tradeoff", *map(str, words), "--quiet"])
 
 
 @pytest.fixture(scope="module")
@@ -52,7 +70,7 @@ def drawn():
 def small(tmp_path_factory, drawn):
     """The small size on one mass, by the command."""
     folder = tmp_path_factory.mktemp("tradeoff") / "run"
-    assert cli.main(["tradeoff", "motori-1", "--size", "small", "--out", str(folder), "--quiet"]) == 0
+    assert command("motori-1", "--size", "small", "--out", folder) == 0
     return folder
 
 
@@ -89,14 +107,14 @@ class TestRun:
 
     def test_a_finished_run_measures_nothing_again(self, small):
         before = (small / LINES).read_bytes(), (small / "tradeoff.csv").read_bytes()
-        assert cli.main(["tradeoff", "motori-1", "--size", "small", "--out", str(small), "--resume", "--quiet"]) == 0
+        assert command("motori-1", "--size", "small", "--out", small, "--resume") == 0
         assert ((small / LINES).read_bytes(), (small / "tradeoff.csv").read_bytes()) == before
 
     def test_refusals(self, small, tmp_path, capsys):
-        assert cli.main(["tradeoff", "motori-1", "--out", str(small)]) == 2
-        assert cli.main(["tradeoff", "motori-1", "--resume"]) == 2
-        assert cli.main(["tradeoff", "ohv-3dof", "--out", str(tmp_path / "a")]) == 2
-        assert cli.main(["tradeoff", "motori-2", "--size", "small", "--out", str(small), "--resume"]) == 2
+        assert command("motori-1", "--out", small) == 2
+        assert command("motori-1", "--resume") == 2
+        assert command("ohv-3dof", "--out", tmp_path / "a") == 2
+        assert command("motori-2", "--size", "small", "--out", small, "--resume") == 2
         assert "belongs to another run, and nothing in it was changed: its scene differs" in capsys.readouterr().err
         with pytest.raises(InputError, match="size 'huge': expected one of small, full"):
             tradeoff(load_scene("motori-1"), tmp_path / "b", size="huge")
@@ -111,8 +129,8 @@ class TestCams:
         return path
 
     def test_a_cam_that_the_scene_does_not_allow_is_refused_before_the_folder_is_made(self, unequal, tmp_path, capsys):
-        folder, words = tmp_path / "run", ["--cam", "polydyne", "--size", "small", "--quiet"]
-        assert cli.main(["tradeoff", str(unequal), "--out", str(folder), *words]) == 2
+        folder = tmp_path / "run"
+        assert command(unequal, "--cam", "polydyne", "--size", "small", "--out", folder) == 2
         assert "closing ramp differs" in capsys.readouterr().err and not folder.exists()
 
     def test_the_cam_that_is_taken_where_none_is_given_holds(self, unequal):
@@ -124,23 +142,21 @@ class TestCams:
             assert broken_by_shape(cam, scene.design) == []
 
     def test_a_given_cam_is_the_one_that_is_measured(self, unequal, tmp_path, drawn, monkeypatch, capsys):
-        scene, design, folder = load_scene("motori-1"), tmp_path / "design.json", tmp_path / "run"
+        scene, design = load_scene("motori-1"), tmp_path / "design.json"
         write_design(design, polydyne(scene), 9.4e-3)
         seen = []
         monkeypatch.setattr(module, "measured", lambda journal, work, progress: seen.extend(work) or [])
-        words = ["tradeoff", str(unequal), "--cam", str(design), "--size", "small", "--out", str(folder), "--quiet"]
-        assert cli.main(words) == 0
+        words = unequal, "--cam", design, "--size", "small", "--out", tmp_path / "run"
+        assert command(*words) == 0
         assert len(seen) > 10
         write_design(design, polydyne(scene, (2, 8, 14, 20, 26)), 9.4e-3)
-        assert cli.main([*words, "--resume"]) == 2
+        assert command(*words, "--resume") == 2
         assert "belongs to another run" in capsys.readouterr().err
 
     def test_nothing_wrong_about_anything_is_no_figure(self):
         """No cam of the list bounces: every dial's errors are zero, and there is nothing to draw over time."""
-        row = {"case": "job: band step", "method": "event-exact sweep", "setting": "200 r/min", "error": 0.0,
-               "error_of": "bounce_mm", "seconds": 1.0, "converged": True, "verdict": ""}  # fmt: skip
-        case = row | {"case": "revolution at 3000 r/min"}
-        assert figures([row, case, row | {"case": "job: masses"}]) == {}
+        cases = "job: band step", "revolution at 3000 r/min", "job: masses"
+        assert figures([row("m", "s", 0.0, 1.0, case=case, error_of="bounce_mm") for case in cases]) == {}
 
 
 class TestLines:
@@ -156,19 +172,13 @@ class TestLines:
         assert calls == ["a", "b", "c"]
 
     def test_what_fails_stays_with_its_reason(self):
-        def fails() -> dict:
-            raise RuntimeError("too stiff")
-
-        (row,) = rows_of(measured(Records(None, *NAMES), [module.or_failure((("case", "method", "x"), fails))]))
+        failing = ("case", "method", "x"), Mock(side_effect=RuntimeError("too stiff"))
+        (row,) = rows_of(measured(Records(None, *NAMES), [module.or_failure(failing)]))
         assert (row["verdict"], row["converged"], row["error"]) == ("too stiff", False, None)
 
     def test_errors_are_against_the_reference_of_the_case(self):
-        def line(case: str, method: str, bounce: float, **more) -> dict:
-            shared = {"case": case, "method": method, "setting": "s", "failure": "", "seconds": 1.0}
-            return {**shared, "figures": {"bounce_mm": bounce}, **more}
-
-        lines = [line("a", REFERENCE, 1.0, verdict="confirmed"), line("b", REFERENCE, 5.0)]
-        lines += [line("a", "m", 0.75, verdict="rejected"), line("b", "m", 5.5)]
+        lines = [line("a", REFERENCE, bounce_mm=1.0, verdict="confirmed"), line("b", REFERENCE, bounce_mm=5.0)]
+        lines += [line("a", "m", bounce_mm=0.75, verdict="rejected"), line("b", "m", bounce_mm=5.5)]
         del lines[1]["seconds"]  # a reference that was not timed is no row
         found = {(r["case"], r["method"], r["error_of"]): r["error"] for r in rows_of(lines)}
         assert found == {
@@ -181,8 +191,7 @@ class TestLines:
 
     def test_error_of(self):
         assert error_of([1.0, 2.5], [1.0, 2.0]) == 0.5
-        assert error_of(None, 1.0) is None
-        assert error_of(np.nan, 1.0) is None
+        assert error_of(None, 1.0) is error_of(np.nan, 1.0) is None
 
     def test_the_first_call_is_set_apart(self, monkeypatch):
         monkeypatch.setattr(measurements, "PATIENCE", 0.05)
@@ -213,18 +222,14 @@ def test_the_front_is_what_nothing_beats():
 
 
 class TestTables:
-    def row(self, method: str, setting: str, error: float, seconds: float, **more) -> dict:
-        fixed = {"case": "revolution at 7000 r/min", "error_of": "lift_mm", "converged": True, "verdict": ""}
-        return {**fixed, "method": method, "setting": setting, "error": error, "seconds": seconds, **more}
-
     def test_one_row_is_recommended_the_cheapest_within_a_micrometre(self):
         rows = [
-            self.row("fast", "coarse", 2e-3, 1e-3),
-            self.row("fast", "fine", 1e-4, 8e-3),
-            self.row("slow", "any", 1e-9, 0.5),
-            self.row("wrong", "coarse", 0.5, 1e-4),
-            self.row("wrong", "fine", 0.2, 1e-2),
-            self.row("cheap", "at another speed", 1e-9, 1e-6, case="revolution at 5000 r/min"),
+            row("fast", "coarse", 2e-3, 1e-3),
+            row("fast", "fine", 1e-4, 8e-3),
+            row("slow", "any", 1e-9, 0.5),
+            row("wrong", "coarse", 0.5, 1e-4),
+            row("wrong", "fine", 0.2, 1e-2),
+            row("cheap", "at another speed", 1e-9, 1e-6, case="revolution at 5000 r/min"),
         ]
         (case, lines), other = tables_of(sorted(rows, key=lambda r: r["case"], reverse=True)).items()
         assert case in lines[0] and "at another speed" in other[1][2]
@@ -240,9 +245,9 @@ class TestTables:
         dial = {"error_of": "bounce_mm", "case": "job: knots"}
         area = dial | {"error_of": "area_mm_deg", "verdict": "confirmed"}
         rows = [
-            self.row("search", "3 deg", 0.0021, 0.4, **dial | {"verdict": "confirmed"}),
-            self.row("search", "3 deg", 0.5, 0.4, **area),
-            self.row(REFERENCE, "2 deg", 0.0, 1.5, **dial),
+            row("search", "3 deg", 0.0021, 0.4, **dial | {"verdict": "confirmed"}),
+            row("search", "3 deg", 0.5, 0.4, **area),
+            row(REFERENCE, "2 deg", 0.0, 1.5, **dial),
         ]
         (lines,) = tables_of(rows).values()
         assert lines[0].startswith("Knots")
@@ -260,12 +265,8 @@ class TestExperiment:
         assert content["float32"] == []  # the small size has no JAX
 
     def test_rounding_is_what_single_precision_changes(self):
-        def line(method: str, lift_mm: float, seconds: float) -> dict:
-            shared = {"case": "c", "method": method, "setting": "s", "failure": "", "seconds": seconds}
-            return shared | {"figures": {"lift_mm": [0.0, lift_mm]}}
-
-        lines = [line("reference", 1.0, 1.0), line("x, float64", 1.5, 2.0), line("x, float32", 1.25, 1.0)]
+        measured = (REFERENCE, 1.0, 1.0), ("x, float64", 1.5, 2.0), ("x, float32", 1.25, 1.0)
+        lines = [line("c", method, lift_mm=[0.0, mm], seconds=seconds) for method, mm, seconds in measured]
         (row,) = experiment.rounding(lines)
-        assert (row["float32_moves_lift_um"], row["float64_error_um"], row["time_ratio"]) == pytest.approx(
-            (250, 500, 0.5)
-        )
+        found = row["float32_moves_lift_um"], row["float64_error_um"], row["time_ratio"]
+        assert found == pytest.approx((250, 500, 0.5))

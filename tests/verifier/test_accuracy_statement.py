@@ -1,27 +1,26 @@
 """`verify --accuracy`: settings from the stored curves, and what was asked beside what was delivered."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare as event_exact
-from camopt.scene import InputError, build_train, load_scene
-from camopt.scene.rest import state_at_rest
+from camopt.scene import InputError, load_scene
 from camopt.scene.units import UM
 from camopt.verifier import accuracy as module
 from camopt.verifier.accuracy import EFFORTS, effort_of, stored_curves, verify
-from camopt.verifier.convergence import Converged, StepRefinement, Tolerances
+from camopt.verifier.convergence import StepRefinement, Tolerances
 from camopt.verifier.methods import rkg
-from camopt.verifier.record import HALVED, REPORTED, accuracy_record, bounce_error_um, method_record
+from camopt.verifier.record import HALVED, accuracy_record, bounce_error_um, method_record
+from camopt.verifier.verdict import Verdict
+from tests.verifier.answers import answer
+from tests.verifier.scenes import from_rest
 
 
 def at(speed: float, error_mm: float, low: float = 0.1, high: float = 0.1, periodic: bool = True) -> dict:
     """The record of a speed of a verdict with one method."""
-    values, spread, error = ({name: one for name in REPORTED} for one in (high, (low, high), error_mm))
-    answer = Converged(1440, True, values, spread, error, 5, periodic, None)
-    return {"speed_rpm": speed, "decided_after": HALVED, **method_record(answer)}
+    record = method_record(answer(low, high, error=error_mm, periodic=periodic))
+    return {"speed_rpm": speed, "decided_after": HALVED, **record}
 
 
 class TestEstimate:
@@ -69,14 +68,6 @@ class TestWords:
         )
 
 
-@dataclass(frozen=True)
-class Result:
-    """What a verdict was asked for."""
-
-    arguments: tuple
-    asked: object = None
-
-
 class TestEffort:
     def test_a_number_picks_from_the_stored_curves(self):
         fine, coarse = effort_of(2.0), effort_of(50.0)
@@ -104,26 +95,21 @@ class TestEffort:
             effort_of(accuracy)
 
     def test_verify_is_asked_for_it(self, monkeypatch):
-        monkeypatch.setattr(module, "verdict_on", lambda *arguments, progress: Result(arguments))
-        scene = load_scene("motori-1")
-        found = verify(scene, polydyne(scene), (5000.0,), "event", 50.0)
-        effort = effort_of(50.0)
-        speeds, methods, band_step, tolerances = found.arguments[2:]
-        assert (speeds, methods, band_step) == ((5000.0,), ("event",), effort.band_step_rpm)
-        assert tolerances == effort.tolerances and tolerances.tolerance_um == 50.0
-        assert found.asked == 50.0
+        given = []
+        nothing = Verdict("confirmed", (), (), None, (), None, None, 1.0)
+        monkeypatch.setattr(module, "verdict_on", lambda *arguments, progress: given.append(arguments) or nothing)
+        scene, effort = load_scene("motori-1"), effort_of(50.0)
+        assert verify(scene, polydyne(scene), (5000.0,), "event", 50.0).asked == 50.0
+        assert given[0][2:] == ((5000.0,), ("event",), effort.band_step_rpm, effort.tolerances)
+        assert effort.tolerances.tolerance_um == 50.0
 
 
 def test_the_bounce_delivered_is_within_what_was_asked():
-    scene = load_scene("motori-1")
-    train, cam = build_train(scene), polydyne(scene)
-    rest = state_at_rest(train)
-
-    def answer(prepare, asked_um: float, halvings: int):
-        tolerances = Tolerances(asked_um, halvings, certain=True)
-        return StepRefinement(prepare, train, cam, scene.cam_speed(6500), rest, tolerances).answer()
-
-    found, true = answer(rkg.prepare, 20.0, 6), answer(event_exact, 0.01, 3)
+    case, rest = from_rest("motori-1", 6500)
+    found, true = (
+        StepRefinement(prepare, *case, rest, Tolerances(wanted_um, halvings, certain=True)).answer()
+        for prepare, wanted_um, halvings in ((rkg.prepare, 20.0, 6), (event_exact, 0.01, 3))
+    )
     delivered_um = bounce_error_um(method_record(found))
     assert true.worst["bounce_mm"] > 0.01
     assert 1e3 * abs(found.worst["bounce_mm"] - true.worst["bounce_mm"]) <= delivered_um <= 20.0

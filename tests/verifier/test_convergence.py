@@ -5,17 +5,16 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from camopt.cam.families.polydyne import polydyne
 from camopt.exact.engine import prepare
 from camopt.exact.settled import settled_metrics
 from camopt.measure.settling import Figures
-from camopt.scene import QUANTITIES, MotionRefused, build_train, load_scene, rest_position
-from camopt.scene.rest import state_at_rest
+from camopt.scene import QUANTITIES, MotionRefused
 from camopt.scene.settled import APERIODIC, RANGED
 from camopt.scene.train import GROUND
 from camopt.verifier import convergence as module
 from camopt.verifier.convergence import FEWEST_STEPS, FINEST, StepRefinement, Tolerances, first_steps
 from camopt.verifier.methods import rkg, tmm
+from tests.verifier.scenes import from_rest
 from tests.verifier.trains import no_lift, train, two_springs
 
 SLOW = train([1.0], [(GROUND, 0, False, False, 100.0, 0.0, 0.0, 0.0)])
@@ -87,10 +86,9 @@ def test_the_range_of_a_wandering_motion_is_the_same_with_samples_and_without(mo
     """To a tenth of its width, since both follow a motion that multiplies their roundings. Ranges of 40 revolutions
     differ by an eighth on some processors, those of 160 by a hundredth."""
     monkeypatch.setattr(module, "RANGED", 160)
-    scene = load_scene("kodama")
-    wanders, lift, tolerances = build_train(scene), polydyne(scene), Tolerances(5.0, 1, stands=1, certain=True)
-    case = wanders, lift, scene.cam_speed(5800.0), state_at_rest(wanders), tolerances
-    sampled, without = (StepRefinement(prepare, *case, many).answer() for many in (None, settled_metrics))
+    (case, rest), tolerances = from_rest("kodama", 5800.0), Tolerances(5.0, 1, stands=1, certain=True)
+    both = (None, settled_metrics)
+    sampled, without = (StepRefinement(prepare, *case, rest, tolerances, many).answer() for many in both)
     assert not sampled.periodic and not np.array_equal([*without.range.values()], [*sampled.range.values()])
     for name in ("bounce_mm", "jump_mm", "contact_force_max_N", "seating_velocity_m_per_s"):
         low, high = sampled.range[name]
@@ -148,13 +146,9 @@ def test_nothing_converges_before_the_fastest_rate_is_resolved(answers, monkeypa
 
 
 def test_a_first_revolution_is_measured_from_the_start_at_every_step():
-    scene = load_scene("motori-1")
-    parts, lift, cam_speed = build_train(scene), polydyne(scene), scene.cam_speed(6000)
-    rest = np.append(rest_position(parts), 0.0)
+    case, rest = from_rest("motori-1", 6000)
     done, again = (
-        StepRefinement(
-            rkg.prepare, parts, lift, cam_speed, rest, Tolerances(2.0, n, settled=False, steps=steps)
-        ).answer()
+        StepRefinement(rkg.prepare, *case, rest, Tolerances(2.0, n, settled=False, steps=steps)).answer()
         for n, steps in ((2, 5760), (0, 4 * 5760 + 2))
     )
     assert done.worst == again.worst and done.steps_per_revolution == 4 * 5760 + 2

@@ -1,16 +1,13 @@
 """DOP853 with located switchings: order-free accuracy, analytic bounces, and a linear train against event-exact."""
 
-from functools import cache
-
 import numpy as np
 import pytest
 
-from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine
-from camopt.scene import MotionRefused, build_train, load_scene
-from camopt.scene.rest import state_at_rest
+from camopt.scene import MotionRefused
 from camopt.scene.units import DEG, MM
 from camopt.verifier.methods import dop853
+from tests.verifier.scenes import from_rest
 from tests.verifier.test_methods import SPEED, START, reference, second_flight
 from tests.verifier.trains import ball_on_seat, no_lift, smooth_lift, two_springs
 
@@ -43,20 +40,11 @@ def test_mass_bounces_on_its_seat_at_the_analytic_times(damping):
     assert motion.force.min() >= 0
 
 
-@cache
-def event_exact(speed_rpm):
-    scene = load_scene("kodama")
-    train = build_train(scene)
-    start = state_at_rest(train)
-    return start, at(engine.prepare(train, polydyne(scene), scene.cam_speed(speed_rpm), 7200)(start))
-
-
 # at 7000 r/min it bounces, and 1440 samples miss one of the 63 switchings
 @pytest.mark.parametrize(("speed_rpm", "samples", "within_mm"), [(5000, 1440, 1e-6), (7000, 2880, 1e-4)])
 def test_linear_train_against_event_exact(speed_rpm, samples, within_mm):
-    scene = load_scene("kodama")
-    start, exact = event_exact(speed_rpm)
-    motion = dop853.prepare(build_train(scene), polydyne(scene), scene.cam_speed(speed_rpm), samples)(start)
+    case, rest = from_rest("kodama", speed_rpm)
+    exact, motion = at(engine.prepare(*case, 7200)(rest)), dop853.prepare(*case, samples)(rest)
     assert np.abs(at(motion) - exact).max() < within_mm * MM
     assert np.ptp(exact[:, -6]) > 8 * MM  # the valve did move
 

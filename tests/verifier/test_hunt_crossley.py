@@ -32,9 +32,8 @@ DISSIPATION, K = 0.3, 1e3 * 1e-5**-1.5
 
 def ball(exponent: float = 1.5, dissipation: float = DISSIPATION, force: float = 0.0):
     """A mass that is pressed in as far as it lies below zero, with 1 kN at a depth of 10 um."""
-    linear = train([MASS], [(GROUND, 0, True, False, 1e8, 0.0, 0.0, 0.0)], valve=0, seat=0, force=force)
     own = laws([KINDS["hunt-crossley"]], 1e3 * 1e-5**-exponent, exponent, dissipation=dissipation)
-    return replace(linear, laws=own)
+    return train([MASS], [(GROUND, 0, True, False, 1e8, 0.0, 0.0, 0.0)], force, valve=0, seat=0, laws=own)
 
 
 def collided(revolve, speed: float) -> tuple[float, float]:
@@ -151,12 +150,10 @@ def test_a_judge_refuses_a_law_that_it_has_not_written(method):
 def test_a_tied_contact_is_that_of_dop853_on_its_formula():
     """A mass under a spring, pulled along by a cam that it would leave: below 20 N the law goes on along its tangent,
     with the damper of 20 N. Both err by less than a millionth of the largest force."""
-    linear = train(
-        [0.1], [(GROUND, 0, True, True, 1e8, 0.0, 0.0, 0.0), (0, GROUND, False, False, 3e4, 5.0, 50.0, 0.0)],
-        valve=0, seat=0, cam_side=(0,),
-    )  # fmt: skip
     own = laws([KINDS["hunt-crossley"], LINEAR], [K, 3e4], [1.5, 1.0], dissipation=[DISSIPATION, 0.0])
-    parts, lift, speed = replace(linear, laws=own), smooth_lift(5e-3), 2 * np.pi / 0.005
+    elements = [(GROUND, 0, True, True, 1e8, 0.0, 0.0, 0.0), (0, GROUND, False, False, 3e4, 5.0, 50.0, 0.0)]
+    parts = train([0.1], elements, valve=0, seat=0, cam_side=(0,), laws=own)
+    lift, speed = smooth_lift(5e-3), 2 * np.pi / 0.005
     touch, rest = (20.0 / K) ** (2 / 3), -((50.0 / K) ** (2 / 3))
 
     def pull(theta, x, v):
@@ -174,8 +171,6 @@ def test_a_tied_contact_is_that_of_dop853_on_its_formula():
     tied, samples = tied_system(parts), lift_samples(lift, STEPS)
     more = 4 * parts_of_steps(tied, speed)
     y0, whole = start.reshape(2, 1, 1), (-np.pi, np.pi)
-    mine = np.asarray(tied_paths(tied, samples, np.array([speed]), y0, whole, 1.0, Layer(1e-6), parts=more).force)[
-        :, 0, 0
-    ]
+    paths = tied_paths(tied, samples, np.array([speed]), y0, whole, 1.0, Layer(1e-6), parts=more)
     assert theirs.min() < -50.0
-    assert mine == pytest.approx(theirs, abs=1e-6 * np.abs(theirs).max())
+    assert np.asarray(paths.force)[:, 0, 0] == pytest.approx(theirs, abs=1e-6 * np.abs(theirs).max())

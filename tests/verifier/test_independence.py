@@ -1,4 +1,4 @@
-"""The verifier's independence, read from its imports; what a fresh process loads: tests/test_layers.py."""
+"""The independence of the methods, read from their imports; tests/test_layers.py reads what else may import what."""
 
 import ast
 from pathlib import Path
@@ -22,17 +22,6 @@ def imported(path: Path) -> set[str]:
             assert node.level == 0, "relative imports hide their layer"
             names |= {f"{node.module}.{alias.name}" for alias in node.names}
     return names
-
-
-@pytest.mark.parametrize("path", sorted(FOLDER.rglob("*.py")), ids=lambda p: str(p.relative_to(FOLDER)))
-def test_imports_point_down(path):
-    allowed = ("camopt.scene", "camopt.programs", "camopt.cam", "camopt.measure", "camopt.verifier")
-    allowed += {"verdict": ("camopt.exact",), "display": ("camopt.plots",), "from_outside": ("camopt.storage",)}.get(
-        path.stem, ()
-    )
-    for name in imported(path):
-        assert name.split(".")[0] not in ("jax", "jaxlib", "diffrax", "equinox", "optax")
-        assert not name.startswith("camopt") or name.startswith(allowed), f"{path.name} imports {name}"
 
 
 def test_every_method_has_a_file_and_every_file_a_method():

@@ -7,13 +7,11 @@ import pytest
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
-from camopt.cam.families.polydyne import polydyne
-from camopt.scene import build_train, load_scene
-from camopt.scene.rest import state_at_rest
 from camopt.scene.train import GROUND
 from camopt.scene.units import MM
 from camopt.study.extremes.extremes import STEP_METHODS as METHODS
 from camopt.verifier.methods import rkg
+from tests.verifier.scenes import from_rest
 from tests.verifier.trains import ball_on_seat, no_lift, smooth_lift, train, two_springs
 
 START = np.array([0.02, -0.03, 0.4, -0.2])
@@ -119,12 +117,10 @@ def test_mass_bounces_on_its_seat_as_known(name, damping):
 
 
 def test_methods_converge_to_each_other_on_a_valve_train():
-    scene = load_scene("kodama")
-    lift, parts = polydyne(scene), build_train(scene)
-    start = state_at_rest(parts)
+    case, rest = from_rest("kodama", 5000)
 
     def apart(steps):
-        runs = [METHODS[m](parts, lift, scene.cam_speed(5000), steps)(start) for m in METHODS]
+        runs = [prepare(*case, steps)(rest) for prepare in METHODS.values()]
         return [np.abs(run.x - runs[0].x).max() for run in runs[1:]]
 
     coarse, fine = apart(7200), apart(28_800)
@@ -133,10 +129,8 @@ def test_methods_converge_to_each_other_on_a_valve_train():
 
 
 def test_a_step_past_the_stability_limit_shows_itself():
-    scene = load_scene("kodama")
-    lift, parts = polydyne(scene), build_train(scene)
-    start = state_at_rest(parts)
+    case, rest = from_rest("kodama", 2000)
     for name, stable in (("rkg", False), ("tmm", False), ("houbolt", True)):
         with np.errstate(all="ignore"):
-            end = METHODS[name](parts, lift, scene.cam_speed(2000), 720)(start).x[-1]
+            end = METHODS[name](*case, 720)(rest).x[-1]
         assert bool(np.abs(end).max() < 1.0) == stable

@@ -30,8 +30,8 @@ ROWS = np.array([[0.0, 2e6], [2e-5, 2e6], [1e-4, 2e7]])
 
 def ball(kind: int, exponent: float = 1.5, coefficient: float = 3e10, preload: float = 0.0, damping: float = 0.0):
     """A mass that a contact to ground pushes towards +x, pressed as far as it lies below zero."""
-    linear = train([MASS], [(GROUND, 0, True, False, 1e8, damping, preload, 0.0)], valve=0, seat=0)
-    return replace(linear, laws=laws([kind], coefficient, exponent, ROWS))
+    contact, own = (GROUND, 0, True, False, 1e8, damping, preload, 0.0), laws([kind], coefficient, exponent, ROWS)
+    return train([MASS], [contact], valve=0, seat=0, laws=own)
 
 
 def collided(name: str, parts, height: float = 1e-3):
@@ -165,17 +165,15 @@ def test_event_exact_with_chords_is_the_curved_motion():
     lift, cam_speed = polydyne(load_scene("kodama")), scene.cam_speed(5000)
     true = dop853.prepare(parts, lift, cam_speed, 1440)(start)
     steps, at = 1440 * 4, np.linspace(-np.pi, np.pi, 361)
-    valve = [np.interp(at, r.angle, r.x[:, parts.valve]) for r in
-             (true, verdict.event_exact(parts, lift, cam_speed, steps)(start))]  # fmt: skip
+    found = verdict.event_exact(parts, lift, cam_speed, steps)(start)
+    valve = [np.interp(at, motion.angle, motion.x[:, parts.valve]) for motion in (true, found)]
     assert np.abs(valve[0] - valve[1]).max() < 2e-4 * MM
 
 
 @pytest.mark.long  # two minutes: DOP853 settles and looks at six neighbours; the small sizes are above
 def test_the_verdict_on_kodama_hertz_at_5000_is_an_agreement():
     scene, _, _ = hertz()
-    judged = verdict.verdict_on(
-        scene, polydyne(scene), (5000.0,), band_step_rpm=None, tolerances=Tolerances(halvings=2)
-    )
+    judged = verdict.verdict_on(scene, polydyne(scene), (5000.0,), None, None, Tolerances(halvings=2))
     (found,) = judged.speeds
     assert found.verdict == "confirmed"
     assert list(found.methods) == ["event", "rkg"]

@@ -23,6 +23,7 @@ from camopt.verifier import from_outside as side
 from camopt.verifier.outside import filed, forces
 from camopt.verifier.record import VerificationRecord, outside_entries, outside_entry, outside_sentence
 from camopt.verifier.verdict import event_exact
+from tests.verifier.scenes import with_elements
 from tests.verifier.test_independence import imported
 
 FOLDER = Path(filed.__file__).parent
@@ -147,12 +148,9 @@ def test_exudyn_notices_a_seat_damping_that_is_one_per_cent_off():
     """Which settled figures miss: the judge gets the scene, camopt's motion the changed one."""
     scene = load_scene("motori-1")
     cam = side.as_written(camopt.polydyne(scene))
-    elements = tuple(
-        e.model_copy(update={"damping_N_s_per_m": 1.01 * e.damping_N_s_per_m}) if e.name == "seat" else e
-        for e in scene.element
-    )
+    damping = next(e.damping_N_s_per_m for e in scene.element if e.name == "seat")
     found = side.outside_motions(scene, cam, [5000.0])
-    valve = side.valve_from_rest(scene.model_copy(update={"element": elements}), cam, 5000.0)
+    valve = side.valve_from_rest(with_elements(scene, seat={"damping_N_s_per_m": 1.01 * damping}), cam, 5000.0)
     noticed = side.compared(found["engine"], found["speeds"][0], *valve)
     assert not noticed["agrees"]
     assert "disagrees at 5000 r/min" in outside_sentence([noticed])

@@ -9,14 +9,14 @@ import pytest
 
 from camopt.cam.read import read_cam
 from camopt.exact.settled import settled_metrics
-from camopt.measure.settling import Figures
 from camopt.optimizer.as_built.drawn import TrainEnsemble
 from camopt.optimizer.search.judge import Judge
-from camopt.scene import QUANTITIES, build_train, load_scene, state_at_rest
+from camopt.scene import build_train, load_scene, state_at_rest
 from camopt.verifier import at_speed
 from camopt.verifier.at_speed import Case, against_limits, pumped_up
-from camopt.verifier.convergence import Converged, Tolerances
+from camopt.verifier.convergence import Tolerances, figures_of
 from camopt.verifier.verdict import METHODS, verdict_on
+from tests.verifier.answers import answer
 
 SCENE = load_scene("finger-hydraulic")
 TRAIN = build_train(SCENE)
@@ -64,11 +64,9 @@ def test_methods_that_all_find_no_seat_reject_although_their_jumps_differ(scene,
 def test_an_early_rejection_names_no_missing_seat_that_one_method_alone_finds(monkeypatch):
     design = SCENE.design.model_copy(update={"jump_max_mm": 0.05})
     case = Case(SCENE.model_copy(update={"design": design}), None, dict.fromkeys(("event", "rkg")), Tolerances())
-    figures = dict.fromkeys(QUANTITIES, 1.0)
-    spread, error = dict.fromkeys(QUANTITIES, (1.0, 1.0)), dict.fromkeys(QUANTITIES, 1e-3)
-    seats = Converged(1440, False, figures, spread, error, 5, True, state_at_rest(TRAIN))
-    flies = replace(seats, worst=figures | {"bounce_mm": np.nan})
-    near = [Figures({name: np.array([value]) for name, value in flies.worst.items()})]
+    at_rest = state_at_rest(TRAIN)
+    seats, flies = replace(answer(1.0), state=at_rest), replace(answer(1.0, bounce_mm=np.nan), state=at_rest)
+    near = [figures_of(flies)]
     for other, broken in ((flies, ("never seats at 8200 r/min",)), (seats, None)):
         monkeypatch.setattr(at_speed, "StepRefinement", lambda *_, o=other: SimpleNamespace(answer=lambda steps: o))
         found = at_speed.plainly_broken(case, 8200.0, flies, near)

@@ -1,19 +1,23 @@
 """Lightly damped trains: resonances between the speeds of a grid, and motions that take hundreds of revolutions."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine, settled_metrics
-from camopt.measure.resonance import _pairs, resonances
+from camopt.measure.resonance import _linearised, _pairs, resonances
 from camopt.measure.settling import decay_per_revolution, settle, settled_from_rest
 from camopt.measure.sweep import at_speeds
 from camopt.scene import build_train, load_scene
-from camopt.scene.rest import state_at_rest
+from camopt.scene.laws import LINEAR, PROGRESSIVE
+from camopt.scene.train import GROUND
 from camopt.verifier import verdict
 from camopt.verifier.convergence import Tolerances
 from camopt.verifier.verdict import verdict_on
-from tests.verifier.coil_scene import FREQUENCY_HZ, coil_scene
+from tests.verifier.scenes import FREQUENCY_HZ, coil_scene, from_rest, with_elements
+from tests.verifier.trains import laws, smooth_lift, train
 
 BOUNCE_ALONE = {"jump_max_mm": None, "seating_velocity_max_m_per_s": None}
 
@@ -35,12 +39,22 @@ def test_a_lightly_damped_coil_resonates_at_harmonics_of_the_cam():
 def test_a_mass_on_an_overdamped_seat_has_no_mode_that_goes_on_through_the_revolution():
     """A verdict on such a train ended in a defect, the largest of an empty list."""
     scene = load_scene("motori-1")
-    seat = {"damping_N_s_per_m": 4e4}  # beyond twice the root of stiffness times mass, 1.8e4
-    elements = tuple(e.model_copy(update=seat) if e.name == scene.seat else e for e in scene.element)
-    overdamped = scene.model_copy(update={"element": elements})
+    # beyond twice the root of stiffness times mass, 1.8e4
+    overdamped = with_elements(scene, seat={"damping_N_s_per_m": 4e4})
     assert resonances(overdamped, polydyne(scene), 20.0) == ([], 0)
     assert _pairs(build_train(overdamped), polydyne(scene)) == []
     assert len(_pairs(build_train(scene), polydyne(scene))) == 1  # its own seat lets it oscillate
+
+
+def test_a_spring_by_a_table_is_as_stiff_as_its_compression_at_rest_and_at_full_lift_asks():
+    """The cam moves the mass by its lift through an element so stiff that it gives way by a micrometre at most."""
+    elements = [(GROUND, 0, False, True, 1e9, 0.0, 0.0, 0.0), (0, GROUND, False, False, 1e4, 0.0, 50.0, 0.0)]
+    table = [[0.0, 1e4], [0.01, 3e4]]
+    sprung = train([0.1], elements, laws=laws([LINEAR, PROGRESSIVE], [1e9, 1e4], table=table))
+    found = _linearised(sprung, smooth_lift(0.008))
+    expected = [[1e9, np.interp(compression, *np.transpose(table))] for compression in (0.0, 0.008)]
+    np.testing.assert_allclose([one.stiffness for one in found], expected, rtol=1e-3)
+    assert _linearised(replace(sprung, laws=None), smooth_lift(0.008))[0].stiffness == pytest.approx(sprung.stiffness)
 
 
 def test_the_response_is_largest_where_the_resonance_is_said_to_be():
@@ -60,7 +74,7 @@ def test_a_cam_that_bounces_between_the_speeds_of_the_grid_is_not_confirmed():
     lift = polydyne(scene)
     plain = at_speeds(settled_metrics, scene, lift, np.arange(6065.0, 6246.0, 60.0))
     assert max(row["bounce_mm"] for row in plain) < 0.05  # steps of 60 r/min alone see nothing
-    result = verdict_on(scene, lift, (6065.0,), ("event", "rkg"), band_step_rpm=60.0, tolerances=Tolerances(halvings=4))
+    result = verdict_on(scene, lift, (6065.0,), ("event", "rkg"), 60.0, Tolerances(halvings=4))
     assert result.verdict != "confirmed"
     assert result.band.worst("bounce_mm")[1] > 0.1
     assert result.first_bounce_rpm < 6165  # below the band, at the harmonic 8, the cam bounces too
@@ -76,9 +90,7 @@ def test_what_the_search_for_the_first_bounce_finds_inside_the_band_is_judged(mo
     monkeypatch.setattr(verdict, "resonances", lambda *_: ([], 0))
     monkeypatch.setattr(verdict, "sweep", lambda swept, *_, **__: swept([6065.0, 6245.0]))  # a band that sees nothing
     monkeypatch.setattr(verdict, "first_exceeding", lambda *_: {"bounce_mm": 6155.0, "jump_mm": 6160.0})
-    result = verdict_on(
-        scene, polydyne(scene), (6065.0,), ("event", "rkg"), band_step_rpm=20.0, tolerances=Tolerances(halvings=3)
-    )
+    result = verdict_on(scene, polydyne(scene), (6065.0,), ("event", "rkg"), 20.0, Tolerances(halvings=3))
     assert 6155.0 in [s.speed_rpm for s in result.worst_in_band]
     assert 6160.0 not in [s.speed_rpm for s in result.worst_in_band]  # the scene does not limit jump
     assert result.verdict != "confirmed"
@@ -86,14 +98,13 @@ def test_what_the_search_for_the_first_bounce_finds_inside_the_band_is_judged(mo
 
 def test_a_lightly_damped_motion_is_run_until_it_stands():
     """Forty revolutions from rest leave half a millimetre of surge; the settled motion is what 2000 plain ones give."""
-    scene = coil_scene()
-    train, lift, cam_speed = build_train(scene), polydyne(scene), scene.cam_speed(6100.0)
-    rest = state_at_rest(train)
-    revolve = engine.prepare(train, lift, cam_speed)
+    case, rest = from_rest(coil_scene(), 6100.0)
+    revolve = engine.prepare(*case)
     truth = settle(revolve, rest, most=2000, position=1e-9)
-    found = settled_from_rest(engine.prepare, train, lift, cam_speed)
+    found = settled_from_rest(engine.prepare, *case)
     assert found.periodic and found.faded and found.revolutions < 200
     assert np.abs(found.response.x[0] - truth.response.x[0]).max() < 1e-6
+    train, _, cam_speed = case
     early = settle(revolve, rest, most=40, decay=decay_per_revolution(train, cam_speed))
     assert not early.periodic and not early.faded
     assert np.abs(early.response.x[0] - truth.response.x[0]).max() > 1e-5
@@ -101,10 +112,7 @@ def test_a_lightly_damped_motion_is_run_until_it_stands():
 
 def test_a_motion_that_had_no_time_to_settle_is_not_converged():
     """An undamped coil: the transient of the start never dies out, so no figure is the settled motion's."""
-    scene = coil_scene(**BOUNCE_ALONE)
-    none = {"damping_N_s_per_m": 0.0}
-    undamped = tuple(e.model_copy(update=none if "spring" in e.name else {}) for e in scene.element)
-    scene = scene.model_copy(update={"element": undamped})
+    scene = coil_scene(damping_ratio=0.0, **BOUNCE_ALONE)
     for tolerances in (Tolerances(halvings=2), Tolerances(halvings=2, everywhere=False, stands=1)):
         result = verdict_on(scene, polydyne(scene), (6065.0,), band_step_rpm=None, tolerances=tolerances)
         assert result.verdict == "not converged"

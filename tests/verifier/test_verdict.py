@@ -10,15 +10,15 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine
-from camopt.measure.settling import Figures
-from camopt.scene import QUANTITIES, InputError, load_scene
+from camopt.scene import InputError, load_scene
 from camopt.verifier import verdict
 from camopt.verifier.at_speed import FAR, HALVED, ONE_STEP, against_limits, agreement, violates_by_margin
-from camopt.verifier.convergence import Converged, Tolerances
+from camopt.verifier.convergence import Tolerances, figures_of
 from camopt.verifier.display import COLUMNS
 from camopt.verifier.verdict import verdict_on
+from tests.verifier.answers import answer
+from tests.verifier.scenes import moving
 
-SHAPE = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3", "nose_deg")
 AT_2_UM = Tolerances(2.0)
 AT_5000 = {"speeds_rpm": (5000.0,), "band_step_rpm": None, "tolerances": Tolerances(halvings=2)}
 
@@ -29,24 +29,15 @@ def lift():
 
 
 def scene(**limits):
-    """kodama without limits on the shape, so that the motion decides."""
-    base = load_scene("kodama")
-    return base.model_copy(update={"design": base.design.model_copy(update={**dict.fromkeys(SHAPE), **limits})})
-
-
-def answer(worst=0.1, error=0.001, half_range=0.0, converged=True, **changed):
-    values = {name: changed.get(name, worst) for name in QUANTITIES}
-    spread = {name: (value - half_range, value + half_range) for name, value in values.items()}
-    return Converged(1440, converged, values, spread, dict.fromkeys(QUANTITIES, error), 5, True, np.zeros(2))
+    return moving("kodama", **limits)
 
 
 def test_agreement_needs_two_converged_methods_whose_intervals_meet():
     assert agreement([answer(), answer(bounce_mm=0.1029)], AT_2_UM)
-    assert not agreement(
-        [answer(), answer(bounce_mm=0.1031)], AT_2_UM
-    )  # 0.5 (0.002 + 1 %) each, above the errors of 0.001
+    # 0.5 (0.002 + 1 %) each, above the errors of 0.001
+    assert not agreement([answer(), answer(bounce_mm=0.1031)], AT_2_UM)
     assert agreement([answer(error=0.006), answer(bounce_mm=0.104)], AT_2_UM)  # halving moved it by half of that
-    assert agreement([answer(half_range=0.002), answer(bounce_mm=0.1045)], AT_2_UM)
+    assert agreement([answer(0.098, 0.102), answer(bounce_mm=0.1045)], AT_2_UM)
     assert not agreement([answer()], AT_2_UM)
     assert not agreement([answer(), answer(converged=False)], AT_2_UM)
     assert agreement([answer(), answer(impact_velocity_m_per_s=9.0)], AT_2_UM)  # carries no limit
@@ -57,17 +48,16 @@ def test_not_seating_agrees_only_with_not_seating():
     lost = answer(bounce_mm=np.nan, seating_velocity_m_per_s=np.nan)
     assert agreement([lost, lost], AT_2_UM)
     assert not agreement([lost, answer()], AT_2_UM) and not agreement([answer(), lost], AT_2_UM)
-    parted = replace(lost, worst=lost.worst | {"jump_mm": 9.0}, range=lost.range | {"jump_mm": (9.0, 9.0)})
+    parted = replace(lost, range=lost.range | {"jump_mm": (9.0, 9.0)})
     assert agreement([lost, parted], AT_2_UM)  # no seat is the answer, and the jump beside it decides nothing
     assert not agreement([lost, replace(lost, converged=False)], AT_2_UM)
 
 
 def test_a_limit_is_broken_only_beyond_error_and_neighbours():
-    def against(value, error, *neighbours):
-        near = [Figures({name: np.array([v]) for name in QUANTITIES}) for v in neighbours]
-        return against_limits(
-            scene(jump_max_mm=None, seating_velocity_max_m_per_s=None), 6000.0, answer(value, error), near
-        )
+    limited = scene(jump_max_mm=None, seating_velocity_max_m_per_s=None)
+
+    def against(value, error, neighbour):
+        return against_limits(limited, 6000.0, answer(value, error=error), [figures_of(answer(neighbour))])
 
     name = "bounce_max_mm at 6000 r/min"  # 0.05
     assert against(0.04, 0.001, 0.045) == ((), ())
@@ -99,10 +89,9 @@ def test_every_limited_metric_is_judged_at_its_bad_end_with_its_error(key, limit
     inside, beyond = limit * (1 - 0.02 * sign), limit * (1 + 0.02 * sign)
 
     def against(value, error, neighbour):
-        near = [Figures({name: np.array([neighbour, value]) for name in QUANTITIES})]
-        own = answer(value, error, bounce_mm=0.0)
-        near[0].by_revolution["bounce_mm"] = np.zeros(2)
-        return against_limits(scene(**NONE | {key: limit}), 6000.0, own, near)
+        near = figures_of(answer(*sorted((neighbour, value)), bounce_mm=0.0))
+        own = answer(value, error=error, bounce_mm=0.0)
+        return against_limits(scene(**NONE | {key: limit}), 6000.0, own, [near])
 
     name = f"{key} at 6000 r/min"
     assert against(inside, 0.01 * limit, inside) == ((), ())
@@ -122,10 +111,7 @@ def test_what_is_limited_decides_whether_methods_agree():
 def test_a_cam_that_floats_is_rejected_where_jump_angle_or_least_force_are_limited():
     """motori-1 with its polydyne at 5400 r/min: the contact is open over 32 degrees and parts by 0.025 mm."""
     floating = motori(**NONE | {"jump_max_mm": 0.05})
-    lift, at_5400 = (
-        polydyne(floating),
-        {"speeds_rpm": (5400.0,), "band_step_rpm": None, "tolerances": Tolerances(halvings=4)},
-    )
+    lift, at_5400 = polydyne(floating), AT_5000 | {"speeds_rpm": (5400.0,), "tolerances": Tolerances(halvings=4)}
     free = verdict_on(floating, lift, **at_5400)
     worst = next(iter(free.speeds[0].methods.values())).worst
     assert free.verdict == "confirmed" and worst["jump_deg"] > 30 and worst["contact_force_min_N"] == 0.0
@@ -135,10 +121,8 @@ def test_a_cam_that_floats_is_rejected_where_jump_angle_or_least_force_are_limit
 
 
 def test_a_verdict_prints_on_one_screen():
-    base = motori(**NONE)
-    result = verdict_on(
-        base, polydyne(base), (4000.0, 5000.0, 5400.0), ("event", "rkg"), 1000.0, tolerances=Tolerances(halvings=2)
-    )
+    base, both = motori(**NONE), ("event", "rkg")
+    result = verdict_on(base, polydyne(base), (4000.0, 5000.0, 5400.0), both, 1000.0, Tolerances(halvings=2))
     shown = str(result)
     assert len(shown.splitlines()) <= 30 and max(map(len, shown.splitlines())) <= 100 and len(shown) < 2500
     for words in ("jump deg", "least N", "worst over 4000 to 6000 r/min", "verdict: "):
@@ -188,10 +172,17 @@ def test_confirmed_and_the_contract():
         assert method["contact_force_min_N"] == pytest.approx(72.26, abs=0.1)
 
 
-def test_a_broken_limit_is_named_and_rejects():
-    result = verdict_on(scene(seating_velocity_max_m_per_s=0.15), lift(), **AT_5000)
-    assert result.verdict == "rejected"
-    assert result.broken == ("seating_velocity_max_m_per_s at 5000 r/min",)
+@pytest.mark.parametrize(
+    ("limits", "broken", "at_the_speed"),
+    [
+        ({"seating_velocity_max_m_per_s": 0.15}, "seating_velocity_max_m_per_s at 5000 r/min", "rejected"),
+        ({"max_lift_mm": 9.3}, "max_lift_mm", "confirmed"),
+    ],
+)
+def test_a_broken_limit_on_the_motion_or_on_the_shape_is_named_and_rejects(limits, broken, at_the_speed):
+    result = verdict_on(scene(**limits), lift(), **AT_5000)
+    assert result.verdict == "rejected" and result.broken == (broken,)
+    assert result.speeds[0].verdict == at_the_speed
 
 
 def test_a_limit_is_far_broken_where_every_figure_breaks_it_beyond_all_doubt():
@@ -241,12 +232,6 @@ def test_a_limit_within_the_neighbourhood_is_sensitive():
     assert result.broken == ()
 
 
-def test_a_limit_on_the_shape_rejects_alone():
-    result = verdict_on(scene(max_lift_mm=9.3), lift(), **AT_5000)
-    assert result.verdict == "rejected" and result.broken == ("max_lift_mm",)
-    assert result.speeds[0].verdict == "confirmed"
-
-
 @pytest.mark.parametrize("part", ["mass_damping", "mass_force"])
 def test_a_sign_flipped_in_one_method_ends_the_agreement(monkeypatch, part):
     def flipped(train, lift, cam_speed, steps=None):
@@ -265,11 +250,8 @@ def test_one_method_is_no_agreement_and_an_unknown_one_is_refused():
 
 
 def motori(**limits):
-    """motori-1 without limits on the shape, in a band in which its motion with a polydyne repeats."""
-    base = load_scene("motori-1")
-    operation = base.operation.model_copy(update={"band_rpm": (4000.0, 6000.0)})
-    design = base.design.model_copy(update={**dict.fromkeys(SHAPE), **limits})
-    return base.model_copy(update={"operation": operation, "design": design})
+    """In a band in which its motion with a polydyne repeats."""
+    return moving("motori-1", (4000.0, 6000.0), **limits)
 
 
 @pytest.mark.parametrize("bounce_max_mm", [1.0, 1e-4])
@@ -277,9 +259,7 @@ def test_the_record_of_a_band_holds_what_any_report_states_about_it(monkeypatch,
     train = motori(bounce_max_mm=bounce_max_mm, jump_max_mm=None, seating_velocity_max_m_per_s=None)
     judge, judged = verdict.judge_speed, []
     monkeypatch.setattr(verdict, "judge_speed", lambda case, rpm: judged.append(rpm) or judge(case, rpm))
-    result = verdict_on(
-        train, polydyne(train), (5997.0, 6500.0), band_step_rpm=500.0, tolerances=Tolerances(halvings=4)
-    )
+    result = verdict_on(train, polydyne(train), (5997.0, 6500.0), None, 500.0, Tolerances(halvings=4))
     assert sorted(judged) == sorted({s.speed_rpm for s in (*result.speeds, *result.worst_in_band)})  # each of them once
     assert 5997.0 in [s.speed_rpm for s in result.worst_in_band]  # which is listed, too
     data = json.loads(json.dumps(result.as_dict(), allow_nan=False))
@@ -308,8 +288,5 @@ def test_the_record_of_a_band_holds_what_any_report_states_about_it(monkeypatch,
 
 def test_what_another_method_found_in_the_band_is_said_so():
     train = motori(jump_max_mm=None, seating_velocity_max_m_per_s=None)
-    result = verdict_on(
-        train, polydyne(train), (5500.0,), ("rkg", "event"), band_step_rpm=1000.0, tolerances=Tolerances(halvings=2)
-    )
-    methods = dict(zip(result.band.speeds_rpm, result.band.methods, strict=True))
-    assert methods[5500.0] == "rkg" and methods[4000.0] == "event"
+    result = verdict_on(train, polydyne(train), (5500.0,), ("rkg", "event"), 1000.0, Tolerances(halvings=2))
+    assert result.band.methods[5500.0] == "rkg" and result.band.methods[4000.0] == "event"

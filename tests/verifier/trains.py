@@ -6,29 +6,23 @@ from camopt.cam.lift import Lift
 from camopt.scene.laws import Laws
 from camopt.scene.train import GROUND, Train
 
+COLUMNS = ("a", "b", "contact", "cam_driven", "stiffness", "damping", "preload", "gap")
+"""Numbers of an element."""
 
-def train(mass, elements, force=0.0, mass_damping=0.0, valve=-1, seat=-1, cam_side=()) -> Train:
-    """`elements`: (a, b, contact, cam_driven, stiffness, damping, preload, gap) each."""
-    n = len(mass)
-    a, b, contact, driven, k, c, preload, gap = (np.array(column) for column in zip(*elements, strict=True))
-    full = np.ones(n)
+
+def train(mass, elements, force=0.0, mass_damping=0.0, valve=-1, seat=-1, **others) -> Train:
+    """`elements` have a value for each of COLUMNS; `others` are fields of a train, such as its laws."""
+    full = np.ones(len(mass))
     return Train(
         mass=np.array(mass),
         mass_damping=mass_damping * full,
         mass_force=force * full,
-        a=a,
-        b=b,
-        contact=contact,
-        cam_driven=driven,
-        stiffness=k,
-        damping=c,
-        preload=preload,
-        gap=gap,
+        **{name: np.array(values) for name, *values in zip(COLUMNS, *elements, strict=True)},
         valve=valve,
         seat=seat,
-        cam_side=cam_side,
-        mass_names=tuple(f"m{i}" for i in range(n)),
+        mass_names=tuple(f"m{i}" for i in range(len(mass))),
         element_names=tuple(f"e{i}" for i in range(len(elements))),
+        **{"cam_side": ()} | others,
     )
 
 

@@ -1,12 +1,9 @@
 """Rise functions between two dwells, used as both flanks of a cam: cycloidal, 3-4-5 and 4-5-6-7 polynomial.
 
-These cams are test subjects.
-
 Norton, Cam Design and Manufacturing Handbook, 2009, ch. 3: the 3-4-5 polynomial has zero acceleration at both ends of
-the rise, the 4-5-6-7 zero jerk too, the cycloid a sine of acceleration. Made for dwells, they come to rest at the nose
-without acceleration, which wastes lift: nobody would grind them for a valve, but their derivatives are known in full.
-They start with the scene's ramp velocity instead of from rest; the cycloid lets it fade with half a wave of cosine,
-which adds no acceleration at the ends.
+the rise, the 4-5-6-7 zero jerk too, the cycloid a sine of acceleration. Without acceleration at the nose they waste
+lift: these cams are test subjects, whose derivatives are known in full. They start with the scene's ramp velocity; the
+cycloid lets it fade with half a wave of cosine, which adds no acceleration at the ends.
 """
 
 from collections.abc import Callable

@@ -16,22 +16,19 @@ import numpy as np
 from camopt.cam.families.sectioned import member, sectioned_family
 from camopt.cam.families.sections import Section, SectionTable, U
 from camopt.cam.lift import Lift
-from camopt.cam.polynomials import falling
+from camopt.cam.polynomials import power_derivatives
 from camopt.scene import Scene
 
 
 def sine_terms(wave: float, u: np.ndarray, order: int) -> np.ndarray:
     """The derivative `order` of 1, u, sin(wave u) at u (k), shape (k, 3)."""
-    line = np.stack(
-        [np.ones_like(u), u] if order == 0 else [np.zeros_like(u), np.full_like(u, float(order == 1))], axis=1
-    )
+    line = power_derivatives(np.arange(2), u, order)
     return np.column_stack([line, wave**order * np.sin(wave * u + order * np.pi / 2)])
 
 
 def about_the_nose(_: int, u: np.ndarray, order: int) -> np.ndarray:
     """Terms of section 3: 1, (1 - u)^2, (1 - u)^4."""
-    powers = np.array([0, 2, 4])
-    return (-1.0) ** order * falling(powers, order) * (1.0 - u)[:, None] ** np.maximum(powers - order, 0)
+    return (-1.0) ** order * power_derivatives(np.array([0, 2, 4]), 1.0 - u, order)
 
 
 TABLE = SectionTable(
@@ -57,12 +54,11 @@ def kurz(
     *,
     jerk: bool = True,
 ) -> Lift:
-    """The Kurz-type cam of a scene's duration, maximum lift and ramps; it is a reconstruction (see the module).
+    """The Kurz-type cam, a reconstruction, of a scene's duration, maximum lift and ramps.
 
     `sections_deg`: the three section angles from the ramp to the nose; `a23` [mm/deg^2]: acceleration where sections 2
-    and 3 meet, which with the maximum lift determines the flank's largest velocity. What is left out is chosen for the
-    largest area under the scene's limits, without the jerk limit where `jerk` is false. Raises InputError for unusable
-    angles or levels, a scene whose two ramps differ, or limits that no member meets.
+    and 3 meet, which with the maximum lift determines the flank's largest velocity. What is left out is chosen as by
+    `camopt.multi_pol`, with the same errors.
     """
     return member(scene, TABLE, STARTS, sections_deg, {"a23": a23}, jerk)
 

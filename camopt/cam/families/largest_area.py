@@ -25,12 +25,12 @@ from camopt.scene.units import DEG, MM
 SHORTEST = 2.0 * DEG
 """Shortest section of a searched member [rad]: without a jerk limit some sections shrink as far as they may."""
 FINE, COARSE = 60, 20
-"""Number of parts of a flank that have control points of their own. The control points exceed the acceleration by about
-1e-3 (fine) or 1e-2 (coarse) of it, so that a coarse program errs on the safe side of a fine one, in half the time."""
+"""Parts of a flank with control points of their own, which exceed the acceleration by about 1e-3 (fine) or 1e-2
+(coarse) of it: a coarse program errs on the safe side of a fine one, in half the time."""
 STRETCH_PRICE = 50.0
 """Price, in area ratio, of stretching all limits by their own size."""
 LARGEST = 1e2
-"""Largest entry of a row. A limit that is a hundred times tighter than any cam of this lift and duration could hold is
+"""Largest entry of a row: a limit a hundred times tighter than any cam of this lift and duration could hold is
 stretched by shares of a hundredth of that, not of its own size, beside which the solver would see nothing else."""
 MARGIN = 1e-7
 """Relative margin to every limit in the polish, so that the linear program of the levels still has a point there."""
@@ -39,11 +39,10 @@ POPULATION, GENERATIONS, POLISH_STEPS, SEED = 32, 8, 60, 0
 
 @dataclass(frozen=True)
 class Program:
-    """The linear program for the levels of one flank: the largest area @ z + constant with rows @ z <= bound.
+    """The linear program for the levels of one flank: the largest area ratio area @ z + constant with rows @ z <= bound
+    and, at the nose, ends @ z = wanted; the levels are column * z.
 
-    The conditions at the nose are ends @ z = wanted, and the levels are column * z.
-
-    Lengths are relative to the maximum lift and angles to half the duration; area + constant is the area ratio.
+    Lengths are relative to the maximum lift and angles to half the duration.
     """
 
     column: np.ndarray  # (m)
@@ -90,10 +89,8 @@ def solved(one: Program, kept: Sequence[float | None]) -> tuple[np.ndarray, floa
 def best_levels(
     table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: bool, given: Mapping[str, float]
 ) -> tuple[np.ndarray, float]:
-    """(x (n) of `Flank` with the largest area, stretch of the limits); levels in `given` [m/rad^order] are kept.
-
-    The levels that the nose determines are solved for once more, to round-off.
-    """
+    """(x (n) of `Flank` with the largest area, the levels that the nose determines to round-off; stretch of the
+    limits); levels in `given` [m/rad^order] are kept."""
     linear = program(table, one, design, ramp, jerk)
     kept = [given[n] / c if n in given else None for n, c in zip(table.levels, linear.column, strict=True)]
     z, stretch = solved(linear, kept)
@@ -113,8 +110,7 @@ def best_angles(
 ) -> np.ndarray:
     """Section angles [rad] of the largest area, none below `SHORTEST`; the same call gives the same angles.
 
-    `starts` holds section angles, in shares of half the duration, that join the first population. Raises InputError
-    where no member of the family was found that meets the limits.
+    `starts` holds section angles, in shares of half the duration, that join the first population.
     """
     asked = table, design, ramp, jerk, tuple(map(tuple, starts)), generations, seed
     return _best_angles(*asked).copy()

@@ -66,10 +66,8 @@ def new_design(
 
     `sections_deg`: the four section angles from the ramp to the nose; `a12`, `a34` [mm/deg^2], `j34` and, where
     section II is `quintic`, `j23` [mm/deg^3]: the levels of Table 2, of which the maximum lift determines the one left
-    out. What is left out beyond that is chosen for the largest area under the scene's limits, without the jerk limit
-    where `jerk` is false. `start_ratio` = a12* / a12 in [0, 1]; by default 0.95, but 0 where a jerk limit must hold,
-    as no step in acceleration meets one. Raises InputError for unusable angles or levels, a scene whose two ramps
-    differ, or limits that no member meets.
+    out. What is left out beyond that is chosen as by `camopt.multi_pol`, with the same errors. `start_ratio` =
+    a12* / a12 in [0, 1]; by default 0.95, but 0 where a jerk limit must hold, as no step in acceleration meets one.
     """
     if start_ratio is None:
         start_ratio = 0.0 if _jerk_limited(scene, jerk) and a12 is None else START_RATIOS[1]

@@ -9,9 +9,9 @@ total lift.
 
 import numpy as np
 
-from camopt.cam.families.powers import checked_exponents, event_pieces, no_member, power_construction, power_space
+from camopt.cam.families.powers import power_cam, power_construction, power_space
 from camopt.cam.families.record import Event, Family, Parameter, Parameters, Space, number, numbers
-from camopt.cam.lift import Lift, with_ramps
+from camopt.cam.lift import Lift
 from camopt.cam.ramps import Ramp, symmetric_conditions
 from camopt.scene import InputError, Scene, Train, build_train
 from camopt.scene.rest import linearised_at_rest, static_matrices
@@ -85,11 +85,14 @@ def polydyne(
     equivalent of one mass, and a dynamic correction that leaves the family: a cam that exceeds the maximum lift or
     falls while it should rise.
     """
-    powers = checked_exponents(exponents, "polydyne")
     operation = scene.operation
     if scene.design is None or operation is None:
         raise InputError("polydyne: the scene needs [design] and [operation]")
-    design, ramp = symmetric_conditions(_with_ramp_height(scene, ramp_height_mm), "polydyne")
+    conditions = scene
+    if ramp_height_mm is not None:
+        heights = {"ramp_height_mm": ramp_height_mm, "closing_ramp_height_mm": ramp_height_mm}
+        conditions = scene.model_copy(update={"design": scene.design.model_copy(update=heights)})
+    design, ramp = symmetric_conditions(conditions, "polydyne")
     speed = operation.speeds_rpm[-1] if design_speed_rpm is None else design_speed_rpm
     if not LEAST_SPEED_RPM <= speed <= MOST_SPEED_RPM:
         raise InputError(
@@ -98,35 +101,17 @@ def polydyne(
     if dynamic is None:
         k_e, k_sp, mass = equivalent_train(build_train(scene))
         dynamic = 1 + k_sp / k_e, scene.cam_speed(speed) ** 2 * mass / k_e
-    half, rise = design.duration_deg * DEG / 2, design.max_lift_mm * MM - ramp.height
-    flank_end = np.array([0.0, 0.0, 0.0, -ramp.velocity / dynamic[1], 0.0])  # Eq. (3)
-    parameters = {"exponents": [float(p) for p in powers], "design_speed_rpm": speed}
-    parameters |= {"A": dynamic[0], "B_deg2": dynamic[1] / DEG**2, "ramp_height_mm": ramp.height / MM}
-    try:
-        borders, pieces = event_pieces(powers, half, flank_end, rise, ramp.height, dynamic)
-        lift = with_ramps(borders, pieces, ramp, ramp, "polydyne", parameters)
-    except InputError:  # ramps that do not fit: no fault of the correction
-        raise
-    except (np.linalg.LinAlgError, ValueError):
-        raise InputError(_left("its six conditions have no common solution", parameters, half)) from None
-    if why := no_member(lift, design.max_lift_mm * MM, ramp):
-        raise InputError(_left(why, parameters, half))
-    return lift
+    a, b = dynamic
+    own = {"design_speed_rpm": speed, "A": a, "B_deg2": b / DEG**2, "ramp_height_mm": ramp.height / MM}
+    law = a, b, [0.0, 0.0, 0.0, -ramp.velocity / b, 0.0]  # Eq. (3)
+    half_deg = design.duration_deg / 2
+    return power_cam("polydyne", exponents, design, ramp, law, lambda why: _left(why, exponents, own, half_deg), **own)
 
 
-def _with_ramp_height(scene: Scene, height_mm: float | None) -> Scene:
-    """The scene with another ramp height on both sides; the scene itself for None."""
-    if height_mm is None or scene.design is None:
-        return scene
-    heights = {"ramp_height_mm": height_mm, "closing_ramp_height_mm": height_mm}
-    return scene.model_copy(update={"design": scene.design.model_copy(update=heights)})
-
-
-def _left(why: str, parameters: dict, half: float) -> str:
+def _left(why: str, exponents: tuple[float, ...], parameters: dict[str, float], half_deg: float) -> str:
     """The sentence of a dynamic correction that leaves the family, with its remedy."""
-    exponents, speed = parameters["exponents"], parameters["design_speed_rpm"]
-    follows = abs(parameters["B_deg2"] / parameters["A"]) ** 0.5
-    shows = half / DEG / max(exponents)
+    speed, follows = parameters["design_speed_rpm"], abs(parameters["B_deg2"] / parameters["A"]) ** 0.5
+    shows = half_deg / max(exponents)
     stiff = follows < shows
     train = "follows its cam within" if stiff else "lags behind its cam by"
     speeds = "a higher speed_rpm, higher exponents" if stiff else "a lower speed_rpm, lower exponents"

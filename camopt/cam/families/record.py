@@ -47,10 +47,8 @@ EXPECTED = {number: f"a number {SIZE}", numbers: f"numbers like 2/10/18, each {S
 
 
 class Parameter(NamedTuple):
-    """A parameter as the command line gives it: the keyword of the family's function, and the parser of its text.
-
-    The search for the family's best member chooses a `searched` parameter itself, so that nobody may give it there.
-    """
+    """A parameter as the command line gives it: the keyword of the family's function, and the parser of its text; a
+    `searched` one is chosen by the search for the family's best member, and nobody may give it there."""
 
     keyword: str
     parse: Callable[[str], object]
@@ -61,9 +59,9 @@ class Parameter(NamedTuple):
 class Space:
     """What may be searched in a family: bounds of the search vector, and the member that belongs to a vector.
 
-    A family without bounds is one cam. `member` raises InputError for a vector to which no member belongs. `known`
-    vectors join the first population of a search. `largest` designs the largest area within the limits on the shape
-    alone, from (number of members, seed), where the family has a method of its own for that.
+    `member` raises InputError for a vector to which no member belongs. `known` vectors join the first population of a
+    search. `largest` designs the largest area within the limits on the shape alone, from (number of members, seed),
+    where the family has a method of its own for that.
     """
 
     bounds: list[tuple[float, float]]

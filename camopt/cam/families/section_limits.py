@@ -1,8 +1,7 @@
 """The limits of a design on the flank of a sectioned cam, as rows on its levels that hold at every angle.
 
-They stand on the Bernstein control points of the sections' parts, between which a polynomial lies (Farin, Curves and
-Surfaces for CAGD, 2002, ch. 5). The cam is symmetric: what a limit says of the closing flank it says of the opening
-one's mirror image.
+They stand on the Bernstein control points of the sections' parts. The cam is symmetric: what a limit says of the
+closing flank it says of the opening one's mirror image.
 """
 
 from functools import cache, lru_cache

@@ -2,8 +2,8 @@
 table.
 
 A sectioned family is searched over its section angles and over how much of each limit it may use; for each such point
-its levels solve a linear program, the largest area under limits so tightened. A cam that uses less than its limits
-allow bounces less, and this way of leaving room costs the least area.
+its levels have the largest area under limits so tightened. A cam that uses less than its limits allow bounces less, and
+this way of leaving room costs the least area.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -39,9 +39,8 @@ def sectioned_family(
 ) -> Family:
     """The record of a family that has one table.
 
-    `design` takes the scene and, as keywords, `sections_deg`, `jerk`, and the `levels` that its user may give, which
-    stand here with their unit (`a23_mm_per_deg2`). `starts` holds section angles, in shares of half the duration, that
-    join the first population of a search.
+    `design` takes the scene and, as keywords, `sections_deg`, `jerk`, and the `levels` that its user may give, here
+    with their unit (`a23_mm_per_deg2`). `starts` are as of `best_angles`.
     """
     return Family(
         table.family,
@@ -133,10 +132,10 @@ def member(
 ) -> Lift:
     """The cam of a table for a scene's duration, maximum lift and ramps; levels are in mm/deg^order.
 
-    Where `levels` gives all levels but those that the nose determines, the cam is that member, whatever the limits.
-    Where it gives fewer, the others are chosen for the largest area under the limits; the jerk limit holds only with
-    `jerk`. Where `sections_deg` is None, the section angles are chosen too. Raises InputError for unusable angles or
-    levels, and where no member meets the limits.
+    Where `levels` gives all levels but those that the nose determines, the cam is that member, whatever the limits;
+    else the others, and the section angles where they are None, are chosen for the largest area under the limits, of
+    which that on the jerk holds only with `jerk`. Raises InputError for unusable angles or levels, and where no member
+    meets the limits.
     """
     design, ramp = symmetric_conditions(scene, table.family)
     given = {n: float(v) for n, v in levels.items() if v is not None}

@@ -3,8 +3,7 @@
 A table states lift, velocity, acceleration and jerk at the start and the end of every section, as the tables of Kodama
 et al. do. A section has as many terms as conditions, which makes it unique (their Eq. (4), where the terms are powers).
 The levels are the accelerations and jerks at the borders that the table leaves to the designer. For fixed section
-angles everything is linear in them: the pieces, the area, and every limit imposed on control points. The construction
-runs on arrays of NumPy, and on those of JAX for `camopt.smooth.families`.
+angles the pieces, the area and every limit are linear in them. The arrays are NumPy's or JAX's.
 """
 
 from collections.abc import Callable, Sequence
@@ -14,7 +13,7 @@ from functools import cache, cached_property
 import numpy as np
 
 from camopt.cam.lift import Lift, mirrored_pieces, with_ramps
-from camopt.cam.polynomials import MATCHED, falling, osculating_pieces
+from camopt.cam.polynomials import MATCHED, falling, osculating_pieces, power_derivatives
 from camopt.cam.ramps import Ramp
 from camopt.scene.units import DEG, MM
 
@@ -32,9 +31,7 @@ Terms = Callable[[int, np.ndarray, int], np.ndarray]
 
 def powers(count: int, u: np.ndarray, order: int) -> np.ndarray:
     """The derivative `order` of 1, u, u^2, ... at u (k), shape (k, count): the terms of Eq. (4)."""
-    return falling(np.arange(count), order) * np.asarray(u, dtype=float)[:, None] ** np.maximum(
-        np.arange(count) - order, 0
-    )
+    return power_derivatives(np.arange(count), np.asarray(u, dtype=float), order)
 
 
 @dataclass(frozen=True)
@@ -178,10 +175,7 @@ def _unit(terms: Terms, count: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def closed(table: SectionTable, one: Flank, x: np.ndarray, max_lift: float, by: Sequence[str]) -> np.ndarray:
-    """x (n) with the levels `by` changed so that the lift ends at the maximum lift [m].
-
-    With two levels in `by`, the velocity at the end is 0 too.
-    """
+    """x (n) with the levels `by` changed so that the lift ends at the maximum lift [m], with two of them at rest."""
     columns = [2 + table.levels.index(level) for level in by]
     xp = one.borders.__array_namespace__()
     rows = xp.stack([one.end(k) for k in range(len(columns))])

@@ -196,20 +196,14 @@ def _sum_rows(cam: SplineCam, limit: LinearLimit) -> tuple[np.ndarray, np.ndarra
     start = np.concatenate(shares)
     width = np.diff(np.append(start, marks[-1]))
     matrix, offset = cam.weighted_points(limit.weights, start, width)
-    upper = _level_points(limit, start, width)
+    taylor, powers = level.taylor(start, start + 0.5 * width), np.zeros((len(start), 6))
+    powers[:, : taylor.shape[1]] = taylor * width[:, None] ** np.arange(taylor.shape[1])
+    upper = powers @ from_powers(5).T
     matrix, bound = matrix.reshape(-1, matrix.shape[2]), (upper - offset).ravel() - level.error
     if level.low < first and level.high > last:  # the ramps are fixed: they hold it or no cam does
         outside = [limit.excess(cam.without_spline, *ends) for ends in ((level.low, first), (last, level.high))]
         matrix, bound = np.vstack([matrix, np.zeros(matrix.shape[1])]), np.append(bound, -max(outside))
     return _without_fixed(matrix, bound)[:2]
-
-
-def _level_points(limit: LinearLimit, start: np.ndarray, width: np.ndarray) -> np.ndarray:
-    """Control points (k, 6) of the level from `start` (k) [rad] over `width` (k)."""
-    taylor = limit.level.taylor(start, start + 0.5 * width)
-    powers = np.zeros((len(start), 6))
-    powers[:, : taylor.shape[1]] = taylor * width[:, None] ** np.arange(taylor.shape[1])
-    return powers @ from_powers(5).T
 
 
 def near_rows(cam: SplineCam, design: Design, near: Neighbourhood) -> Iterator[LimitRows]:

@@ -84,8 +84,7 @@ class SplineCam:
     def basis(self, theta, order: int = 0) -> tuple[np.ndarray, np.ndarray]:
         """Matrix (k, n) and offset (k) with lift^(order)(theta) = matrix @ x + offset [m/rad^order].
 
-        `theta` (k) [rad] may lie anywhere; derivatives up to the sixth (beyond the fifth only
-        the ramps' feet have one), one-sided from the right at the knots.
+        `theta` (k) [rad] may lie anywhere; derivatives go up to the sixth, one-sided from the right at the knots.
         """
         theta = np.mod(np.asarray(theta, dtype=float) + np.pi, 2 * np.pi) - np.pi
         inside = (theta >= self.breaks[0]) & (theta < self.breaks[-1])
@@ -107,10 +106,8 @@ class SplineCam:
         return row @ self.Z, float(constant + row @ self.x_p)
 
     def control_points(self, order: int, edges: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Bernstein control points of lift^(order) between `edges` [rad] and the knots inside them.
-
-        Returns matrix (c, m) and offset (c) with points = matrix @ z + offset [m/rad^order].
-        """
+        """Matrix (c, m) and offset (c) of the Bernstein control points of lift^(order), matrix @ z + offset
+        [m/rad^order], between `edges` [rad] and the knots inside them."""
         low, high = edges[0], edges[-1]
         inner = self.breaks[(self.breaks > low) & (self.breaks < high)]
         edges = merged(np.concatenate([edges, inner]))
@@ -132,11 +129,8 @@ class SplineCam:
     def weighted_points(
         self, weights: Sequence[float | np.ndarray], start: np.ndarray, width: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Control points of sum_k weights[k] * lift^(k), of degree five, from `start` (k) [rad] over `width` (k).
-
-        A weight is a number, or one for every interval. Returns matrix (k, 6, m) and offset (k, 6); no knot may lie
-        inside an interval.
-        """
+        """Matrix (k, 6, m) and offset (k, 6) of the control points of sum_k weights[k] * lift^(k), of degree five, from
+        `start` (k) [rad] over `width` (k). A weight is a number, or one per interval, in which no knot may lie."""
         degree = DEGREE + 2
         inside = start + 1e-9 * width  # a derivative that steps at a knot is that of the interval
         taylor = np.zeros((degree + 1, len(start), len(self.x_p)))

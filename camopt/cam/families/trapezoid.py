@@ -35,9 +35,8 @@ without and with a jerk limit of 0.003 mm/deg^3. The search of experiments/cam_f
 def trapezoid(scene: Scene, sections_deg: Sequence[float] | None = None, jerk: bool = True) -> Lift:
     """The trapezoidal cam of a scene's duration, maximum lift and ramps.
 
-    `sections_deg` holds the four section angles from the ramp to the nose, which determine both levels. By default they
-    give the largest area under the scene's limits, without the jerk limit where `jerk` is false. Raises InputError for
-    unusable angles, a scene whose two ramps differ, or limits that no member meets.
+    `sections_deg` holds the four section angles from the ramp to the nose, which determine both levels; by default they
+    are chosen as by `camopt.multi_pol`, with the same errors.
     """
     return member(scene, TABLE, STARTS, sections_deg, {}, jerk)
 

@@ -23,8 +23,8 @@ FOOT_REACH_DEG = 15.0
 """How far outside the last row above BASE_MM the foot is looked for: a ramp's foot of 10 deg is within the noise."""
 SHORTEST_BASE_DEG = 10.0
 CUT = 15.0
-"""A flank whose last step, down to the base circle, is this many times the noise more than twice the one before has no
-ramp: where a ramp meets the base circle its steps shrink or stay. Four standard deviations of that difference."""
+"""Where a flank's last step, to the base circle, is this many times the noise more than twice the one before, it has no
+ramp, whose steps shrink or stay there. Four standard deviations of that difference."""
 LEAST_CUT_MM = 2e-3
 """The same where there is no noise: two units of a table with three decimals."""
 MEDIAN_TO_DEVIATION = 1.4826
@@ -44,14 +44,14 @@ WINDOW_DEG = 5.0
 class Event:
     """Rows (indices into the table, angles ascending) that make the law, and the angles it may stand between [deg].
 
-    `start` and `end` are None for a turn without base circle. `cut` says which flank, opening and closing, ends without
-    a ramp; `completed` adds the rows that continue it. `noise` [mm] is a first estimate.
+    `start` and `end` are infinite for a turn without base circle. `cut` says which flank, opening and closing, ends
+    without a ramp; `completed` adds the rows that continue it. `noise` [mm] is a first estimate.
     """
 
     rows: np.ndarray = field(repr=False)
     degrees: np.ndarray = field(repr=False)
-    start: float | None
-    end: float | None
+    start: float = -np.inf
+    end: float = np.inf
     cut: tuple[bool, bool] = (False, False)
     noise: float = 0.0
     added_degrees: np.ndarray = field(default_factory=lambda: np.zeros(0), repr=False)
@@ -59,10 +59,8 @@ class Event:
 
 
 def find_event(where: str, degrees: np.ndarray, lift: np.ndarray) -> Event:
-    """The event of a table of ascending cam `degrees` and `lift` [mm], both (r), at most one turn.
-
-    Raises InputError where the table neither closes on itself nor begins and ends on the base circle.
-    """
+    """The event of a table of ascending cam `degrees` and `lift` [mm], both (r), at most one turn; raises InputError
+    where the table neither closes on itself nor begins and ends on the base circle."""
     check_ends(where, degrees, lift, CLOSING_SHARE * lift.max(), BASE_MM)
     angle = np.mod(degrees - degrees[0], TURN)
     angle[np.abs(degrees - degrees[0] - TURN) < 1e-9] = 0.0
@@ -77,7 +75,7 @@ def find_event(where: str, degrees: np.ndarray, lift: np.ndarray) -> Event:
     gaps = np.diff(angle[above], append=angle[above[0]] + TURN)
     widest = int(np.argmax(gaps))
     if gaps[widest] < SHORTEST_BASE_DEG or np.count_nonzero(~high) == 0:
-        return Event(order, angle, None, None)
+        return Event(order, angle)
     # unrolled to three turns, the event is one ascending stretch of rows between two stretches of base circle
     after = above[(widest + 1) % len(above)]
     n = len(order)
@@ -89,10 +87,9 @@ def find_event(where: str, degrees: np.ndarray, lift: np.ndarray) -> Event:
     largest_drop = max(CUT * noise, LEAST_CUT_MM)
     start, cut_before = _foot(wide, height, opening, -1, largest_drop)
     end, cut_after = _foot(wide, height, closing, 1, largest_drop)
-    kept = np.arange(len(index))
-    kept = kept[
-        ((kept >= opening) if cut_before else (wide > start)) & ((kept <= closing) if cut_after else (wide < end))
-    ]
+    row = np.arange(len(index))
+    begun, not_over = row >= opening if cut_before else wide > start, row <= closing if cut_after else wide < end
+    kept = np.flatnonzero(begun & not_over)
     return Event(order[np.mod(index[kept], n)], wide[kept], start, end, (cut_before, cut_after), noise)
 
 
@@ -134,10 +131,7 @@ def completed(where: str, event: Event, lift: np.ndarray, lines: list[int], ramp
     or as the flank's largest acceleration has it; from there on it is the ramp. A slope well below the ramp's is kept.
     Raises InputError where the table ends too high or with a slope that no such ramp continues.
     """
-    height = lift[event.rows]
-    if event.start is None or event.end is None:
-        return event
-    ends = [event.start, event.end]
+    height, ends = lift[event.rows], [event.start, event.end]
     acceleration = _flank_acceleration(event.degrees, height)
     step = min(1.0, float(np.median(np.diff(event.degrees))))
     for side, outward in enumerate((-1, 1)):
@@ -167,7 +161,7 @@ def completed(where: str, event: Event, lift: np.ndarray, lines: list[int], ramp
             added_lift=np.append(event.added_lift, curve(away)),
         )
         ends[side] = float(angle[0] + outward * length)
-    if ends[1] - ends[0] >= TURN:
+    if TURN <= ends[1] - ends[0] < np.inf:
         raise InputError(f"{where}: with the scene's ramps added, the event is longer than a turn: give its own ramps")
     return replace(event, start=ends[0], end=ends[1])
 
@@ -191,10 +185,8 @@ def _flank_acceleration(degrees: np.ndarray, height: np.ndarray) -> float:
 def _profile(
     height: float, slope: float, ramp: Ramp, acceleration: float, gentler: bool
 ) -> tuple[float, Callable[[np.ndarray], np.ndarray]] | None:
-    """Length [deg] and lift [mm] by the angle beyond the last row, from its lift and slope; None where none fits.
-
-    A `gentler` slope than the ramp's goes on as it is.
-    """
+    """Length [deg] and lift [mm] by the angle beyond the last row, from its lift and slope, a `gentler` one than the
+    ramp's going on as it is; None where none fits."""
     scene_height, scene_slope = ramp.height / MM, ramp.velocity / MM_PER_DEG
     low = slope if gentler else scene_slope
     if not (height > 0 and low > 0 and acceleration > 0):

@@ -4,11 +4,10 @@ Where the table gives velocity and acceleration beside the lift, as camopt's own
 ends. Otherwise the pieces are a spline, four times continuously differentiable.
 """
 
-from math import factorial
-
 import numpy as np
 from scipy.interpolate import BPoly, BSpline, PPoly, make_interp_spline
 
+from camopt.cam.polynomials import PiecewiseLevel, recentred
 from camopt.scene import InputError
 from camopt.scene.units import DEG, MM
 
@@ -57,11 +56,8 @@ def spline_pieces(where: str, angle: np.ndarray, lift: np.ndarray) -> PPoly:
 
 
 def check_ends(where: str, degrees: np.ndarray, lift_mm: np.ndarray, closing_mm: float, base_mm: float) -> float:
-    """What the rows leave of a turn [deg], zero where they close it.
-
-    Raises InputError where they close it with a step of more than `closing_mm`, and where they leave more than one and
-    a half of their steps and begin or end above `base_mm`.
-    """
+    """What the rows leave of a turn [deg], zero where they close it; raises InputError where they do so with a step of
+    more than `closing_mm`, and where they leave more than 1.5 of their steps and begin or end above `base_mm`."""
     left, (first, last) = 360.0 - (degrees[-1] - degrees[0]), lift_mm[[0, -1]]
     if left <= 1e-7:
         if abs(last - first) > closing_mm:
@@ -81,10 +77,8 @@ def check_ends(where: str, degrees: np.ndarray, lift_mm: np.ndarray, closing_mm:
 def own_pieces(
     where: str, angle: np.ndarray, lift: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, lines: list[int]
 ) -> PPoly:
-    """Pieces over one turn from camopt's own columns: angle [rad], lift [m], its derivatives [m/rad, m/rad^2], all (r).
-
-    Raises InputError for a turn that does not close, and for columns that contradict each other.
-    """
+    """Pieces over one turn from camopt's own columns: angle [rad], lift [m], its derivatives [m/rad, m/rad^2], all (r);
+    raises InputError for a turn that does not close, and for columns that contradict each other."""
     check_ends(where, angle / DEG, lift / MM, END_MM, END_MM)
     step = np.diff(angle)
     unexplained = np.abs(np.diff(lift) - 0.5 * step * (velocity[1:] + velocity[:-1]))
@@ -122,11 +116,8 @@ def _pieces_between(spline: BSpline, start: float, end: float) -> PPoly:
 
 
 def event_borders(where: str, pieces: PPoly, opening: float, closing: float) -> tuple[float, float]:
-    """Angles [rad] at which the lift first rises through `opening` [m] and last falls through `closing` [m].
-
-    The turn is taken from its lowest lift, so that its first crossing rises and its last one falls. A crossing within
-    rounding of a row is that row.
-    """
+    """Angles [rad] at which the lift, from its lowest place on, first rises through `opening` [m] and last falls
+    through `closing` [m]; a crossing within rounding of a row is that row."""
     low = pieces.x[np.argmin(pieces(pieces.x[:-1]))]
     crossings = []
     for height in (opening, closing):
@@ -151,9 +142,7 @@ def centred(pieces: PPoly, middle: float) -> tuple[np.ndarray, np.ndarray]:
     starts = np.concatenate([pieces.x[:-1], pieces.x[:-1] + TURN]) - middle + turn
     rows = np.tile(pieces.c[::-1].T, (2, 1))
     inside = (starts > -np.pi + 1e-12) & (starts < np.pi - 1e-12)
-    first = np.flatnonzero(starts <= -np.pi + 1e-12)[-1]
-    local = -np.pi - starts[first]
-    piece = np.polynomial.Polynomial(rows[first])
-    moved = [piece.deriv(k)(local) / factorial(k) if k else piece(local) for k in range(rows.shape[1])]
+    first = np.flatnonzero(starts <= -np.pi + 1e-12)[-1:]
+    moved = recentred(PiecewiseLevel(starts, rows), first, np.array([-np.pi]))
     borders = np.concatenate([[-np.pi], starts[inside], [np.pi]])
     return borders, np.vstack([moved, rows[inside]])

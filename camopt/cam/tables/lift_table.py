@@ -182,10 +182,8 @@ def _measured(where: str, rows: TableRows, ramps: tuple[Ramp, Ramp]) -> tuple[PP
 
 
 def _row_error(rows: TableRows, report: dict) -> dict:
-    """By how much the law may be off at the rows of a table with equal steps whose error is its rounding, and the step.
-
-    Empty for tables that were measured, or whose steps differ.
-    """
+    """By how much the law may be off at the rows of a table with equal steps whose error is its rounding, and the step;
+    empty for tables that were measured, or whose steps differ."""
     step, decimals = float(np.median(np.diff(rows.degrees))), range(MOST_DECIMALS + 1)
     unit = next((10.0**-d for d in decimals if np.array_equal(np.round(rows.height, d), rows.height)), 0.0)
     equal = np.abs(np.diff(rows.degrees) - step).max() < 1e-6 * step and abs(round(360 / step) - 360 / step) < 1e-6

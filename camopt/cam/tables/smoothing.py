@@ -14,15 +14,14 @@ from camopt.scene import InputError
 OUTLIER = 5.0
 """Studentised residual of an outlier: by chance one row in 1.7 million."""
 OUTLIER_SHARE = 2.5e-4
-"""Least distance of an outlier from what the others say, over the maximum lift. A corner of the jerk, which the spline
-rounds, stays below it: 7e-5 for an exact polydyne in steps of 2 deg, 1.1e-4 where ramp and flank of a motorbike's
-exhaust cam meet."""
+"""Least distance of an outlier from what the others say, over the maximum lift. Corners of the jerk, which the spline
+rounds, stay below it: 7e-5 of an exact polydyne in steps of 2 deg, 1.1e-4 of a motorbike's exhaust cam."""
 NEIGHBOURS = 3
 """Rows on either side of an outlier that are judged anew without it: it has pulled the spline towards itself."""
 MOST_OUTLIERS = 0.05
 NOISE_FREE_MM = 1e-6
-"""Noise below which a table is taken as computed, not measured: interpolating it moves the acceleration less than
-smoothing does. Tables of an exact polydyne stay below it at 0.5 deg and finer."""
+"""Noise below which a table is taken as computed: interpolating it moves the acceleration less than smoothing does.
+Tables of an exact polydyne stay below it at 0.5 deg and finer."""
 ERROR_SHARE = 0.1
 """Largest standard error of the acceleration (root mean square over the event) over its peak: beyond it, dynamics
 from the table would be dynamics of its noise."""
@@ -45,13 +44,12 @@ def smoothed(
 ) -> tuple[PPoly | None, dict]:
     """The smooth law [deg, mm] over one turn of a table, None where it has no noise, and what became of the table.
 
-    Its cam `degrees` (r) ascend over one turn at most, beside its `lift` (r) [mm].
-
-    A flank that ends above the base circle is continued by the scene's opening or closing ramp. Raises InputError for
-    too many outliers, negative lift, rows that fix no usable acceleration, or gaps in which the law would be invented.
+    Its cam `degrees` (r) ascend over one turn at most, beside its `lift` (r) [mm]; a flank that ends above the base
+    circle is continued by the scene's ramp. Raises InputError for too many outliers, negative lift, rows that fix no
+    usable acceleration, or gaps in which the law would be invented.
     """
     event = completed(where, find_event(where, degrees, lift), lift, lines, ramps)
-    if event.start is not None and event.end is not None and event.end - event.start < SHORTEST_DEG:
+    if event.end - event.start < SHORTEST_DEG:
         raise InputError(
             f"{where}: line {lines[int(event.rows[0])]}: the lift leaves the base circle for "
             f"{event.end - event.start:.3g} cam degrees only: check --table-angle, and that all columns are read"
@@ -59,7 +57,7 @@ def smoothed(
     _off_base_circle(where, event, lift, event.noise, lines)  # before such rows spoil the fit
     kept, outliers = _without_outliers(where, event, lift)
     angles, height, count, free, given = _arguments(kept, lift)
-    fit = (fitted if kept.start is None else fitted_non_negative)(angles, height, count, free, given)
+    fit = (fitted if np.isinf(kept.start) else fitted_non_negative)(angles, height, count, free, given)
     if fit.coefficients.max() <= 0:
         raise InputError(f"{where}: no lift above the base circle is left: count lift from there, positive up")
     outliers = sorted(outliers + _off_base_circle(where, event, lift, fit.noise, lines))
@@ -70,11 +68,11 @@ def smoothed(
         report |= _added(event, lift)
     elif fit.noise < NOISE_FREE_MM and not outliers:
         return None, report | {"largest_shift_um": 0.0}
-    error = fit.acceleration_error()
-    if error.likeliest > ERROR_SHARE * error.largest:
+    likeliest, rms, at_peak = fit.acceleration_error()
+    if likeliest > ERROR_SHARE:
         raise InputError(
             f"{where}: no usable acceleration: with {len(kept.rows)} rows in the event and a noise of "
-            f"{1e3 * fit.noise:.3g} um its standard error is {100 * error.likeliest / error.largest:.0f} % of the "
+            f"{1e3 * fit.noise:.3g} um its standard error is {100 * likeliest:.0f} % of the "
             f"peak, over {100 * ERROR_SHARE:g} %: measure in finer steps or with less noise"
         )
     pieces = fit.pieces()
@@ -86,8 +84,8 @@ def smoothed(
     report |= {
         "largest_shift_um": round(1e3 * abs(float(shifts[most])), 4),
         "largest_shift_line": lines[used[most]],
-        "acceleration_error_percent": round(100 * ERROR_FACTOR * error.rms / error.largest, 2),
-        "peak_error_percent": round(100 * PEAK_FACTOR * error.at_peak / error.largest, 2),
+        "acceleration_error_percent": round(100 * ERROR_FACTOR * rms, 2),
+        "peak_error_percent": round(100 * PEAK_FACTOR * at_peak, 2),
     }
     return pieces, report
 
@@ -109,7 +107,6 @@ def check_between_rows(where: str, law: Callable, degrees: np.ndarray, lift: np.
 
 def _added(event: Event, lift: np.ndarray) -> dict:
     """What a cut table was given beyond its rows: flanks, the lift from which on, and over which angle."""
-    assert event.start is not None and event.end is not None, "a cut event lies between two feet"
     beyond = event.end - event.start - (event.degrees[-1] - event.degrees[0])
     return {
         "cut_ramps": sum(event.cut),
@@ -123,7 +120,6 @@ def _used(degrees: np.ndarray, event: Event, outliers: list[int]) -> np.ndarray:
     used = np.setdiff1d(np.arange(len(degrees)), outliers)
     if not len(event.added_lift):
         return used
-    assert event.start is not None and event.end is not None, "a cut event lies between two feet"
     outside = np.mod(degrees[used] - event.start, TURN) >= event.end - event.start
     return used[outside | np.isin(used, event.rows)]
 
@@ -131,7 +127,7 @@ def _used(degrees: np.ndarray, event: Event, outliers: list[int]) -> np.ndarray:
 def _off_base_circle(where: str, event: Event, lift: np.ndarray, noise: float, lines: list[int]) -> list[int]:
     """Rows outside the event that are not on the base circle; for a turn without one, no row may be below zero."""
     limit = max(BASE_MM, OUTLIER * noise)
-    if event.start is None:
+    if np.isinf(event.start):
         off, most = np.flatnonzero(lift < -limit), 0.0
     else:
         outside = np.setdiff1d(np.arange(len(lift)), event.rows)
@@ -155,7 +151,7 @@ def _knots(event: Event) -> tuple[int, np.ndarray]:
     """Number of knots of a turn, and the coefficients whose functions stand inside the event, a knot more each side."""
     step = float(np.median(np.diff(event.degrees)))
     count = round(TURN / float(np.clip(step / 2, *KNOTS_DEG)))
-    if event.start is None or event.end is None:
+    if np.isinf(event.start):
         return count, np.arange(count)
     h = TURN / count
     free = np.arange(int(np.ceil(event.start / h)) + 4, int(np.floor(event.end / h)) + 1)
@@ -163,10 +159,8 @@ def _knots(event: Event) -> tuple[int, np.ndarray]:
 
 
 def _without_outliers(where: str, event: Event, lift: np.ndarray) -> tuple[Event, list[int]]:
-    """The event's rows that a spline through the others explains, and the rows rejected.
-
-    The worst row of each neighbourhood is set aside and the noise estimated anew, until no row stands out.
-    """
+    """The event's rows that a spline through the others explains, and the rows rejected: the worst of each place is set
+    aside and the noise estimated anew, until no row stands out."""
     count, free = _knots(event)
     kept = event
     outliers: list[int] = []

@@ -10,7 +10,6 @@ Degrees and mm inside.
 """
 
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import BSpline, PPoly
@@ -24,9 +23,8 @@ BAND = 2 * DEGREE + 1
 """Diagonals of the equations from the main one down: two knots on the ring are at most twice as far apart in them."""
 PENALTY_ORDERS = (4, 3)
 """On the tables of experiments/measured_tables.py third differences alone leave 1.1 to 2 times the error of fourth ones
-on cams of limited jerk; on those whose acceleration steps, fourth ones alone leave up to 1.4 times that of third ones
-and state half of it or less. Generalised cross validation in place of the likelihood takes the coarse tables (1 and
-2 deg) for noise-free."""
+on cams of limited jerk; fourth ones alone leave up to 1.4 times that of third ones where the acceleration steps, and
+state half of it or less. Generalised cross validation takes the coarse tables (1 and 2 deg) for noise-free."""
 RULED_OUT = 13.8
 """Twice the logarithm of the odds, 1000 to 1, at which the rows have ruled out an order."""
 GIVEN_PRECISION = 100.0
@@ -37,25 +35,9 @@ than rows are singular to rounding."""
 _CARDINAL = BSpline.basis_element(np.arange(DEGREE + 2.0), extrapolate=False)
 
 
-class AccelerationError(NamedTuple):
-    """Standard errors of an acceleration [mm/deg^2], and its `largest` size.
-
-    `likeliest`: root mean square over the event under the penalty that the rows speak for; `rms`: the same under that
-    of the penalties that the rows do not rule out which expects the larger one; `at_peak`: the larger of the errors
-    where the acceleration is largest and smallest, likewise.
-    """
-
-    likeliest: float
-    rms: float
-    at_peak: float
-    largest: float
-
-
 def basis(degrees: np.ndarray, count: int, order: int = 0) -> csr_array:
-    """Values (r, count) of the periodic basis functions, or of a derivative, at `degrees` (r); knots at 360 i/count.
-
-    Function i stands on the knots i-5 to i+1.
-    """
+    """Values (r, count) of the periodic basis functions, of which i stands on the knots i-5 to i+1, at 360 i/count, or
+    of a derivative, at `degrees` (r)."""
     h = 360.0 / count
     piece = np.floor(degrees / h).astype(int)
     local = (degrees / h - piece)[:, None] + DEGREE - np.arange(DEGREE + 1)
@@ -135,8 +117,10 @@ class Fit:
         kept = ~(zero & np.append(False, zero[:-1]))
         return PPoly(c[:, kept], np.append(knots[DEGREE : DEGREE + count][kept], 360.0))
 
-    def acceleration_error(self) -> AccelerationError:
-        """What the acceleration may be off by, under every order of the penalty that the rows allow."""
+    def acceleration_error(self) -> tuple[float, float, float]:
+        """Standard errors of the acceleration over its largest size: the root mean square over the event under the
+        penalty that the rows speak for; the largest such one under the penalties that the rows do not rule out; and,
+        likewise, the larger of the errors where the acceleration is largest and smallest."""
         equations, count = self.equations, len(self.coefficients)
         first = equations.free.min() if len(equations.free) == count else equations.free[0]
         at = (first - DEGREE + np.arange(0, len(equations.free) + DEGREE, 0.25)) * (360.0 / count)
@@ -152,7 +136,8 @@ class Fit:
         best = min(found)
         allowed = [one for one in found if one[0] - best[0] < RULED_OUT]
         rms, at_peak = (max(one[i] for one in allowed) for i in (1, 2))
-        return AccelerationError(best[1], rms, at_peak, float(np.abs(acceleration).max()))
+        largest = float(np.abs(acceleration).max())
+        return best[1] / largest, rms / largest, at_peak / largest
 
 
 def fitted(
@@ -184,10 +169,8 @@ def fitted(
 
 
 def fitted_non_negative(degrees: np.ndarray, lift: np.ndarray, count: int, free: np.ndarray, given: int = 0) -> Fit:
-    """As `fitted`, its ends drawn in until no coefficient is negative: the feet lie where the lift leaves the noise.
-
-    Where no coefficient is positive (a table that is no lift), the fit is handed back as it is.
-    """
+    """As `fitted`, its ends drawn in until no coefficient is negative, or none is positive (a table that is no lift):
+    the feet lie where the lift leaves the noise."""
     fit = fitted(degrees, lift, count, free, given)
     while True:
         c = fit.coefficients[free]

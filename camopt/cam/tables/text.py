@@ -60,7 +60,7 @@ class _Line:
     number: int
     text: str
     cells: list[str]
-    values: list[float] | None  # of its cells, None where one of them is no finite number
+    values: list[float]  # of its cells, none where one of them is no finite number
 
 
 def parsed(path: Path, first_line: int | None = None, columns: Sequence[str | int] | None = None) -> TableText:
@@ -95,14 +95,17 @@ def parsed(path: Path, first_line: int | None = None, columns: Sequence[str | in
 
 def _line(number: int, text: str) -> _Line:
     cells = _cells(text)
-    values = [v for v in map(_number, cells) if v is not None and np.isfinite(v)]
-    return _Line(number, text, cells, values if len(values) == len(cells) else None)
+    try:
+        values = [float(cell) for cell in cells]
+    except ValueError:
+        values = []
+    return _Line(number, text, cells, values if np.all(np.isfinite(values)) else [])
 
 
 def _first_row(lines: list[_Line]) -> int:
     """Index of the line in which the rows begin; a line of the header with as many numbers counts as the first row, so
     that a row which cannot be read is named and not skipped."""
-    widths = [len(line.values or ()) for line in lines]
+    widths = [len(line.values) for line in lines]
     runs = (i for i in range(len(lines)) if widths[i] > 1 and set(widths[i : i + ALIKE]) == {widths[i]})
     begin = next(runs, None)
     if begin is None:
@@ -115,7 +118,7 @@ def _rows(path: Path, lines: list[_Line]) -> np.ndarray:
     width = len(lines[0].cells)
     for line in lines:
         where, shown = f"{path}: line {line.number}", f"{line.text[:60]!r}"
-        if line.values is None:
+        if not line.values:
             raise InputError(
                 f"{where}: expected finite numbers, found {shown}: correct it, begin it with # to leave it out, or "
                 f"give the line in which the rows begin (--table-first-line)"
@@ -176,13 +179,6 @@ def _decimal_commas(line: str) -> bool:
     return len(cells) > 1 and all(map(_WITH_COMMA.fullmatch, cells))
 
 
-def _number(cell: str) -> float | None:
-    try:
-        return float(cell)
-    except ValueError:
-        return None
-
-
 @dataclass(frozen=True)
 class TableRows:
     """Cam angles [deg] and lifts [mm] of a table's rows, their line numbers, and what was mended, a sentence each."""
@@ -194,10 +190,8 @@ class TableRows:
 
 
 def mended(rows: TableRows) -> TableRows:
-    """The rows in ascending order over one turn at most where they say how, half a lobe as a whole one.
-
-    What cannot be told (angles that repeat or jump) is left as it is, for the check of the rows to refuse.
-    """
+    """The rows in ascending order over one turn at most, half a lobe as a whole one; what cannot be told (angles that
+    repeat or jump) is left as it is, for the check of the rows to refuse."""
     return _gaps_named(_whole_lobe(_unwrapped(_ascending(rows))))
 
 

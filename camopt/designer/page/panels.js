@@ -2,27 +2,6 @@
 const UNSEEN_MS = 400; // the train out of sight is drawn once no newer motion has come for so long
 const FORCE_LOOKS = ["first", "second", "third", "fourth"];
 
-function trainMarkup() { // what trainAnimation fills
-  const option = (value, words, selected) => h("option", { value, selected }, words);
-  const drawing = (id, label) => svgNode("svg", { id, role: "img", "aria-label": label });
-  return h("section", { id: "train", "aria-label": "Animation of the valve train" },
-    h("div", { class: "controls" },
-      h("label", { hidden: true }, "cam ", h("select", { id: "train-cam" })),
-      h("label", { hidden: true }, "speed ", h("select", { id: "train-speed" })),
-      h("label", {}, "gaps drawn ", h("select", { id: "train-gaps" }, option(1, "true size"), option(10, "10 times"),
-        option(50, "50 times", true), option(200, "200 times"))),
-      h("label", {}, "pace ", h("select", { id: "train-pace" }, option(6, "6 deg/s"), option(20, "20 deg/s", true),
-        option(60, "60 deg/s"))),
-      h("button", { type: "button", id: "train-play", "aria-pressed": "false" }, "Play")),
-    h("p", { id: "train-caption" }),
-    h("div", { class: "stage" }, drawing("train-drawing", "Cam, masses, springs and contacts at the chosen angle"),
-      h("div", {}, drawing("train-chart", "Valve lift against cam angle, and where each contact is open"),
-        h("input", { type: "range", id: "train-angle", min: 0, max: 360, step: 1, "aria-label": "cam angle" }),
-        h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Contacts at the chosen angle" },
-          h("table", { id: "train-numbers" }, h("tr", {}, h("th", { scope: "col" }, "contact"), h("th", { scope: "col" }, "state"),
-            h("th", { scope: "col" }, "force [N]"), h("th", { scope: "col" }, "separation [mm]")))))));
-}
-
 class Panels {
   constructor(waiting) { // waiting: what says how long a slow part has taken
     this.charts = {
@@ -37,7 +16,7 @@ class Panels {
     this.areas = h("div", { class: "areas" });
     this.trains = h("p", { class: "trains" }, "Yield: not drawn yet.");
     this.compared = h("div", { class: "compared" });
-    this.train = trainMarkup();
+    this.train = h("section", { id: "train", "aria-label": "Animation of the valve train" }, ...trainParts(false));
     this.animate = null;
     const charts = Object.values(this.charts).map((c) => c.node);
     this.node = h("div", { class: "panels" },
@@ -51,9 +30,8 @@ class Panels {
     const c = answer.curves, d = pinned?.answer.curves, x = { label: "cam angle [deg]", low: -110, high: 110, ticks: [-90, -45, 0, 45, 90] };
     const lines = (key) => [...(d ? [{ name: "pinned", x: d.angle_deg, y: d[key], look: "pinned" }] : []),
       { name: "design", x: c.angle_deg, y: c[key], look: "design" }];
-    const limit = (...keys) => keys.filter((k) => values[k] !== null && values[k] !== undefined)
-      .flatMap((k) => (k === "jerk_max_mm_per_deg3" ? [values[k], -values[k]] : [values[k]]))
-      .map((value) => ({ value, name: `limit ${shown(value)}` }));
+    const limit = (...keys) => limitsAt(keys.filter((k) => values[k] !== null && values[k] !== undefined)
+      .flatMap((k) => (k === "jerk_max_mm_per_deg3" ? [values[k], -values[k]] : [values[k]])));
     const range = (key) => `from ${shown(Math.min(...c[key]))} to ${shown(Math.max(...c[key]))}`;
     this.charts.lift.show({ x, lines: lines("lift_mm"), limits: limit("max_lift_mm"), include: [0],
       says: `largest ${shown(answer.max_lift_mm)} mm` });
@@ -112,7 +90,7 @@ class Panels {
       const never = y.some((v) => v === null) ? "; does not seat at some speeds" : "";
       const old = pinned?.band ? [{ name: "pinned", x: pinned.band.speeds_rpm, y: pinned.band.curves[key], look: "pinned" }] : [];
       this.charts[chart].show({ x, places, lines: [...old, { name: "design", x: band.speeds_rpm, y, look: "design" }],
-        limits: limit === null || limit === undefined ? [] : [{ value: limit, name: `limit ${shown(limit)}` }],
+        limits: limit === null || limit === undefined ? [] : limitsAt([limit]),
         says: `largest ${shown(most, 3)} mm at ${shown(at, 5)} r/min${never}` });
     }
   }
@@ -132,11 +110,7 @@ class Panels {
       ...rows.filter((r) => r.says).map((r) => h("p", { class: "note" }, `* ${r.label}: ${r.says}`)));
   }
   showTrains(found, resting) {
-    if (found.says) { this.trains.textContent = found.says; return; }
-    const broken = Object.entries(found.first_broken).map(([k, n]) => `${k.replaceAll("_", " ")} in ${n}`).join(", ");
-    this.trains.textContent = `${Math.round(100 * found.share)} % of ${found.trains} drawn trains hold every limit on the motion ` +
-      `(95 % interval ${Math.round(100 * found.low)} to ${Math.round(100 * found.high)} %)${broken ? `; breaks first: ${broken}` : ""}.` +
-      (resting ? "" : " Few trains while you drag.");
+    this.trains.textContent = found.says + (resting || found.share === undefined ? "" : " Few trains while you drag.");
   }
   compare(answer, band, pinned) {
     if (!pinned) { this.compared.replaceChildren(); return; }

@@ -21,14 +21,21 @@ def closes(s, trace, k, e):
 
 
 @njit_no_refcount
+def seat_distance(s, y):
+    """The seat's distance [m] and its slope [m/step] in a state y."""
+    train, e = s.train, s.train.seat
+    d, rate = closeness(train.a[e], train.b[e], train.gap[e], len(train.mass), y)
+    constant, slope = touch_line(train, e)
+    return -d - constant / slope, -rate * s.step
+
+
+@njit_no_refcount
 def touch(s, trace, turn):
     """(the segment that ends with the touch of a revolution, -1 for no touch; whether the valve opened)."""
-    top, peak, e, states, train = 0.0, -1, s.train.seat, s.tables.states, s.train
+    top, peak, e, states = 0.0, -1, s.train.seat, s.tables.states
     for k in range(len(trace.length)):
         if abs(trace.angle[k] - 2 * np.pi * turn) <= np.pi and states[trace.slot[k], e] == SEPARATED:
-            pressed = closeness(train.a[e], train.b[e], train.gap[e], len(train.mass), trace.y[k])[0]
-            constant, slope = touch_line(train, e)
-            height = -pressed - constant / slope
+            height = seat_distance(s, trace.y[k])[0]
             if height >= top:
                 top, peak = height, k
     if peak < 0:

@@ -10,7 +10,7 @@ A motion grazes where a contact only just touches, or only just fails to: there 
 import numpy as np
 
 from camopt.exact.adjoint.closing import closed_window, closes, seed_leaked, seed_nominal, touch
-from camopt.exact.adjoint.integrals import distance_integral, seed_integral, seed_square, square_integral
+from camopt.exact.adjoint.integrals import distance_integral, seed_integral
 from camopt.exact.adjoint.seeds import clear, observe, seed_end, seed_force, seed_separation
 from camopt.exact.kernel.elements import compression, element_forces, touch_line
 from camopt.exact.kernel.instants import acceleration, largest, nearest_miss, state_at
@@ -27,7 +27,6 @@ METRICS = (
     "seating_velocity_m_per_s",
     "impact_velocity_m_per_s",
     "dynamic_area_mm_deg",
-    "closed_integral_m2_rad",
 )
 """Names of the metrics, in the order of the numbers that `measure` takes."""
 NONE = -np.inf
@@ -50,9 +49,7 @@ def measure(metric, s, trace, seeds, turn):
         return seating_velocity(s, trace, seeds, turn)
     if metric == 6:
         return impact_velocity(s, trace, seeds, turn)
-    if metric == 7:
-        return dynamic_area(s, trace, seeds, turn)
-    return closed_integral(s, trace, seeds, turn)
+    return dynamic_area(s, trace, seeds, turn)
 
 
 @inner
@@ -184,27 +181,9 @@ def dynamic_area(s, trace, seeds, turn):
         inside = abs(0.5 * (trace.angle[k] + trace.angle[k + 1]) - 2 * np.pi * turn) <= np.pi
         if inside and s.tables.states[trace.slot[k], s.train.seat] == SEPARATED:
             total += distance_integral(s, trace, k, w, there)
-            seed_integral(s, trace, seeds, k, unit)
+            if seeds is not None:
+                seed_integral(s, trace, seeds, k, unit)
     return total * unit, NONE
-
-
-@inner
-def closed_integral(s, trace, seeds, turn):
-    """Integral by angle of the squared distance from the seat, from the touch to the next opening foot.
-
-    The opening foot is a border of the lift's pieces, so that no segment crosses it.
-    """
-    touched, opened = touch(s, trace, turn)
-    if touched < 0:
-        return (np.nan if opened else 0.0), NONE
-    total, per_step, foot = 0.0, s.cam.speed * s.step, 2 * np.pi * (turn + 1) + s.opening_foot
-    w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
-    for k in range(touched + 1, len(trace.length)):
-        inside = 0.5 * (trace.angle[k] + trace.angle[k + 1]) <= foot
-        if inside and s.tables.states[trace.slot[k], s.train.seat] == SEPARATED:
-            total += square_integral(s, trace, k, w, there)
-            seed_square(s, trace, seeds, k, per_step, w, there)
-    return total * per_step, NONE
 
 
 @compiled

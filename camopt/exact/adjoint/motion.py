@@ -14,11 +14,10 @@ from camopt.exact.adjoint.slopes import by_train, room_for_bars
 from camopt.exact.adjoint.sweep import Bars, sweep
 from camopt.exact.affine.inputs import Inputs
 from camopt.exact.affine.lines import rest_of
-from camopt.exact.engine import AT_ONCE, TraceBuffer, free_step, run, step_on_borders
+from camopt.exact.engine import AT_ONCE, free_step, run, step_on_borders
 from camopt.exact.kernel.arrays import cam_arrays, train_arrays
 from camopt.exact.kernel.elements import classify
 from camopt.exact.kernel.propagators import propagators
-from camopt.exact.kernel.revolution import Setting
 from camopt.exact.kernel.trace import Trace
 from camopt.scene.errors import InputError
 from camopt.scene.shapes import Float, State
@@ -28,7 +27,6 @@ OBSERVATIONS = 5
 """Instants that one metric looks at, at most, and one more where it has no gradient."""
 WINDOW_STEP = 1e-6
 """Step of the difference by half the duration [rad]: curvature and rounding leave less than 1e-8 of a metric."""
-_BUFFER = TraceBuffer()
 
 
 @dataclass(frozen=True)
@@ -99,10 +97,8 @@ class TracedMotion:
         )
         self.end = np.array(start, dtype=float)
         with propagators(train, step, lift.coefficients.shape[1], at_once).lent() as lent:
-            count, trace = run(lent, cam, self.end, revolutions, buffer=_BUFFER)
-        ends = Trace._fields.index("angle"), Trace._fields.index("y")  # of every segment, and of the last one
-        self.trace = Trace(*(array[: count + (i in ends)].copy() for i, array in enumerate(trace)))
-        self.setting = Setting(lent.arrays, cam, step, lent.tables, lift.half_duration, lift.opening_foot)
+            self.setting, trace = run(lent, cam, lift, self.end, revolutions)
+            self.trace = Trace(*(part.copy() for part in trace))
 
     def gradient(
         self, metrics: Sequence[str], revolution: int = 0, cotangent: Float[np.ndarray, " l"] | None = None
@@ -113,13 +109,14 @@ class TracedMotion:
         first axis of the gradients has length 1. Raises InputError for an unknown metric.
         """
         values, slopes = self.swept(metrics, revolution, cotangent)
+        grazing = Grazing(*map(float, closings_margin(self.setting, self.trace)))
         return Gradient(
             **vars(slopes),
             metrics=tuple(metrics),
             values=values[:, 0],
             runner_up=values[:, 1],
             end=self.end,
-            grazing=self.grazing(),
+            grazing=grazing,
         )
 
     def swept(
@@ -135,9 +132,16 @@ class TracedMotion:
             sweep(self.setting, self.trace, seeds, Bars(*(part[j] for part in room)))
         return values, self._slopes(room)
 
-    def values(self, metrics: Sequence[str], revolution: int = 0) -> Float[np.ndarray, " l"]:
-        """Values of metrics in a revolution. Raises InputError for an unknown metric."""
-        return self._evaluated(self.setting, metrics, revolution)
+    def values(
+        self, metrics: Sequence[str], revolution: int = 0, half_duration: float | None = None
+    ) -> Float[np.ndarray, " l"]:
+        """Values of metrics in a revolution; contacts are judged within `half_duration` [rad] of the nose, by default
+        the cam's. Raises InputError for an unknown metric."""
+        setting = self.setting if half_duration is None else self.setting._replace(half_duration=half_duration)
+        numbers, values = metric_numbers(self.train, metrics), np.empty((len(metrics), 2))
+        seeds = self._seeds(OBSERVATIONS * len(metrics))
+        evaluate(setting, self.trace, seeds, numbers, np.ones(len(metrics)), revolution, values)
+        return values[:, 0]
 
     def by_half_duration(self, metrics: Sequence[str], revolution: int = 0) -> Float[np.ndarray, " l"]:
         """Gradients [unit per rad] of metrics by half the duration, between whose ends contacts are judged.
@@ -145,16 +149,9 @@ class TracedMotion:
         The motion does not change with it: a central difference of the metrics of this same trace, whose instants are
         located to round-off.
         """
-        halves = (self.lift.half_duration + WINDOW_STEP, self.lift.half_duration - WINDOW_STEP)
-        settings = (self.setting._replace(half_duration=float(half)) for half in halves)
-        long, short = (self._evaluated(setting, metrics, revolution) for setting in settings)
+        half = float(self.lift.half_duration)
+        long, short = (self.values(metrics, revolution, half + step) for step in (WINDOW_STEP, -WINDOW_STEP))
         return (long - short) / (2 * WINDOW_STEP)
-
-    def _evaluated(self, setting: Setting, metrics: Sequence[str], revolution: int) -> Float[np.ndarray, " l"]:
-        numbers, values = metric_numbers(self.train, metrics), np.empty((len(metrics), 2))
-        seeds = self._seeds(OBSERVATIONS * len(metrics))
-        evaluate(setting, self.trace, seeds, numbers, np.ones(len(metrics)), revolution, values)
-        return values[:, 0]
 
     def at(self, angles: Float[np.ndarray, " m"]) -> Samples:
         """The motion at m angles [rad], the trace starting at -pi; where a force jumps, its value before the jump."""
@@ -189,11 +186,6 @@ class TracedMotion:
             collect(self.setting, self.trace, seeds, *instants, packed[j])
             sweep(self.setting, self.trace, seeds, Bars(*(part[j] for part in room)))
         return self._slopes(room)
-
-    def grazing(self) -> Grazing:
-        """Distance of the motion from one with another sequence of closings of damped contacts."""
-        approach, gap = closings_margin(self.setting, self.trace)
-        return Grazing(float(approach), float(gap))
 
     def _instants(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """(segment, length [steps]) of each angle; raises InputError for an angle outside the trace."""

@@ -28,7 +28,6 @@ class Seeds(NamedTuple):
     bar: np.ndarray  # (m, 2n + r + 2): by x, v, z, lift, lift velocity [SI] there, at a fixed time
     time: np.ndarray  # (k): by the time [s] of the switching that ends each segment
     integral: np.ndarray  # (k): by the integral of the seat's distance over a segment [m steps]
-    square: np.ndarray  # (k): by the integral of its square [m^2 steps]
     law: np.ndarray  # (2p + w, 4): directly by the forms of the pieces: forces, flows, watches
     gap: np.ndarray  # (e): directly by the gaps
 
@@ -44,7 +43,6 @@ def empty_seeds(segments: int, observations: int, train: TrainArrays) -> Seeds:
         np.empty((observations, 2 * len(train.mass) + len(train.reach) + 2)),
         np.zeros(segments),
         np.zeros(segments),
-        np.zeros(segments),
         np.zeros_like(train.law),
         np.zeros(len(train.gap)),
     )
@@ -55,7 +53,7 @@ def clear(seeds, segments):
     """Removes all cotangents, for a trace with this number of segments."""
     seeds.used[0] = 0
     for k in range(segments):
-        seeds.head[k], seeds.time[k], seeds.integral[k], seeds.square[k] = -1, 0.0, 0.0, 0.0
+        seeds.head[k], seeds.time[k], seeds.integral[k] = -1, 0.0, 0.0
     seeds.law[:], seeds.gap[:] = 0.0, 0.0
 
 

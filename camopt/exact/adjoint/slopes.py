@@ -18,8 +18,6 @@ from camopt.scene.shapes import Float
 from camopt.scene.train import Train
 
 STEP = 1e-30
-LINEAR_NUMBERS = fields(Numbers)[:3]
-"""Those that a train of linear elements alone has."""
 
 
 @dataclass(frozen=True)
@@ -102,7 +100,7 @@ def _slopes(train: Train) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     watches = [e for e, element in enumerate(parts) for piece in element.pieces for _ in piece.watches]
     owner = np.eye(len(parts))[[*pieces, *pieces, *watches]]
     derivatives = {}
-    for field in fields(Numbers) if train.laws is not None or train.forcing else LINEAR_NUMBERS:
+    for field in fields(Numbers)[: None if train.laws is not None or train.forcing else 3]:
         value = getattr(numbers, field.name)
         shape = value.shape[1:]
         steps = np.eye(int(np.prod(shape))).reshape(-1, *shape)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from camopt.exact.adjoint.integrals import integrals_back
+from camopt.exact.adjoint.integrals import integral_back
 from camopt.exact.adjoint.seeds import form_back, law_back
 from camopt.exact.kernel.advance import carry_back
 from camopt.exact.kernel.elements import compression, memory_of, value
@@ -155,12 +155,12 @@ def rates_back(s, slot, y, bar, share, bars):
 
 
 @inner
-def parameters_back(s, trace, k, length, bar, weights, bars, work):
+def parameters_back(s, trace, k, length, bar, weight, bars, work):
     """Adds what the numbers of the train contribute between the start of segment k and the instant `length` steps
     later.
 
     That is the integral of the cotangent times the derivatives of the rates. `bar` (2n + r) is the cotangent at
-    `length`; `weights` are those of the integrals of the seat's distance and its square on the way.
+    `length`; `weight` is that of the integral of the seat's distance on the way.
     """
     # the product of state and cotangent turns by 3 rad per step at most: so many points leave 1e-7 of the highest mode
     slot, h, count = trace.slot[k], s.step, min(int(np.ceil(1.25 * length)) + 4, MOST_POINTS)
@@ -169,8 +169,8 @@ def parameters_back(s, trace, k, length, bar, weights, bars, work):
         at, share = POINTS[count, i] * length, SHARES[count, i] * length * h
         y = state_at(s, trace, k, at)
         carry_back(s.tables, slot, h, length - at, bar, there, work)
-        if weights[0] != 0.0 or weights[1] != 0.0:
-            integrals_back(s, slot, y, length - at, weights[0], weights[1], there)
+        if weight != 0.0:
+            integral_back(s, slot, length - at, weight, there)
         rates_back(s, slot, y, there, share, bars)
 
 
@@ -185,7 +185,7 @@ def sweep(s, trace, seeds, bars):
     width, n2, q, forces = trace.y.shape[1], len(bars.start), s.tables.sizes.lift, s.tables.sizes.forces
     start, out, room = np.empty(width), np.empty(width), np.empty(n2 + 2)
     work = np.empty(width), np.empty(width), np.empty(s.tables.rates.shape[2])
-    h, cam_speed, no_weights = s.step, s.cam.speed, (0.0, 0.0)
+    h, cam_speed = s.step, s.cam.speed
     for k in range(len(trace.length) - 1, -1, -1):
         if trace.watch[k] >= 0:
             switch_back(s, trace, seeds, k, bars, room)
@@ -206,16 +206,15 @@ def sweep(s, trace, seeds, bars):
                 for j in range(width):
                     start[j] += out[j]
                 if mechanical:
-                    parameters_back(s, trace, k, length, seen[:n2], no_weights, bars, work)
+                    parameters_back(s, trace, k, length, seen[:n2], 0.0, bars, work)
             i = seeds.following[i]
         if mechanical:
-            weights = seeds.integral[k], seeds.square[k]
-            parameters_back(s, trace, k, trace.length[k], bar, weights, bars, work)
+            parameters_back(s, trace, k, trace.length[k], bar, seeds.integral[k], bars, work)
         carry_back(s.tables, slot, h, trace.length[k], bar, out, work)
         for j in range(width):
             start[j] += out[j]
-        if seeds.integral[k] != 0.0 or seeds.square[k] != 0.0:
-            integrals_back(s, slot, trace.y[k], trace.length[k], seeds.integral[k], seeds.square[k], start)
+        if seeds.integral[k] != 0.0:
+            integral_back(s, slot, trace.length[k], seeds.integral[k], start)
         for j in range(n2):
             bar[j] = start[j]
         inputs_back(start[n2:], forces, trace.offset[k], per_step, piece)

@@ -84,14 +84,10 @@ def chords_per_row(rows: np.ndarray, count: int) -> np.ndarray:
 
 def integral(rows: np.ndarray, at: np.ndarray) -> np.ndarray:
     """Integral [N] of a stiffness table from its first row; the stiffness is constant beyond its ends."""
-    (d, k), at = rows.T, np.asarray(at)
-    whole = np.concatenate([[0.0], np.cumsum(0.5 * (k[1:] + k[:-1]) * np.diff(d))])
-    i = np.clip(np.searchsorted(np.real(d), np.real(at), "right") - 1, 0, len(d) - 1)
-    after = np.minimum(i + 1, len(d) - 1)
-    width = np.where(after > i, d[after] - d[i], 1.0)
-    u = at - d[i]
-    bent = np.where(np.real(u) > 0.0, 0.5 * (k[after] - k[i]) / width * u**2, 0.0)
-    return whole[i] + k[i] * u + bent
+    d, k = rows.T
+    beyond = at[:, None] - d
+    bends = np.diff(np.concatenate([[0.0], np.diff(k) / np.diff(d), [0.0]]))
+    return k[0] * beyond[:, 0] + 0.5 * np.where(np.real(beyond) > 0.0, beyond, 0.0) ** 2 @ bends
 
 
 @lru_cache(maxsize=64)

@@ -22,7 +22,6 @@ Form = tuple  # of four numbers: constant, by_d, by_rate, by_z
 NOTHING: Form = (0.0, 0.0, 0.0, 0.0)
 FOLLOWING: Form = (0.0, 0.0, 1.0, 0.0)
 """The flow of a memory that moves with the compression."""
-UNBOUNDED = (-np.inf, np.inf)
 
 
 class Watch(NamedTuple):
@@ -47,7 +46,7 @@ class Parts(NamedTuple):
 
     pieces: list[Piece]
     touch: int = 0  # the piece whose elastic force begins at the touch of a contact
-    reach: tuple = UNBOUNDED  # bounds of d - z [m]
+    reach: tuple = (-np.inf, np.inf)  # bounds of d - z [m]
 
 
 @dataclass(frozen=True)

@@ -1,6 +1,5 @@
 """Train and cam as the compiled kernel reads them: plain arrays under names."""
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
@@ -10,7 +9,7 @@ from camopt.exact.affine.inputs import Inputs
 from camopt.exact.affine.pieces import Parts, forms_of, numbers_of, parts_of
 from camopt.programs import pass_by_pointer
 from camopt.scene.errors import InputError
-from camopt.scene.train import KEPT_TRAINS, Train
+from camopt.scene.train import Train, kept_with_train
 
 MOST_COMBINATIONS = 2**63 - 1
 """Combinations of pieces are numbered in 64 bits."""
@@ -58,7 +57,7 @@ class CamArrays(NamedTuple):
     speed: float  # rad/s
 
 
-@lru_cache(maxsize=KEPT_TRAINS)
+@kept_with_train
 def train_arrays(train: Train) -> TrainArrays:
     """The train as the kernel reads it; raises InputError for more combinations of pieces than 64 bits number."""
     parts, e = parts_of(train, numbers_of(train)), len(train.a)

@@ -45,7 +45,7 @@ def value(form, d, rate, z):
     return form[0] + form[1] * d + form[2] * rate + form[3] * z
 
 
-@njit_no_refcount
+@compiled(_nrt=False)
 def element_forces(train, pieces, slots, rows):
     """Writes the forces [N] that the elements exert to rows (k, 2n + r + 2 + e or more) of x, v, z, lift, lift velocity
     and forces; where a contact lets go, rounding may be left.
@@ -58,7 +58,7 @@ def element_forces(train, pieces, slots, rows):
         a, b, gap, driven, contact = train.a[e], train.b[e], train.gap[e], train.cam_driven[e], train.contact[e]
         z = 2 * n + train.memory[e] if train.memory[e] >= 0 else -1
         for i in range(len(rows)):
-            row, piece = rows[i], pieces[int(slots[i]), e]
+            row, piece = rows[i], pieces[slots[i], e]
             d, rate = closeness(a, b, gap, n, row)
             if driven:
                 d += row[at]

@@ -9,27 +9,30 @@ slopes and power series are rows of matrices.
 from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import lru_cache
 from threading import Lock
 from typing import Any
 
 import numpy as np
 
 from camopt.exact.affine.lines import with_chords
-from camopt.exact.kernel.arrays import TrainArrays, train_arrays
+from camopt.exact.kernel.arrays import train_arrays
 from camopt.exact.kernel.building import linear_system
 from camopt.exact.kernel.leap import leap_of
+from camopt.exact.kernel.revolution import TABLES_FULL
 from camopt.exact.kernel.tables import Sizes, Tables, empty_tables
-from camopt.memory import give_memory_back
+from camopt.exact.kernel.trace import NO_TRACE, Trace, empty_trace
+from camopt.memory import give_memory_back, trim_heaps
 from camopt.scene.errors import InputError
 from camopt.scene.rest import rest_position
-from camopt.scene.train import KEPT_TRAINS, Train
+from camopt.scene.train import Train, kept_with_train
 
 LARGEST_PHASE = 1.5
 """Product of default step and highest frequency [rad]: switchings are sought well within a quarter period of any mode.
 """
 FIRST_COMBINATIONS = 256
 """Number of combinations for which there is room at first; the system provides it as it is written to."""
+FIRST_SEGMENTS = 1024
+"""Number of segments per revolution for which a trace has room at first."""
 GROWTH = 4
 """Factor by which the room grows when it is used up."""
 KEPT, KEPT_BYTES = 24, 500_000_000
@@ -38,27 +41,23 @@ chords have thousands of combinations, and each takes a seventh of a megabyte.""
 
 
 def highest_frequency(train: Train) -> float:
-    """Largest eigenvalue magnitude [rad/s] with every element in its stiffest piece."""
+    """Largest eigenvalue magnitude [rad/s] with every element in its stiffest piece, of several the most damped."""
     arrays = train_arrays(train)
-    motion = linear_system(arrays, stiffest(arrays))
+    pieces = (np.arange(*ends) for ends in zip(arrays.first[:-1], arrays.first[1:], strict=True))
+    motion = linear_system(arrays, np.array([np.lexsort(arrays.law[p, 2:0:-1].T)[-1] for p in pieces]))
     return float(np.abs(np.linalg.eigvals(motion[:, : len(motion)])).max())
 
 
-def stiffest(arrays: TrainArrays) -> np.ndarray:
-    """Number (e) within each element of its piece of the largest stiffness, of several the one damped most."""
-    pieces = (np.arange(*ends) for ends in zip(arrays.first[:-1], arrays.first[1:], strict=True))
-    return np.array([np.lexsort(arrays.law[p, 2:0:-1].T)[-1] for p in pieces])
-
-
 class Propagators:
-    """The tables of one train for one step [s], lift width q (coefficients per piece) and number m of steps at once.
+    """The tables of one train for one step [s], lift width q (coefficients per piece) and number m of steps at once,
+    and room for a trace.
 
     The kernel adds the combinations of pieces that a motion meets, so that only one thread at a time may use them.
     """
 
     def __init__(self, train: Train, step: float, width: int, at_once: int):
         give_memory_back()
-        self.step, self.arrays = step, train_arrays(train)
+        self.step, self.arrays, self._trace = step, train_arrays(train), NO_TRACE
         arrays, sizes = self.arrays, Sizes(len(train.mass), train.state_size, width, len(train.forcing))
         watches = np.maximum.reduceat(np.diff(arrays.watched), arrays.first[:-1])
         combinations = min(FIRST_COMBINATIONS, int(arrays.place[-1]) * int(arrays.first[-1] - arrays.first[-2]))
@@ -70,16 +69,30 @@ class Propagators:
 
     @property
     def size(self) -> int:
-        """Memory of the combinations that are written [bytes]."""
-        return int(self.tables.built[0]) * sum(part[0].nbytes for part in self.tables[1:-2])
+        """Memory of the combinations that are written, and of the room for a trace [bytes]."""
+        written = int(self.tables.built[0]) * sum(part[0].nbytes for part in self.tables[1:-2])
+        return written + sum(part.nbytes for part in self._trace)
 
-    def grow(self) -> None:
-        """Makes room for more combinations."""
+    def trace(self, revolutions: int) -> Trace:
+        """Room for the trace of so many revolutions; what it held before is overwritten."""
+        if len(self._trace.length) < FIRST_SEGMENTS * revolutions:
+            self._trace = self._longer_trace(FIRST_SEGMENTS * revolutions)
+        return self._trace
+
+    def grow(self, code: int) -> None:
+        """Makes room for what `camopt.exact.kernel.revolution` says is full: combinations, or segments of the trace."""
+        if code != TABLES_FULL:
+            self._trace = self._longer_trace(GROWTH * len(self._trace.length))
+            return
         built, *parts, leap, sizes = self.tables
         longer = [np.empty((GROWTH * len(part), *part.shape[1:]), part.dtype) for part in parts]
         for new, part in zip(longer, parts, strict=True):
             new[: len(part)] = part
         self.tables = Tables._make([built, *longer, leap, sizes])
+
+    def _longer_trace(self, segments: int) -> Trace:
+        width = self.tables.steps.shape[3]
+        return empty_trace(segments, width, self.tables.span.shape[2] - width)
 
 
 class Lending:
@@ -128,7 +141,14 @@ def propagators(train: Train, step: float, width: int, at_once: int) -> Lending:
         return _kept[key]
 
 
-@lru_cache(maxsize=KEPT_TRAINS)
+def forget_propagators() -> None:
+    """Frees the kept tables, as after motions of many drawn trains, none of which moves again."""
+    with _lock:
+        _kept.clear()
+    trim_heaps()
+
+
+@kept_with_train
 def default_step(train: Train) -> float:
     """Step [s] at which the highest mode turns by `LARGEST_PHASE`."""
     return LARGEST_PHASE / highest_frequency(train)

@@ -7,14 +7,19 @@ import numpy as np
 from camopt.exact.kernel.advance import advance, apply, copy
 from camopt.exact.kernel.arrays import CamArrays, TrainArrays
 from camopt.exact.kernel.building import slot_of
-from camopt.exact.kernel.elements import classify, element_forces
+from camopt.exact.kernel.elements import classify
 from camopt.exact.kernel.leap import modal_step, no_switch_possible
 from camopt.exact.kernel.switching import SAMPLES, TICK, first_suspect, next_switch
 from camopt.exact.kernel.tables import TERMS, Tables
-from camopt.exact.kernel.trace import begin_segment, end_segment, later
+from camopt.exact.kernel.trace import begin_segment, cut, end_segment
 from camopt.programs import compiled, inner, njit_no_refcount
+from camopt.scene.settled import UNBOUND
 
-DONE, TABLES_FULL, CHATTER, NOT_FINITE, TRACE_FULL = 0, 1, 2, 3, 4
+DONE, TABLES_FULL, TRACE_FULL = range(3)
+CHATTER, NO_BOUND = -1, -2
+"""Why a revolution ended: codes below zero refuse the motion."""
+MOST_SWITCHINGS = 20_000
+"""A motion with more contact switchings than this in one revolution is refused as chatter."""
 
 
 class Setting(NamedTuple):
@@ -54,15 +59,6 @@ def inputs_at(piece, forces, offset, scale, u):
         u[k] += offset * u[k + 1]
         u[k + 1] *= scale
     return len(piece)
-
-
-@njit_no_refcount
-def record(row, at, t, slot, y, h):
-    """Writes one sample but for its forces: x, v, z, lift, lift velocity; time and slot of the tables in the end."""
-    for i in range(at + 1):
-        row[i] = y[i]
-    row[at + 1] = y[at + 1] / h
-    row[-2], row[-1] = t, slot
 
 
 @njit_no_refcount
@@ -107,69 +103,72 @@ def cross(tables, slot, h, columns, remaining, work):
 
 
 @compiled
-def follow(train, cam, h, tables, state, revolutions, most, rows, trace):
-    """Runs whole revolutions from `state` (2n + r), which it changes in place, one after the other in the trace.
-
-    Returns (code, number of samples of the last revolution or of segments, number of switchings of the last
-    revolution). `rows`, `trace` and `most` are those of `revolve`.
-    """
-    code, used, count, switchings = DONE, 0, 0, 0
-    for turn in range(revolutions):
-        rest = later(trace, used)
-        code, count, switchings = revolve(train, cam, h, tables, state, rows, rest, most)
-        if code != DONE:
-            return code, count, switchings
-        if len(trace.length) > 0:
-            for k in range(count + 1):
-                rest.angle[k] += 2.0 * np.pi * turn
-            used += count
-    return DONE, used if len(trace.length) > 0 else count, switchings
+def follow(s, state, starts, regular, trace):
+    """`follow_inside` for Python."""
+    return follow_inside(s, state, starts, regular, trace)
 
 
 @inner
-def revolve(train, cam, h, tables, state, rows, trace, most):
+def follow_inside(s, state, starts, regular, trace):
+    """Runs whole revolutions from `state` (2n + r), which it changes in place, one after the other in the trace.
+
+    `starts` (revolutions + 1) receives the segments at which they begin and where the last one ends. Returns (code,
+    number of switchings of the last revolution); `regular` and `trace` are those of `revolve`.
+    """
+    switchings = 0
+    for turn in range(len(starts) - 1):
+        if len(trace.length) > 0 and starts[turn] == len(trace.length):
+            return TRACE_FULL, switchings  # a rest without room would not be traced
+        rest = cut(trace, starts[turn], len(trace.length))
+        code, count, switchings = revolve(s, state, regular, rest)
+        if code != DONE:
+            return code, switchings
+        if len(trace.length) > 0:
+            for k in range(count + 1):
+                rest.angle[k] += 2.0 * np.pi * turn
+        starts[turn + 1] = starts[turn] + count
+    return DONE, switchings
+
+
+@inner
+def revolve(s, state, regular, trace):
     """Runs one revolution from `state` (2n + r), which it changes in place.
 
-    Returns (code, number of samples, number of switchings). Where `rows` has room, the motion is sampled
-    at every span, switching and border; otherwise only the end is found. Where `trace` has room, every segment is
-    written there and segments are counted in place of samples. At most `most` switchings are allowed.
+    Returns (code, number of segments, number of switchings). Where `trace` has room, every segment is written there.
+    Spans end `regular`ly, at whole multiples of their length, or they begin anew at every switching.
     """
-    at, modes, (inputs, rates) = len(state), tables.leap.rate.shape[1], tables.motion.shape[1:]
-    c = at + cam.pieces.shape[1]
+    tables, at = s.tables, len(state)
+    modes, (inputs, rates), c = tables.leap.rate.shape[1], tables.motion.shape[1:], at + s.cam.pieces.shape[1]
     scratch = np.zeros(c), np.zeros(TERMS + 1), np.zeros(SAMPLES + 1), np.zeros(SAMPLES + 1)
     inside = np.zeros(c), np.zeros(inputs - 1), np.zeros(rates)
-    status, out = np.zeros(len(train.contact), dtype=np.int64), np.zeros(tables.span.shape[2])
+    status, out = np.zeros(len(s.train.contact), dtype=np.int64), np.zeros(tables.span.shape[2])
     work = Workspace(np.zeros(c), status, out, scratch, inside, np.zeros(2 * modes), np.zeros(modes))
     y = work.y
     y[:at] = state
-    inputs_at(cam.pieces[0], tables.sizes.forces, 0.0, cam.speed * h, y[at:])
-    classify(train, h, y, status)
-    code, count, switchings = turn(train, cam, h, tables, work, (rows, trace), most)
+    inputs_at(s.cam.pieces[0], tables.sizes.forces, 0.0, s.cam.speed * s.step, y[at:])
+    classify(s.train, s.step, y, status)
+    code, count, switchings = turn(s, work, regular, trace)
     if code == DONE:
-        if len(rows) > 0:
-            element_forces(train, tables.pieces, rows[:count, -1], rows[:count])
         state[:] = y[:at]
-        code = DONE if np.all(np.isfinite(state)) else NOT_FINITE
+        if not np.all(np.isfinite(state)) or np.abs(state[: tables.sizes.masses]).max() > UNBOUND:
+            code = NO_BOUND
     return code, count, switchings
 
 
 @njit_no_refcount
-def turn(train, cam, h, tables, work, room, most):
-    """The revolution of `revolve`, with everything made ready in `work`; `room` is (rows, trace)."""
-    rows, trace = room
+def turn(s, work, regular, trace):
+    """The revolution of `revolve`, with everything made ready in `work`."""
+    train, cam, h, tables = s.train, s.cam, s.step, s.tables
     at, forces, period, scale = tables.sizes.state, tables.sizes.forces, 2.0 * np.pi / cam.speed, cam.speed * h
-    sampled, traced, span = len(rows) > 0, len(trace.length) > 0, (tables.steps.shape[1] - 1) * h
+    traced, span = len(trace.length) > 0, (tables.steps.shape[1] - 1) * h
     y, out = work.y, work.out
     t, piece, step, count, switchings = 0.0, 0, 0, 0, 0
     columns = at + inputs_at(cam.pieces[0], forces, 0.0, scale, y[at:])
     slot = slot_of(train, h, tables, work.status)
     if slot < 0:
         return TABLES_FULL, count, switchings
-    if sampled:
-        record(rows[count], at, t, slot, y, h)
-        count += 1
     while t < period:
-        if columns == at and tables.keys[slot] == tables.leap.key[0] and not (sampled or traced):
+        if columns == at and tables.keys[slot] == tables.leap.key[0] and not traced:
             end = next_stop(cam, piece, t, period, h)[2]
             if end - t > span and no_switch_possible(tables.leap, y[:at], work.modes, work.size):
                 modal_step(tables.leap, end - t, work.modes, y[:at])
@@ -178,7 +177,7 @@ def turn(train, cam, h, tables, work, room, most):
                     piece += 1
                     columns = at + inputs_at(cam.pieces[piece], forces, 0.0, scale, y[at:])
                 continue
-        border, target, end = next_stop(cam, piece, t, min((step + 1) * span, period) if sampled else t + span, h)
+        border, target, end = next_stop(cam, piece, t, min((step + 1) * span, period) if regular else t + span, h)
         apply(tables.span[slot], y, columns, len(y) + 2 * tables.count[slot] * tables.steps.shape[1], out)
         if traced:
             if count >= len(trace.length):
@@ -196,22 +195,14 @@ def turn(train, cam, h, tables, work, room, most):
         if traced:
             end_segment(trace, count, length, watch, t * cam.speed + cam.borders[0], y)
             count += 1
-        if sampled:
-            if count + 2 >= len(rows):
-                return CHATTER, count, switchings
-            record(rows[count], at, t, slot, y, h)
-            count += 1
         if watch >= 0:
             work.status[tables.element[slot, watch]] = train.then[tables.watch[slot, watch]]
             slot = slot_of(train, h, tables, work.status)
             switchings += 1
-            if switchings > most:
+            if switchings > MOST_SWITCHINGS:
                 return CHATTER, count, switchings
             if slot < 0:
                 return TABLES_FULL, count, switchings
-            if sampled:
-                record(rows[count], at, t, slot, y, h)
-                count += 1
         elif end == target:
             step += 1
     return DONE, count, switchings

@@ -63,31 +63,19 @@ def end_segment(trace, k, length, watch, angle, y):
         row[i] = y[i]
 
 
-@inner
-def later(trace, k):
-    """The trace without its first k rows (views)."""
+def rows_of(trace, begin, end):
+    """The segments `begin` to `end` of a trace (views)."""
     return Trace(
-        trace.angle[k:],
-        trace.offset[k:],
-        trace.length[k:],
-        trace.slot[k:],
-        trace.piece[k:],
-        trace.watch[k:],
-        trace.y[k:],
-        trace.looks[k:],
+        trace.angle[begin : end + 1],
+        trace.offset[begin:end],
+        trace.length[begin:end],
+        trace.slot[begin:end],
+        trace.piece[begin:end],
+        trace.watch[begin:end],
+        trace.y[begin : end + 1],
+        trace.looks[begin:end],
     )
 
 
-@inner
-def first(trace, k):
-    """The first k rows of a trace (views)."""
-    return Trace(
-        trace.angle[: k + 1],
-        trace.offset[:k],
-        trace.length[:k],
-        trace.slot[:k],
-        trace.piece[:k],
-        trace.watch[:k],
-        trace.y[: k + 1],
-        trace.looks[:k],
-    )
+cut = inner(rows_of)
+"""The same in compiled functions."""

@@ -1,27 +1,18 @@
 """Every declared metric of one revolution of a traced motion, in compiled code and without cotangents.
 
-Definitions and windows are those of `camopt.exact.adjoint.metrics`. Dynamic area and excess lift come from the seat's
-distance and its slope at every step, between which they are cubics, as `camopt.measure.metrics` has them.
+Excess lift comes from the seat's distance and its slope at every step, between which they are cubics, as
+`camopt.measure.metrics` has them.
 """
 
 import numpy as np
 
-from camopt.exact.adjoint.metrics import (
-    METRICS,
-    bounce,
-    contact_force,
-    impact_velocity,
-    jump_angle,
-    jump_height,
-    seating_velocity,
-)
+from camopt.exact.adjoint.closing import seat_distance
+from camopt.exact.adjoint.metrics import METRICS, measure
 from camopt.exact.kernel.advance import apply
-from camopt.exact.kernel.elements import closeness, touch_line
-from camopt.exact.kernel.tables import SEPARATED
 from camopt.programs import inner, njit_no_refcount
-from camopt.scene.units import DEG, MM
+from camopt.scene.units import MM
 
-NAMES = (*METRICS[:7], "dynamic_area_mm_deg", "excess_lift_mm")
+NAMES = (*METRICS, "excess_lift_mm")
 """The metrics in the order of the rows that `figures` fills."""
 HALVINGS = 40
 
@@ -29,28 +20,23 @@ HALVINGS = 40
 @inner
 def figures(s, trace, turn, row):
     """Writes the metrics (9) of revolution `turn` to row; the trace reaches to the end of the next one."""
-    row[0] = bounce(s, trace, None, turn)[0]
-    row[1] = jump_height(s, trace, None, turn)[0]
-    row[2] = jump_angle(s, trace, None, turn)[0]
-    row[3] = contact_force(s, trace, None, turn, -1.0)[0]
-    row[4] = contact_force(s, trace, None, turn, 1.0)[0]
-    row[5] = seating_velocity(s, trace, None, turn)[0]
-    row[6] = impact_velocity(s, trace, None, turn)[0]
-    row[7], row[8] = area_and_excess(s, trace, turn)
+    for metric in range(len(METRICS)):
+        row[metric] = measure(metric, s, trace, None, turn)[0]
+    row[len(METRICS)] = excess_lift(s, trace, turn)
 
 
 @inner
-def area_and_excess(s, trace, turn):
-    """(dynamic area [mm deg], excess lift [mm]) of a revolution."""
+def excess_lift(s, trace, turn):
+    """Largest distance of the valve from its seat beyond the lift above the lash in a revolution [mm]."""
     lash, steps, begin = 0.0, s.tables.steps.shape[1] - 1, s.tables.sizes.state
     for e in s.train.cam_side:
         lash += s.train.gap[e]
-    area, best, seen, u = 0.0, -np.inf, np.empty(2 * (steps + 1)), np.empty(s.tables.sizes.lift)
+    best, seen, u = -np.inf, np.empty(2 * (steps + 1)), np.empty(s.tables.sizes.lift)
     for k in range(len(trace.length)):
         if abs(0.5 * (trace.angle[k] + trace.angle[k + 1]) - 2 * np.pi * turn) > np.pi:
             continue
-        slot, y = trace.slot[k], trace.y[k]
-        apply(s.tables.distance[slot], y, len(y), 2 * (steps + 1), seen)
+        y = trace.y[k]
+        apply(s.tables.distance[trace.slot[k]], y, len(y), 2 * (steps + 1), seen)
         for j in range(len(u)):
             u[j] = y[begin + j]
         whole = min(int(trace.length[k]), steps)
@@ -62,19 +48,8 @@ def area_and_excess(s, trace, turn):
             else:
                 f, m = seat_distance(s, trace.y[k + 1])
             cubic = seen[2 * i], seen[2 * i + 1] * width, f, m * width
-            if s.tables.states[slot, s.train.seat] == SEPARATED:
-                area += width * (0.5 * (cubic[0] + cubic[2]) + (cubic[1] - cubic[3]) / 12.0)
             best = max(best, excess(cubic, lifted(u, float(i), width, lash), best))
-    return area * s.cam.speed * s.step / (MM * DEG), best / MM
-
-
-@njit_no_refcount
-def seat_distance(s, y):
-    """The seat's distance [m] and its slope [m/step] in a state y."""
-    train, e = s.train, s.train.seat
-    d, rate = closeness(train.a[e], train.b[e], train.gap[e], len(train.mass), y)
-    constant, slope = touch_line(train, e)
-    return -d - constant / slope, -rate * s.step
+    return best / MM
 
 
 @njit_no_refcount

@@ -6,25 +6,25 @@ within `ERRORS`: the lift on few pieces, metrics at located extremes in place of
 where the slowest mode needs more than 40 revolutions, these are run and not looked for by a search.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
 from camopt.cam.lift import Lift
+from camopt.exact.adjoint.metrics import METRICS
+from camopt.exact.adjoint.motion import metric_numbers
 from camopt.exact.affine.inputs import Inputs
 from camopt.exact.affine.lines import rest_of
-from camopt.exact.engine import AT_ONCE, MOST_SWITCHINGS, NO_ROWS, TraceBuffer, free_step
+from camopt.exact.engine import AT_ONCE, free_step
 from camopt.exact.kernel.arrays import CamArrays
 from camopt.exact.kernel.propagators import Lending, propagators
-from camopt.exact.kernel.revolution import DONE, TABLES_FULL, Setting
-from camopt.exact.kernel.trace import NO_TRACE
+from camopt.exact.kernel.revolution import DONE, Setting
 from camopt.exact.settled import run as stages
 from camopt.exact.settled.figures import NAMES
 from camopt.exact.settled.lift_pieces import WIDTH, compress_lift
 from camopt.scene import settled
-from camopt.scene.errors import InputError
 from camopt.scene.settled import SettledMetrics
 from camopt.scene.train import Forcing, Train
 from camopt.scene.vibration import slowest_rate
@@ -45,7 +45,6 @@ the last micrometre and millimetre per second make of it, at which both call a m
 multiply it (`experiments/drawn_trains.py`)."""
 PARTS = 4
 """Parts per thread into which the motions of one train are cut."""
-_BUFFER = TraceBuffer()
 
 
 def settled_metrics(
@@ -75,30 +74,31 @@ def settled_metrics(
     of a single train are `kept` for its next motions. Raises InputError for a train without valve, seat or contact
     between cam and valve.
     """
+    for train in trains:
+        metric_numbers(train, METRICS)  # refuses one without valve, seat or such a contact
     speeds = np.asarray(cam_speeds, dtype=float)
     cams = {forcing: _cams(lifts, forcing) for forcing in {train.forcing for train in trains}}
     metrics = _nothing(len(trains), len(lifts), speeds, trains[0].state_size)
-    begin = None if starts is None else np.broadcast_to(starts, metrics.states.shape)
+    metrics.states[:] = np.array([rest_of(train) for train in trains])[:, None, None] if starts is None else starts
+    units = tolerance * settled.SETTLED_POSITION, tolerance * settled.SETTLED_VELOCITY
+    plan = stages.Plan(*units, measured, aperiodic, settled.APERIODIC, measured >= settled.MEASURED)
+    tables_of = propagators if kept and len(trains) == 1 else Lending
+    parts = 1 if len(trains) >= workers else PARTS * workers
+
+    def jobs() -> Iterator[Job]:
+        for t, train in enumerate(trains):
+            yield from _jobs(t, train, metrics.states[t], speeds, (decay, most), (tables_of, parts))
 
     def run_job(job: Job) -> None:
-        _run(job, cams[trains[job.t].forcing], (measured, aperiodic), tolerance)
+        _run(job, cams[trains[job.t].forcing], plan)
         job.write(metrics)
 
-    def run_train(t: int, by: Callable) -> None:
-        start = None if begin is None else begin[t]
-        parts = 1 if len(trains) >= workers else PARTS * workers
-        jobs = _jobs(trains, t, len(lifts), speeds, start, (decay, most, kept and len(trains) == 1), parts)
-        list(by(run_job, jobs))
-
     with ThreadPoolExecutor(workers) as pool:  # which starts no thread while it is given no work
-        together = len(trains) >= workers
-        by_train, by_job = (map, map) if workers == 1 else (pool.map, map) if together else (map, pool.map)
-        list(by_train(lambda t: run_train(t, by_job), range(len(trains))))
+        list((map if workers == 1 else pool.map)(run_job, jobs()))
     return metrics
 
 
-@dataclass(frozen=True)
-class Job:
+class Job(NamedTuple):
     """Motions of one train that use one set of tables: number t of the train, cams and speeds of the motions (m)."""
 
     t: int
@@ -138,73 +138,47 @@ def _cams(lifts: Sequence[Lift], forcing: tuple[Forcing, ...]) -> stages.Cams:
     )
 
 
-def _jobs(trains, t: int, cams: int, speeds, starts, how: tuple[float | None, int, bool], parts: int) -> list[Job]:
-    """The motions of a train, those that share tables together, in about so many parts.
+def _jobs(
+    t: int, train: Train, starts: np.ndarray, speeds: np.ndarray, settling: tuple[float | None, int], cut: tuple
+) -> Iterator[Job]:
+    """The motions of train number t from their starts (c, s, 2n + r), those that share tables together.
 
-    `how` is (decay, most, kept).
+    `settling` is (decay, most), `cut` (what makes tables, into about how many parts the motions are cut).
     """
-    train, (decay, most, kept) = trains[t], how
-    if train.seat < 0 or not train.cam_side:
-        raise InputError("metrics need a valve on a seat and a contact between cam and valve: name them in the scene")
-    tables_of = propagators if kept else Lending
+    (decay, most), (tables_of, parts) = settling, cut
     steps = np.array([free_step(train, speed) for speed in speeds])
-    rate = slowest_rate(train) * 2 * np.pi if decay is None else None
-    shape = cams, len(speeds)
-    begin = np.broadcast_to(rest_of(train), (*shape, train.state_size)) if starts is None else starts
-    cam, speed = (each.ravel() for each in np.indices(shape))
-    jobs = []
+    decays = np.full(len(speeds), decay) if decay is not None else slowest_rate(train) * 2 * np.pi / speeds
+    left, needed = (np.array([f(d) for d in decays]) for f in (settled.way_left, settled.revolutions_needed))
+    longest = np.where(needed > settled.PLAIN_REVOLUTIONS, np.minimum(needed, settled.MOST_REVOLUTIONS), most)
+    cam, speed = np.indices(starts.shape[:2]).reshape(2, -1)
     for step in np.unique(steps):
         tables, mine = tables_of(train, float(step), WIDTH, AT_ONCE), np.flatnonzero(steps[speed] == step)
         for part in (mine[i::parts] for i in range(min(parts, len(mine)))):
             c, s = cam[part], speed[part]
-            decays = np.full(len(part), decay) if rate is None else rate / speeds[s]
-            jobs.append(Job(t, tables, c, s, _motions(c, speeds[s], decays, np.ascontiguousarray(begin[c, s]), most)))
-    return jobs
+            motions = stages.SettlingMotions(
+                cam=c,
+                speed=speeds[s],
+                left=left[s],
+                most=longest[s],
+                state=starts[c, s],
+                stage=np.full(len(part), stages.SETTLING),
+                revolutions=np.zeros(len(part), dtype=np.int64),
+                within=np.zeros(len(part), dtype=np.int64),
+                apart=np.zeros((len(part), 3)),
+                turns=np.zeros(len(part), dtype=np.int64),
+                lowest=np.empty((len(part), len(NAMES))),
+                highest=np.empty((len(part), len(NAMES))),
+            )
+            yield Job(t, tables, c, s, motions)
 
 
-def _motions(
-    cam: np.ndarray, speed: np.ndarray, decays: np.ndarray, start: np.ndarray, most: int
-) -> stages.SettlingMotions:
-    """Motions that have yet to settle, those without slow modes over `most` revolutions at most."""
-    needed = np.array([settled.revolutions_needed(decay) for decay in decays])
-    slow = np.where(needed > settled.PLAIN_REVOLUTIONS, np.minimum(needed, settled.MOST_REVOLUTIONS), 0)
-    m = len(cam)
-    return stages.SettlingMotions(
-        cam,
-        speed,
-        np.array([settled.way_left(decay) for decay in decays]),
-        np.where(slow, slow, most),
-        start,
-        np.full(m, stages.SETTLING),
-        np.zeros(m, dtype=np.int64),
-        np.zeros(m, dtype=np.int64),
-        np.zeros((m, 3)),
-        np.zeros(m, dtype=np.int64),
-        np.empty((m, len(NAMES))),
-        np.empty((m, len(NAMES))),
-    )
-
-
-def _run(job: Job, cams: stages.Cams, turns: tuple[int, int], tolerance: float) -> None:
-    """Runs all motions of a job; tables and room in the trace are made where they are missing. `turns` are the
-    revolutions that are measured of a periodic motion and of one that wanders."""
-    cam = CamArrays(cams.borders, cams.pieces, 0.0)
-    plan = stages.Plan(
-        tolerance * settled.SETTLED_POSITION,
-        tolerance * settled.SETTLED_VELOCITY,
-        settled.UNBOUND,
-        *turns,
-        settled.APERIODIC,
-        turns[0] >= settled.MEASURED,
-        MOST_SWITCHINGS,
-    )
-    i = 0
+def _run(job: Job, cams: stages.Cams, plan: stages.Plan) -> None:
+    """Runs all motions of a job; tables and room in the trace are made where they are missing."""
+    cam, i = CamArrays(cams.borders, cams.pieces, 0.0), 0
     with job.tables.lent() as lent:
         while i < len(job.cam):
             setting = Setting(lent.arrays, cam, lent.step, lent.tables, 0.0, 0.0)
-            room = NO_ROWS, NO_TRACE, _BUFFER.trace(lent.tables, settled.APERIODIC + 1)
-            i, code = stages.run(setting, plan, cams, job.motions, room, i)
-            if code == TABLES_FULL:
-                lent.grow()
-            elif code != DONE:
-                _BUFFER.grow()
+            trace = lent.trace(settled.APERIODIC + 1)
+            i, code = stages.run(setting, plan, cams, job.motions, trace, i)
+            if code != DONE:
+                lent.grow(code)

@@ -5,8 +5,8 @@ from typing import NamedTuple
 import numpy as np
 
 from camopt.exact.kernel.arrays import CamArrays
-from camopt.exact.kernel.revolution import CHATTER, DONE, NOT_FINITE, Setting, revolve
-from camopt.exact.kernel.trace import first, later
+from camopt.exact.kernel.revolution import DONE, Setting, follow_inside, revolve
+from camopt.exact.kernel.trace import cut
 from camopt.exact.settled.figures import NAMES, figures
 from camopt.programs import compiled, inner
 from camopt.scene import settled
@@ -21,12 +21,10 @@ class Plan(NamedTuple):
 
     position: float  # m
     velocity: float  # m/s
-    unbound: float  # m
     measured: int
     aperiodic: int  # a whole number of blocks
     block: int  # revolutions of a wandering motion that are measured together
     watched: bool  # whether what is measured is long enough to see that the motion settles
-    switchings: int  # most per revolution
 
 
 class Cams(NamedTuple):
@@ -57,19 +55,21 @@ class SettlingMotions(NamedTuple):
 
 
 @compiled
-def run(s, plan, cams, motions, room, begin):
+def run(s, plan, cams, motions, trace, begin):
     """Runs the motions from `begin` on; the setting s gives the train and its tables.
 
-    `room` is (rows, no trace, trace). Stops where room for tables or in the trace is missing; called again, it goes
-    on from the last revolution. Returns (number of the motion, code of `revolve`).
+    Stops where room for tables or in the trace is missing; called again, it goes on from the last revolution. Returns
+    (number of the motion, code of `revolve`).
     """
     for i in range(begin, len(motions.cam)):
         one = setting_for(s, cams, motions, i)
         while wanted(plan, motions, i):
-            code = settle(one, plan, motions, room, i) if motions.stage[i] == SETTLING else DONE
+            code = settle(one, plan, motions, trace, i) if motions.stage[i] == SETTLING else DONE
             if code == DONE:
-                code = measured(one, plan, motions, room, i)
-            if not accept_code(motions, i, code):
+                code = measured(one, plan, motions, trace, i)
+            if code < 0:
+                motions.stage[i] = REFUSED
+            elif code != DONE:
                 return i, code
         if motions.stage[i] == REFUSED:
             motions.state[i], motions.lowest[i], motions.highest[i] = np.nan, np.nan, np.nan
@@ -85,17 +85,6 @@ def wanted(plan, motions, i):
 
 
 @inner
-def accept_code(motions, i, code):
-    """Whether the motions can go on after a code; one that cannot be followed is marked."""
-    if code == DONE:
-        return True
-    if code < 0:
-        motions.stage[i] = REFUSED
-        return True
-    return False
-
-
-@inner
 def setting_for(s, cams, motions, i):
     """The setting of motion i."""
     j = motions.cam[i]
@@ -103,15 +92,6 @@ def setting_for(s, cams, motions, i):
     cam = CamArrays(cams.borders[low + j : high + j + 1], cams.pieces[low:high], motions.speed[i])
     half, foot = cams.half_duration[j], cams.foot[j]
     return Setting(s.train, cam, s.step, s.tables, half, foot)
-
-
-@inner
-def one_revolution(s, plan, room, state, trace):
-    """One revolution of `state` (2n + r), changed in place: (code, segments), code < 0 for refusals."""
-    code, count, _ = revolve(s.train, s.cam, s.step, s.tables, state, room[0], trace, plan.switchings)
-    if code == DONE and np.abs(state[: len(s.train.mass)]).max() > plan.unbound:
-        code = NOT_FINITE
-    return (-code if code in (CHATTER, NOT_FINITE) else code), count
 
 
 @inner
@@ -129,11 +109,11 @@ def note(s, plan, motions, i, after):
 
 
 @inner
-def settle(s, plan, motions, room, i):
+def settle(s, plan, motions, trace, i):
     """Revolutions until the way that is left is short enough, or there have been the most: the code."""
-    after = motions.state[i].copy()
+    after, untraced = motions.state[i].copy(), cut(trace, 0, 0)
     while goes_on(motions.revolutions[i], motions.most[i], motions.within[i]):
-        code, _ = one_revolution(s, plan, room, after, room[1])
+        code = revolve(s, after, False, untraced)[0]
         if code != DONE:
             return code
         motions.revolutions[i] += 1
@@ -145,27 +125,20 @@ def settle(s, plan, motions, room, i):
 
 
 @inner
-def measured(s, plan, motions, room, i):
+def measured(s, plan, motions, trace, i):
     """The metrics of measured revolutions and one more for the last bounce window: the code.
 
     The revolutions show whether a motion that stands settles, and one that wanders after all; it else goes on settling.
     """
     periodic = motions.stage[i] == PERIODIC
     turns = plan.measured if periodic else plan.block
-    starts, used, state, row = np.zeros(turns + 2, dtype=np.int64), 0, motions.state[i].copy(), np.empty(len(NAMES))
-    ends = np.empty((turns + 1, len(state)))
-    for turn in range(turns + 1):
-        rest = later(room[2], used)
-        code, count = one_revolution(s, plan, room, state, rest)
-        if code != DONE:
-            return code
-        for k in range(count + 1):
-            rest.angle[k] += 2.0 * np.pi * turn
-        used += count
-        starts[turn + 1], ends[turn] = used, state
+    starts, state, row = np.zeros(turns + 2, dtype=np.int64), motions.state[i].copy(), np.empty(len(NAMES))
+    code = follow_inside(s, state, starts, False, trace)[0]
+    if code != DONE:
+        return code
     apart, start = motions.apart[i], motions.apart[i, 2] if periodic else 0.0
     for turn in range(turns + 1):
-        note(s, plan, motions, i, ends[turn])
+        note(s, plan, motions, i, trace.y[starts[turn + 1], : len(state)])
     settles = shrinks(apart[0], start, apart[1], apart[2], motions.within[i] - 2)
     late = motions.revolutions[i] + motions.turns[i] - motions.most[i]
     if plan.watched and (not settles if periodic else goes_back(settles, late, motions.within[i])):
@@ -177,8 +150,7 @@ def measured(s, plan, motions, room, i):
         motions.lowest[i], motions.highest[i] = np.inf, -np.inf
     motions.turns[i] += turns
     for turn in range(turns):
-        both = first(later(room[2], starts[turn]), starts[turn + 2] - starts[turn])
-        figures(s, both, turn, row)
+        figures(s, cut(trace, starts[turn], starts[turn + 2]), turn, row)
         for j in range(len(row)):
             unknown = np.isnan(row[j]) or np.isnan(motions.lowest[i, j])
             motions.lowest[i, j] = np.nan if unknown else min(motions.lowest[i, j], row[j])

@@ -2,7 +2,8 @@
 
 Every train has its own numbers, its own ground cam and its own speeds, which are staggered from train to train, so that
 the ensemble samples the band more finely than each train alone. A train remembers what it used and where
-it settled, so that of the next cam, which differs little, only what matters need be judged, and settles sooner.
+it settled, so that of the next cam, which differs little, only what matters need be judged, and settles sooner. A train
+with an adjuster begins with every cam where the train as designed settles with it.
 """
 
 from collections.abc import Mapping
@@ -94,7 +95,8 @@ class TrainEnsemble:
         return matters
 
     def settle(self, lift: Lift) -> None:
-        """Lets trains drawn from now on begin where the one as designed settles with a cam, if it holds its limits."""
+        """Lets trains drawn from now on, and with an adjuster all of them, begin where the one as designed settles with
+        a cam, if it holds its limits."""
         train = build_train(self.scene)
         found = settled_metrics([train], [lift], self._cam_speeds.ravel().tolist())
         starts = next_starts(found.states[0, 0], used_limits(self.limits, found), state_at_rest(train))
@@ -128,10 +130,13 @@ class TrainEnsemble:
             list(pool.map(lambda t: self._one(lift, int(t), np.flatnonzero(wanted[t])), rows))
 
     def _one(self, lift: Lift, t: int, at: np.ndarray) -> None:
-        one, starts, speeds = self.trains[t], self.states[t, at], self.speeds(t)[at]
-        how = {"decay": np.inf, "most": most_to_settle(one.train, speeds.max()), "measured": MEASURES}
-        rough = () if one.train.memory else (first_look(self.limits) | how,)
-        self.used[t][:, at], ends = used_by_looks(self.limits, one.train, one.cam(lift), speeds, starts, (*rough, how))
+        one, speeds, rough = self.trains[t], self.speeds(t)[at], first_look(self.limits)
+        if one.train.memory:  # as the statement does: what the cam before has left in an adjuster decides its motion
+            starts, looks = self._nominal[t % STAGGER, at], (rough, {})
+        else:
+            how = {"decay": np.inf, "most": most_to_settle(one.train, speeds.max()), "measured": MEASURES}
+            starts, looks = self.states[t, at], (rough | how, how)
+        self.used[t][:, at], ends = used_by_looks(self.limits, one.train, one.cam(lift), speeds, starts, looks)
         self.states[t, at] = next_starts(ends, self.used[t][:, at], self._nominal[t % STAGGER, at])
 
     def met(self, judged: np.ndarray) -> dict[str, np.ndarray]:

@@ -14,6 +14,7 @@ from typing import Protocol
 import numpy as np
 from threadpoolctl import threadpool_limits
 
+from camopt.exact.kernel.propagators import forget_propagators
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.optimizer.accuracy import Accuracy
 from camopt.optimizer.as_built.drawn import FOLDER, TrainEnsemble
@@ -110,6 +111,7 @@ def yield_search(
         # where a lift is to be reached, each of two programs reaches it at an angle of its own, and the mean nowhere
         if not plain.design.reach_max_lift:
             search.narrow()
+    forget_propagators()  # those of drawn trains take more memory than all that a verdict needs
     return search
 
 

@@ -14,6 +14,7 @@ import numpy as np
 from camopt.cam.design_file import as_written, write_design
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import write_lift_table
+from camopt.exact.kernel.propagators import forget_propagators
 from camopt.measure.as_built import TrainAsBuilt, draws_of_trains, trains_as_built
 from camopt.measure.yield_words import ADVISED, IDEAL, asked_sentence, share_sentence, spoiling_sentences
 from camopt.measure.yields import Looks, Share, UsedLimits, rank_correlation_shares, share_of, yield_record
@@ -180,6 +181,7 @@ def yield_statement(
     others = {name: _baseline(scene, cam, speeds_rpm, few) for name, cam in (baselines or {}).items()}
     alone = {t: trains_as_built(scene, 1, seed=seed, first=t)[0] for t in sampled(used.worst, sample)}
     judged = tuple(by_independent_methods(one, lift, used, t) for t, one in alone.items())
+    forget_propagators()
     return YieldStatement(wanted, seed, used, share, blame, judged, others)
 
 

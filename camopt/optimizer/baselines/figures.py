@@ -14,9 +14,8 @@ from camopt.cam.design_file import read_design
 from camopt.cam.lift import Lift, lift_table
 from camopt.exact.engine import prepare
 from camopt.exact.settled import settled_metrics
-from camopt.measure.reserve import STARTS
 from camopt.measure.settling import Settled, first_revolution
-from camopt.measure.sweep import SEARCH_STEP_RPM, START_RPM, SpeedCache, at_speeds, sweep
+from camopt.measure.sweep import SEARCH_STEP_RPM, START_RPM, STARTS, SpeedCache, at_speeds, sweep
 from camopt.measure.yield_words import IDEAL
 from camopt.plots import (
     DrawnMotion,

@@ -7,7 +7,6 @@ the program is solved again until it stands.
 """
 
 from dataclasses import dataclass
-from functools import lru_cache
 
 import numpy as np
 from scipy.interpolate import PPoly
@@ -18,7 +17,7 @@ from camopt.scene.errors import NoCamFound
 from camopt.scene.laws import CURVED, FRICTION, LINEAR, OF_CONTACTS, OIL
 from camopt.scene.response import Response
 from camopt.scene.rest import is_linear, linearised_at_rest, rest_position, static_forces, static_matrices
-from camopt.scene.train import KEPT_TRAINS, Train
+from camopt.scene.train import Train, kept_with_train
 from camopt.scene.units import MM
 
 SEAT_LOAD_N = 250.0
@@ -31,7 +30,7 @@ LEVELS = 20
 """Tangents of curved laws are rounded to so many levels in each factor of e, so that steps share their exponentials."""
 
 
-@lru_cache(maxsize=KEPT_TRAINS)
+@kept_with_train
 def force_unit(train: Train) -> float:
     """What the forces of searches [N] are multiplied by in a train: its load on the seat over SEAT_LOAD_N, as 1, 3, 10
     and so on, since only the order of magnitude matters."""

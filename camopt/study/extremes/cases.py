@@ -19,10 +19,12 @@ COMBINED = "kodama"
 def contacts(scene: Scene, stiffness_N_per_m: float) -> Scene:
     """One stiffness for every contact with a linear law, except preloaded contacts that stand for springs."""
     stiff = max(e.stiffness_N_per_m or 0.0 for e in scene.element)
-    for i, e in enumerate(scene.element):
-        if e.kind == "contact" and e.law == "linear" and (e.stiffness_N_per_m or 0.0) > 1e-2 * stiff:
-            scene = with_numbers(scene, {SceneNumber("element", i, RATE): stiffness_N_per_m})
-    return scene
+    numbers = {
+        SceneNumber("element", i, RATE): stiffness_N_per_m
+        for i, e in enumerate(scene.element)
+        if e.kind == "contact" and e.law == "linear" and (e.stiffness_N_per_m or 0.0) > 1e-2 * stiff
+    }
+    return with_numbers(scene, numbers)
 
 
 def times(scene: Scene, key: str, factor: float) -> Scene:

@@ -1,9 +1,8 @@
 """Is an answer right, said to be uncertain, or wrong without a warning? It is judged against event-exact motion.
 
-An answer is what `camopt.verifier.convergence` gives for a method, here for the first revolution from rest: every
-figure that has a limit, an error estimate from halved steps, and whether it converged. The truth is event-exact with
-its finest step. The motion is computed once more from a start that is 1e-9 m away: where a figure changes much by that,
-the motion itself multiplies the smallest errors, and no method can be asked for the figure.
+An answer is what `camopt.verifier.convergence` gives for a method, here for the first revolution from rest. The motion
+is computed once more from a start that is 1e-9 m away: where a figure changes much by that, the motion itself
+multiplies the smallest errors, and no method can be asked for the figure.
 """
 
 from dataclasses import dataclass
@@ -26,24 +25,19 @@ from camopt.verifier.convergence import (
 
 TOLERANCE_UM = 2.0
 """Tolerance of bounce and jump [um], as at `standard`; `camopt.verifier.convergence.ABSOLUTE` has the others."""
-DISTURBANCE = 1e-9
-"""Change of the start [m] that shows whether an error is the method's or the motion makes it of any disturbance."""
-DISTURBED = 2
+DISTURBANCE, DISTURBED = 1e-9, 2
+"""Change of the start [m] that shows what the motion itself makes of any error, and how often it is drawn."""
 SENSITIVE = 0.1
 """Share of the tolerance that the disturbance may use up. Beyond it, 1e-8 m at the start would cost more than the
 tolerance, and methods that locate no switching are wrong by some 1e-8 m at each."""
 SAMPLES = 3600, FINEST_STEPS // 4
 """Smallest and largest number of samples per revolution with which the reference begins, to resolve its force peaks."""
-WITHIN, RANGE, NOT_CONVERGED, REFUSED, WRONG = VERDICTS = (
-    "within tolerance",
-    "range",
-    "not converged",
-    "refused",
-    "wrong",
-)
-"""The verdicts, from best to worst. The answer is within tolerance; it is beyond in figures whose error the motion
-itself makes of the smallest disturbance; it is beyond, and the method says so; there is a reason but no answer; it is
-beyond although the method calls itself converged, which is a defect."""
+WITHIN, RANGE, NOT_CONVERGED = "within tolerance", "range", "not converged"
+REFUSED, WRONG = "refused", "wrong"
+VERDICTS = WITHIN, RANGE, NOT_CONVERGED, REFUSED, WRONG
+"""From best to worst: the answer is within tolerance; it is beyond in figures whose error the motion itself makes of
+the smallest disturbance; it is beyond, and the method says so; there is a reason but no answer; it is beyond although
+the method calls itself converged, which is a defect."""
 
 
 @dataclass(frozen=True)
@@ -70,8 +64,7 @@ def first_answer(
 
 
 def truth(prepare: Prepare, train: Train, lift: Lift, cam_speed: float) -> Truth:
-    """The reference by a method that locates switchings. Raises MotionRefused where it refuses the motion, be it at its
-    finest step only: nothing can be judged against figures that it does not give."""
+    """The reference by a method that locates switchings; raises MotionRefused also where only its finest step does."""
     count = samples(first_steps(train, cam_speed))
     answer = first_answer(prepare, train, lift, cam_speed, 2, count)
     if answer.state is None:
@@ -109,8 +102,8 @@ def doubtful_figure(true: Truth) -> tuple[str, float]:
 def judge(answer: Converged, true: Truth) -> tuple[str, str, float]:
     """(verdict, the figure that uses most of its tolerance, its error in the unit of its name).
 
-    A figure that seats in one answer only is infinitely far off. Where the method's own error estimate of it is
-    infinite too, the method has said so, and this figure is not wrong without a warning; any other one can still be.
+    A figure that seats in one answer only is infinitely far off; where the method's own error estimate of it is
+    infinite too, it is not wrong without a warning, and any other figure can still be.
     """
     if answer.state is None:
         return REFUSED, "", np.nan

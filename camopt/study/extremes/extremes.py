@@ -2,11 +2,8 @@
 
 One revolution from rest with the scene's Polydyne, changed as `camopt.study.extremes.cases` lists; the truth is
 event-exact (DOP853 where laws are curved), each method halves its step until its figures stand, and
-`camopt.study.extremes.classification` compares. Measurements are lines of `measured.jsonl`, each written once it is
-known, so that an interrupted run goes on where it stood.
-
-Only the smooth methods import JAX, and only when they are asked for. They are not refined by their step but by the
-width of the contact's layer and the error permitted; both are halved where the other methods halve their step.
+`camopt.study.extremes.classification` compares. The smooth methods, which alone import JAX, halve the width of the
+contact's layer and the error permitted where the others halve their step.
 """
 
 import time
@@ -56,8 +53,7 @@ LOCATING: dict[str, Prepare] = {"event": exact.prepare, "dop853": dop853.prepare
 DIAL = 1024
 """Setting with which the smooth methods begin, in place of steps; at four times this they have their defaults."""
 SINGLE_EPS, SINGLE_TOLERANCE = 1e-6, 1e-7
-"""Width of the layer and error permitted [m] at four times DIAL in single precision, which rounds lifts to 1e-9 m: the
-edge of a narrower layer would be shorter than that."""
+"""Width of the layer and error permitted [m] at four times DIAL in single precision, which rounds lifts to 1e-9 m."""
 
 
 def smooth(train: Train, lift: Lift, cam_speed: float, dial: int, narrower: float = 1.0) -> Revolve:
@@ -172,8 +168,8 @@ def _measurements(scene: Scene, case: str, changed: Scene) -> Iterator[Measureme
 
 def methods(case: str, train: Train, cam_speed: float) -> Iterator[tuple]:
     """What a case is put to besides the reference: case, method, its `prepare`, and halvings and first steps where they
-    are not those of `first_answer`. The case as it is also stands for steps past the stability limit and for layers of
-    the smooth contact on their way to zero."""
+    are not those of `first_answer`; with the case as it is come steps past the stability limit and layers of the smooth
+    contact on their way to zero."""
     first = first_steps(train, cam_speed)
     yield from ((case, *method) for method in STEP_METHODS.items())
     if not train.straight:

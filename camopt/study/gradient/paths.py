@@ -37,12 +37,9 @@ SAME = 1e-9
 
 
 def with_bumps(lift: Lift, count: int) -> tuple[Lift, Float[np.ndarray, "count p q"]]:
-    """The cam on the union of its pieces with those of `count` bumps, and the bumps as changes of its
-    coefficients [m/rad^k] per metre of height.
-
-    The bumps are quintic B-splines of height 1 on equal knots over the duration, each six of its intervals wide: four
-    times continuously differentiable, zero outside, so that ramps and feet stay. `count` >= 1.
-    """
+    """The cam on the union of its pieces with those of `count` bumps, 1 or more, and the bumps as changes of its
+    coefficients [m/rad^k] per metre of height: quintic B-splines of height 1 on equal knots over the duration, each six
+    of its intervals wide and zero outside, so that ramps and feet stay."""
     knots = np.linspace(-lift.half_duration, lift.half_duration, count + DEGREE + 1)
     nearest = lift.borders[np.argmin(np.abs(lift.borders[:, None] - knots), axis=0)]
     knots = np.where(np.abs(nearest - knots) < SAME, nearest, knots)
@@ -76,15 +73,12 @@ METRICS = tuple(name for name in exact_metrics.METRICS if name in QUANTITIES)
 REVOLUTIONS = 2
 SETTLED = 1e-6, 1e-3
 """Change of positions [m] and velocities [m/s] over a revolution within which a motion counts as settled."""
-MOST_SETTLING = 40
+MOST_SETTLING, FOLLOWING = 40, 4
+"""Revolutions in which a motion may settle, and further ones whose gradients one that has not is compared with."""
 SAMPLES = 2880
 """Samples per revolution of DOP853, whose permitted error is then 1e-8 of the motion."""
 FIRST_STEPS = 8192
 """Number of steps per revolution that the smooth path is offered at first."""
-FOLLOWING = 4
-"""The gradient of a motion that does not repeat itself is compared with those of this many further revolutions."""
-wall_seconds = partial(fastest, clock=time.perf_counter, first=False)
-processor_seconds = partial(fastest, first=False)  # of one thread: other work beside it does not count
 REPEATS = 3
 """Number of runs, the fastest of which gives the time."""
 
@@ -111,12 +105,10 @@ def problem(scene: Scene, lift: Lift, speed_rpm: float, bumps: int) -> Problem:
     whole, directions = with_bumps(lift, bumps)
     advance = prepare_event(train, whole, cam_speed).advance
     allowed = np.concatenate([np.repeat(SETTLED, len(train.mass)), np.repeat(SETTLED[0], len(train.memory))])
-    state, settled = state_at_rest(train), False
-    for _ in range(MOST_SETTLING):
-        last, state = state, advance(state)
+    state, settled, turns = state_at_rest(train), False, 0
+    while not settled and turns < MOST_SETTLING:
+        last, state, turns = state, advance(state), turns + 1
         settled = bool(np.all(np.abs(state - last) < allowed))
-        if settled:
-            break
     return Problem(train, whole, directions, cam_speed, state, settled)
 
 
@@ -139,29 +131,34 @@ class PathGradients:
 
 
 def exact_gradients(p: Problem) -> tuple[PathGradients, Gradient]:
-    """The answer of the exact path, by its adjoint, and the gradient of all metrics together with their grazing."""
-    together = value_and_gradient(p.train, p.lift, p.cam_speed, METRICS, p.start, revolutions=REVOLUTIONS)
+    """The answer of the exact path, by its adjoint, and the gradient of all metrics together with their grazing.
+
+    Times are processor time of one thread, to which other work beside it does not count.
+    """
+    together, gradients = _by_bumps(p, p.start)
     ratio = []
     for name in METRICS:
         motion = partial(TracedMotion, p.train, p.lift, p.cam_speed, p.start, REVOLUTIONS)
         gradient = partial(value_and_gradient, p.train, p.lift, p.cam_speed, [name], p.start, revolutions=REVOLUTIONS)
-        value, _ = processor_seconds(lambda motion=motion, name=name: motion().values([name]), REPEATS)
-        both, _ = processor_seconds(gradient, REPEATS)
+        value, _ = fastest(lambda motion=motion, name=name: motion().values([name]), REPEATS, first=False)
+        both, _ = fastest(gradient, REPEATS, first=False)
         ratio.append(both / value)
-    gradients = np.einsum("lpq,mpq->lm", together.by_coefficients, p.directions)
     return PathGradients(together.values, gradients, np.array(ratio)), together
 
 
-def smooth_gradients(p: Problem) -> Callable[[float], PathGradients]:
-    """The answer of the smooth path as a function of eps [m]; it is NaN where the path fails.
+def _by_bumps(p: Problem, start: np.ndarray) -> tuple[Gradient, np.ndarray]:
+    """The exact gradient of METRICS from a state, and what it is (l, m) by the bumps."""
+    together = value_and_gradient(p.train, p.lift, p.cam_speed, METRICS, start, revolutions=REVOLUTIONS)
+    return together, np.einsum("lpq,mpq->lm", together.by_coefficients, p.directions)
 
-    Two compiled programs serve all eps and metrics.
-    """
+
+def smooth_gradients(p: Problem) -> Callable[[float], PathGradients]:
+    """The answer of the smooth path as a function of eps [m], by two compiled programs; NaN where the path fails."""
+    wall_seconds = partial(fastest, clock=time.perf_counter, first=False)
     system, base = build_system(p.train), jnp.asarray(lift_samples(p.lift))
     units = np.eye(len(p.directions))
-    parts = (
-        np.stack([lift_samples(moved(p.lift, p.directions, e)) for e in units], axis=-1) - np.asarray(base)[..., None]
-    )
+    bumped = np.stack([lift_samples(moved(p.lift, p.directions, e)) for e in units], axis=-1)
+    parts = bumped - np.asarray(base)[..., None]
     shape, y0 = (p.lift.half_duration, p.lift.opening_foot), stacked(p.start, len(p.train.mass))
 
     def metrics(heights, eps, steps: int):
@@ -197,15 +194,13 @@ def repeated_cosines(p: Problem, gradients: np.ndarray) -> np.ndarray:
     start, least = p.start, np.full(len(METRICS), np.inf)
     for _ in range(FOLLOWING):
         start = prepare_event(p.train, p.lift, p.cam_speed).advance(start)
-        later = value_and_gradient(p.train, p.lift, p.cam_speed, METRICS, start, revolutions=REVOLUTIONS)
-        slopes = np.einsum("lpq,mpq->lm", later.by_coefficients, p.directions)
+        _, slopes = _by_bumps(p, start)
         least = np.minimum(least, [cosine(a, b) for a, b in zip(gradients, slopes, strict=True)])
     return least
 
 
 def spectral_radius(p: Problem) -> float:
-    """Spectral radius of the cycle map's Jacobian at the start: how much of a change of the state is left a revolution
-    later."""
+    """Spectral radius of the cycle map's Jacobian at the start: what of a change is left a revolution later."""
     cycle = TracedMotion(p.train, p.lift, p.cam_speed, p.start)
     return float(np.abs(np.linalg.eigvals(cycle.pull_back(ends=np.eye(len(p.start))).by_start)).max())
 

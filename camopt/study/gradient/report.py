@@ -1,10 +1,9 @@
 """`camopt gradient`: may the gradient be trusted here, of this cam at this speed?
 
-Gradients by the heights of bumps on the cam (quintic B-splines between the ramp tops; the ramps stay) are compared,
-metric by metric, with central differences of the truth at several heights. The truth is the event-exact motion, or
-DOP853 with located switchings where a law is curved: there event-exact takes chords, and a chord's slope is off by a
-share that falls only with their number. All motions start from one state, and how the cam changes that state is left
-out. What the report's numbers and verdicts mean is told in docs/explanation/gradients.md.
+Gradients by the heights of bumps on the cam are compared, metric by metric, with central differences of the truth at
+several heights: of the event-exact motion or, where a law is curved and event-exact takes chords, whose slope is off by
+a share that falls only with their number, of DOP853. All motions start from one state, and how the cam changes that
+state is left out. What the report's numbers and verdicts mean is told in docs/explanation/gradients.md.
 """
 
 from itertools import pairwise
@@ -15,18 +14,7 @@ from tqdm import tqdm
 from camopt.cam.lift import Lift
 from camopt.scene import MotionRefused, Scene, build_train
 from camopt.smooth.simulate import EPS
-from camopt.study.gradient.paths import (
-    METRICS,
-    PathGradients,
-    Problem,
-    cosine,
-    exact_gradients,
-    problem,
-    repeated_cosines,
-    smooth_gradients,
-    spectral_radius,
-    true_values,
-)
+from camopt.study.gradient import paths
 
 MOST_ERROR, LEAST_COSINE, MOST_DISAGREEMENT = 1e-2, 0.9, 0.1
 STILL = 1e-9
@@ -53,30 +41,29 @@ def gradient_report(
     """Judges the gradients of a cam in a scene at a crankshaft speed [r/min] (see the module): the content of
     `gradient --json` (docs/run-folder.md).
 
-    `widths` [m] are those of the smooth path; the default `EPS` is added where it is not among them. Raises
-    MotionRefused and InputError where the methods do.
+    `widths` [m] are those of the smooth path, the default `EPS` among them. Raises MotionRefused and InputError where
+    the methods do.
     """
     straight = build_train(scene).straight
-    widths = (*widths, *(() if EPS in widths else (EPS,)))
     heights, count = HEIGHTS[straight], bumps or BUMPS[straight]
     with tqdm(total=len(heights) + len(widths) + 2, disable=None if progress else True, unit="part") as bar:
-        p = problem(scene, lift, speed_rpm, count)
+        p = paths.problem(scene, lift, speed_rpm, count)
         bar.update()
-        exact, together = exact_gradients(p)
+        exact, together = paths.exact_gradients(p)
         bar.update()
         differences = []
         for height in heights:
             differences.append(central_differences(p, height))
             bar.update()
-        run, smooth = smooth_gradients(p), {}
+        run, smooth = paths.smooth_gradients(p), {}
         for eps in widths:
             smooth[eps] = run(eps)
             bar.update()
-    truth, differences = true_values(p, np.zeros(count)), np.array(differences)
-    repeated = [None] * len(METRICS) if p.settled else list(repeated_cosines(p, exact.gradients))
+    truth, differences = paths.true_values(p, np.zeros(count)), np.array(differences)
+    repeated = [None] * len(paths.METRICS) if p.settled else list(paths.repeated_cosines(p, exact.gradients))
     metrics = {
         name: judge(i, truth[i], differences[:, i], heights, exact, smooth, repeated[i])
-        for i, name in enumerate(METRICS)
+        for i, name in enumerate(paths.METRICS)
     }
     return {
         "speed_rpm": speed_rpm,
@@ -85,19 +72,19 @@ def gradient_report(
         "settled": p.settled,
         "truth": TRUTH[straight],
         "grazing": vars(together.grazing),
-        "spectral_radius": spectral_radius(p),
+        "spectral_radius": paths.spectral_radius(p),
         "metrics": metrics,
     }
 
 
-def central_differences(p: Problem, height: float) -> np.ndarray:
+def central_differences(p: paths.Problem, height: float) -> np.ndarray:
     """Differences (l, m) of the true METRICS by every bump, up and down by `height` [m]; NaN where one is refused."""
 
     def values(heights: np.ndarray) -> np.ndarray:
         try:
-            return true_values(p, heights)
+            return paths.true_values(p, heights)
         except MotionRefused:
-            return np.full(len(METRICS), np.nan)
+            return np.full(len(paths.METRICS), np.nan)
 
     units = height * np.eye(len(p.directions))
     return np.stack([(values(e) - values(-e)) / (2.0 * height) for e in units], axis=-1)
@@ -108,37 +95,39 @@ def judge(
     truth: float,
     differences: np.ndarray,
     heights: tuple[float, ...],
-    exact: PathGradients,
-    smooth: dict[float, PathGradients],
+    exact: paths.PathGradients,
+    smooth: dict[float, paths.PathGradients],
     repeated: float | None,
 ) -> dict:
     """Report on metric number i with the differences (h, m) by bumps at the heights (h) [m], as `gradient --json` has
-    it.
-
-    `repeated` is the least cosine with the revolutions that follow, None for a motion that repeats itself.
-    """
+    it; `repeated` as of `verdict`."""
     still = truth == 0.0 and bool(np.all(np.abs(differences[0]) * heights[0] < STILL))
     agreement = disagreement(differences)
     rough = still or not agreement <= MOST_DISAGREEMENT
 
-    def judged(path: PathGradients) -> tuple[dict, np.ndarray]:
-        errors = relative_errors(path.gradients[i], differences)
-        best = int(np.nanargmin(errors)) if np.any(np.isfinite(errors)) and not still else -1
-        least, turn = (errors[best], cosine(path.gradients[i], differences[best])) if best >= 0 else (np.nan, np.nan)
-        said = "none" if rough else verdict(least, turn, repeated)
-        value, cost = path.values[i], path.cost_ratio[i]
-        bias = abs(value / truth - 1.0) if truth != 0.0 else 0.0 if value == 0.0 else np.nan
-        return {
-            "value_bias": bias, "relative_error": least, "cosine": turn, "cost_ratio": cost, "verdict": said
-        }, errors  # fmt: skip
+    def errors(path: paths.PathGradients) -> np.ndarray:
+        return relative_errors(path.gradients[i], differences)
 
-    (by_exact, exact_errors), by_eps = judged(exact), {eps: judged(path) for eps, path in smooth.items()}
+    def judged(path: paths.PathGradients) -> dict:
+        error, turn, value = np.nan, np.nan, path.values[i]
+        if np.any(np.isfinite(errors(path))) and not still:
+            best = int(np.nanargmin(errors(path)))
+            error, turn = errors(path)[best], paths.cosine(path.gradients[i], differences[best])
+        return {
+            "value_bias": abs(value / truth - 1.0) if truth != 0.0 else 0.0 if value == 0.0 else np.nan,
+            "relative_error": error,
+            "cosine": turn,
+            "cost_ratio": path.cost_ratio[i],
+            "verdict": "none" if rough else verdict(error, turn, repeated),
+        }
+
+    by_exact = judged(exact)
     return {
         "value": float(truth),
         "exact": by_exact,
-        "smooth": [{"eps_m": eps, **one} for eps, (one, _) in by_eps.items()],
+        "smooth": [{"eps_m": eps, **judged(path)} for eps, path in smooth.items()],
         "agreement": agreement,
-        "relative_error_at_heights": {"exact": exact_errors, "smooth": by_eps[EPS][1]},
+        "relative_error_at_heights": {"exact": errors(exact), "smooth": errors(smooth[EPS])},
         "verdict": by_exact["verdict"],
         "reason": _reason(truth, still, agreement, repeated),
     }
@@ -156,12 +145,10 @@ def verdict(relative_error: float, cosine: float, repeated: float | None = None)
 
 
 def relative_errors(gradient: np.ndarray, differences: np.ndarray) -> np.ndarray:
-    """Relative errors (h) of a gradient (m) against the differences (h, m) at every height.
-
-    They are infinite where the differences are zero and the gradient is not.
-    """
+    """Relative errors (h) of a gradient (m) against the differences (h, m) at every height; infinite where these are
+    zero and the gradient is not, NaN where they are."""
     off, size = np.linalg.norm(gradient - differences, axis=1), np.linalg.norm(differences, axis=1)
-    return np.where(size > 0.0, off / np.where(size > 0.0, size, 1.0), np.where(off > 0.0, np.inf, 0.0))
+    return np.where(size > 0.0, off / np.where(size > 0.0, size, 1.0), np.where(off > 0.0, np.inf, off))
 
 
 def disagreement(differences: np.ndarray) -> float:

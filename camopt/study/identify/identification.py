@@ -15,8 +15,8 @@ from camopt.scene.units import DEG, MM, UM
 from camopt.study.identify.lift_fit import Fitted, FreeParameters, LiftFit, Series, fits_from_starts
 
 WIDEST = np.log(2.0)
-"""Half-width of an interval in the logarithm, beyond which a parameter counts as not identified: the analysis is linear
-and is not to be believed over more than a factor of two."""
+"""Half-width of an interval in the logarithm, beyond which a parameter counts as not identified: a linear analysis is
+not to be believed over more than a factor of two."""
 ROUNDING = 1e-7
 """Singular value relative to the largest below which a direction is rounding of the differences, and unknown."""
 SURPRISING = 5.0
@@ -46,9 +46,8 @@ class Identification:
 
     `table` has coordinate `parameter` (p) with `start`, `estimate`, `low`, `high` (in the units of the names; infinite
     where not identified), `relative_error` (standard error of the logarithm) and `identified`: nothing where a remark
-    speaks against the fit. `correlation` is that of
-    the estimates (p, p), NaN where unknown. `directions`: combinations of the parameters, weakest first, with their
-    `relative_error`: the noise over the singular value of the Jacobian by the logarithms.
+    speaks against the fit. `correlation` is that of the estimates (p, p), NaN where unknown. `directions`: combinations
+    of the parameters, weakest first, with their `relative_error`.
     """
 
     scene: Scene  # with the estimates
@@ -159,9 +158,9 @@ def largest_residual(noise: float, estimated: bool, freedom: int) -> float:
 
 
 def measured_noise(series: Sequence[Series]) -> float:
-    """Standard deviation [m] of white noise in sampled positions: from third differences, which a smooth motion hardly
-    has (Gasser, Sroka and Jennen-Steinmetz 1986, Biometrika 73), by their median, which impacts do not move. What the
-    samples are too coarse to follow counts as noise, so that this is rather too large; infinite below four samples."""
+    """Standard deviation [m] of white noise in sampled positions, infinite below four samples: from third differences,
+    which a smooth motion hardly has (Gasser, Sroka and Jennen-Steinmetz 1986, Biometrika 73), by their median, which
+    impacts do not move. What the samples are too coarse to follow counts as noise."""
     differences = []
     for one in (one for one in series if len(one.angle) >= 4):
         at, valve = np.lib.stride_tricks.sliding_window_view(np.stack([one.angle, one.valve]), 4, axis=1)
@@ -201,8 +200,7 @@ class _Estimate:
 def _table(parameters: FreeParameters, fitted: Fitted, estimate: _Estimate, sound: bool) -> xr.Dataset:
     start = np.array([tied.of(parameters.scene) for tied in parameters.tied])
     identified = (estimate.half_width <= WIDEST) & sound
-    width = np.where(identified, estimate.half_width, np.inf)
-    value = start * np.exp(fitted.logs)
+    value, width = start * np.exp(fitted.logs), np.where(identified, estimate.half_width, 0.0)
     # a negative value keeps its sign, so its ends change places; beyond a factor of two an interval says nothing
     ends = np.sort(np.stack([value * np.exp(-width), value * np.exp(width)]), axis=0)
     ends = np.where(identified, ends, np.array([[-np.inf], [np.inf]]))

@@ -1,16 +1,14 @@
 """Least squares of a measured valve lift: residuals of event-exact motions, their exact gradient, damped Gauss-Newton.
 
 The gradient of the squares is the exact adjoint's, one sweep per series whatever the number of parameters. The Jacobian
-that turns it into a step is one of forward differences, kept while the steps do what it promises; that of the
-covariance is one of central differences at the end, and is compared with the adjoint there.
+that turns it into a step is one of forward differences, kept while the steps do what it promises.
 
-A fit begins with the start of the motion, goes on to more of it, and is tried from several starts. Where a valve
-bounces, the sum of squares has many minima: a parameter a tenth off moves the hops by more than their length. Up to its
-closing the motion is smooth in every parameter, and what is fitted there is near enough for the rest: a homotopy in the
-data (Voss, Timmer and Kurths 2004, Int. J. Bifurcation Chaos 14, on fits by initial values).
+Where a valve bounces, the sum of squares has many minima: a parameter a tenth off moves the hops by more than their
+length. Up to its closing the motion is smooth in every parameter, and what is fitted there is near enough for the rest:
+a homotopy in the data (Voss, Timmer and Kurths 2004, Int. J. Bifurcation Chaos 14, on fits by initial values).
 
 A parameter is expressed by the logarithm of a factor on its start value, which keeps masses, stiffnesses and dampings
-positive, and gives a change by one unit the same meaning for every parameter.
+positive.
 """
 
 from collections.abc import Sequence
@@ -26,14 +24,14 @@ from camopt.scene import InputError, MotionRefused, Scene, Train, build_train, s
 from camopt.scene.parameters import Tied, matching, no_such_number
 
 TRAIN_DIFFERENCE = 1e-6
-"""Step in a logarithm with which the numbers of a train are differentiated: most are products of the factors, and the
-rows of an adjuster's plunger are quotients, so that truncation and rounding stay below 1e-9 of them."""
+"""Step in a logarithm with which the numbers of a train are differentiated, which are products and quotients of the
+factors: truncation and rounding stay below 1e-9 of them."""
 DIFFERENCE = 1e-4
 """Step of the Jacobian's central differences in a logarithm: truncation and rounding stay below 1e-6 of a column."""
 LONGEST_STEP = 0.5
 """Longest step in the logarithms of the factors."""
 STANDING = 1e-4
-"""Decrease of the squares, in variances of the noise, below which the fit stands: a hundredth of a standard error."""
+"""Decrease of the squares, in variances of the noise, below which the fit has converged: 0.01 standard errors."""
 DISAPPOINTING, SHORTENED, ACCEPTED = 0.8, 0.25, 0.1
 """Shares of the promised decrease below which the Jacobian is renewed, the next step shortened, this one taken back."""
 ROUNDING_M = 1e-12
@@ -47,11 +45,9 @@ class FreeParameters:
     """The free parameters (p) of a scene; a point of the fit is `logs` (p), the logarithms of their factors."""
 
     def __init__(self, scene: Scene, free: Sequence[str]):
-        """Finds the parameters named in `free` (p), each as `<name>.<key>`, such as `valve.mass_kg`.
+        """Finds the parameters named in `free` (p); a `*` in a name ties all that match and are not zero to one factor.
 
-        A `*` in a name ties all that match and are not zero to one factor (`coil_*.damping_N_s_per_m`). Raises
-        InputError for a name that matches nothing, matches zeros only, matches both masses and elements, or matches
-        what another name has matched.
+        Raises InputError for a name that matches nothing, zeros only, both masses and elements, or what another has.
         """
         self.scene, self.train = scene, build_train(scene)
         self.tied: list[Tied] = []
@@ -75,10 +71,8 @@ class FreeParameters:
         return build_train(self.moved_scene(logs))
 
     def by_logs(self, logs: np.ndarray, by_train: ByTrain) -> np.ndarray:
-        """Gradients (l, p) by logs, from gradients of l numbers by the parameters of the train there.
-
-        What the train's numbers make of the logarithms is known by central differences of the scene's own arithmetic.
-        """
+        """Gradients (l, p) by logs, from gradients of l numbers by the parameters of the train there, which are
+        differentiated by central differences of the scene's own arithmetic."""
         columns = []
         for step in TRAIN_DIFFERENCE * np.eye(len(logs)):
             up, down = self.moved(logs + step), self.moved(logs - step)
@@ -114,16 +108,19 @@ class LiftFit:
 
     def until(self, share: float) -> "LiftFit":
         """The fit to the first samples only, that share of every series."""
-        counts = [max(2, int(np.ceil(share * len(s.angle)))) for s in self.series]
-        parts = [s._replace(angle=s.angle[:n], valve=s.valve[:n]) for s, n in zip(self.series, counts, strict=True)]
+        parts = []
+        for one in self.series:
+            count = max(2, int(np.ceil(share * len(one.angle))))
+            parts.append(one._replace(angle=one.angle[:count], valve=one.valve[:count]))
         return LiftFit(self.parameters, self.lift, parts, self.zero_known)
 
     def motions(self, train: Train) -> list[TracedMotion]:
         """The motion of each series from rest, over the whole revolutions that reach its last angle."""
-        start, turns = state_at_rest(train), [(s.angle[-1] + np.pi) / (2 * np.pi) for s in self.series]
-        whole = [max(1, int(np.ceil(turn - 1e-12))) for turn in turns]
-        pairs = zip(self.series, whole, strict=True)
-        return [TracedMotion(train, self.lift, s.cam_speed, start, n, mechanical=True) for s, n in pairs]
+        start, motions = state_at_rest(train), []
+        for one in self.series:
+            turns = max(1, int(np.ceil((one.angle[-1] + np.pi) / (2 * np.pi) - 1e-12)))
+            motions.append(TracedMotion(train, self.lift, one.cam_speed, start, turns, mechanical=True))
+        return motions
 
     def residual(self, motions: Sequence[TracedMotion]) -> np.ndarray:
         """Computed less measured valve position (m) [m]; where the zero is not known, less each series' mean."""
@@ -189,11 +186,10 @@ class Fitted:
 
 
 def descend(fit: LiftFit, logs: np.ndarray, most_steps: int = MOST_FIT_STEPS, certain: float = 1.0) -> Fitted:
-    """Damped Gauss-Newton from `logs` (p), in the directions that the present residual lets one tell.
+    """Damped Gauss-Newton from `logs` (p), in the directions whose singular values are above `certain` times the
+    residual's root mean square: others could be moved by a factor of e without notice.
 
-    A direction whose singular value is below the residual's root mean square could be moved by a factor of e without
-    notice: it stays where it is; with `certain` above one, already a direction that is not known that many times
-    better. Raises MotionRefused or InputError where there is no motion at the start.
+    Raises MotionRefused or InputError where there is no motion at the start.
     """
     motions = fit.motions(fit.parameters.moved(logs))
     residual = fit.residual(motions)
@@ -246,10 +242,8 @@ def limited_step(s: np.ndarray, directions: np.ndarray, gradient: np.ndarray, ra
 
 SHARES = np.arange(3, 12) / 12
 """Shares of the samples that are fitted one after another before all are."""
-STAGE_STEPS = 12
-"""Steps within one of these, which need not come to a stand."""
-CERTAIN = 20.0
-"""In these a direction moves only where it is known to a twentieth: less would lead away from a better start."""
+STAGE_STEPS, CERTAIN = 12, 20.0
+"""Steps within one of these, and how well a direction must be known to be moved there (`descend`)."""
 BOX = 0.2
 """Half-width of the box around the start values, in the logarithms, from which other starts are drawn."""
 FEWEST_STARTS, MOST_STARTS = 2, 4
@@ -257,8 +251,7 @@ FEWEST_STARTS, MOST_STARTS = 2, 4
 
 
 def homotopy(fit: LiftFit, logs: np.ndarray) -> Fitted:
-    """The fit of all samples, led there over growing shares of them. Raises MotionRefused or InputError where there is
-    no motion at the start."""
+    """The fit of all samples, led there over growing shares of them; raises as `descend` does."""
     steps = 0
     for share in SHARES:
         first_samples = fit.until(share)
@@ -270,28 +263,26 @@ def homotopy(fit: LiftFit, logs: np.ndarray) -> Fitted:
 
 
 def fits_from_starts(fit: LiftFit, good_enough: float) -> list[Fitted]:
-    """Fits from the start values and from drawn ones, the best first, until two of them have been compared and the best
-    stands with squares [m^2] of at most `good_enough`, or all starts are used up.
+    """Fits from the start values and from drawn ones, the best first, until FEWEST_STARTS have been compared and the
+    best has converged to squares [m^2] of at most `good_enough`, or all starts are used up.
 
-    From each start all samples are fitted at once, which is the cheaper way where there is one minimum, and by the
-    homotopy where that is not good enough. Raises MotionRefused or InputError where the start values have no motion.
+    From each start all samples are fitted at once, which is cheaper where there is one minimum, and by the homotopy
+    where that is not good enough. Raises MotionRefused or InputError where the start values have no motion.
     """
     random, count = np.random.default_rng(0), len(fit.parameters.tied)
     fits: list[Fitted] = []
-
-    def good() -> bool:
-        return bool(fits) and fits[0].converged and fits[0].squares <= good_enough
-
+    good = False
     for tried in range(MOST_STARTS):
         logs = random.uniform(-BOX, BOX, count) if tried else np.zeros(count)
         try:
             for fitted in (descend, homotopy):
                 fits = sorted([*fits, fitted(fit, logs)], key=lambda f: f.squares)
-                if good():
+                good = fits[0].converged and fits[0].squares <= good_enough
+                if good:
                     break
         except (MotionRefused, InputError):  # a drawn start without a motion is none
             if not tried:
                 raise
-        if tried + 1 >= FEWEST_STARTS and good():
+        if tried + 1 >= FEWEST_STARTS and good:
             break
     return fits

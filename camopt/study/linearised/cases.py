@@ -13,8 +13,8 @@ from camopt.optimizer.free_numbers import FreeNumber, free_number
 from camopt.scene import InputError, Scene, Train, build_train
 
 STEP = 1e-4
-"""Share by which a number moves to either side, of itself, or of one unit of its key where it is zero. A train's arrays
-are in proportion to it, so that their differences are right to round-off; those of ramps are right to STEP squared."""
+"""Share by which a number moves to either side, of itself, or of one unit of its key where it is zero: differences of a
+train's arrays, in proportion to it, are right to round-off, those of ramps to STEP squared."""
 SAME_LIFT = 1e-9
 """Difference of lift [m] within which a cam is one of the scene's free cams."""
 TrainAndCam = tuple[Train, Lift]
@@ -41,8 +41,7 @@ class LinearPaths(NamedTuple):
 
 
 def free_cam_in(scene: Scene, cam: Lift) -> tuple[FreeCam, np.ndarray]:
-    """The free cam of a scene and the coefficients z (m) at which it is `cam`; raises InputError where there are
-    none."""
+    """The free cam of a scene and the coefficients z (m) at which it is `cam`; raises InputError where none are."""
     nearest = "by camopt.nearest_free_cam or one of camopt.free_cam(scene.design)"
     if cam.family != "free":
         raise InputError(f"linearised: the cam is of the family {cam.family!r}: take the nearest free one {nearest}")

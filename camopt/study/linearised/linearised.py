@@ -1,7 +1,7 @@
 """Paths of tied contacts along a revolution with their derivatives, labelled: rows for programs of one's own.
 
 The paths of the closed periodic response of trains whose laws are straight stand here and need no JAX; those of other
-trains are in `camopt.study.linearised.smooth_source`.
+trains are in `camopt.study.tied_motions`.
 """
 
 from collections.abc import Sequence
@@ -34,7 +34,7 @@ LABELS = {
 }
 WHAT = "linearised with source 'exact'"
 SETTLING = 40
-"""Revolutions of event-exact from rest to the motion at whose angles contacts change."""
+"""Revolutions of event-exact from rest to the motion at whose angles contacts change, which the derivatives hold."""
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")  # the matrices are small: threads would wait for each other
@@ -54,8 +54,8 @@ def linearised(
     """Forces and gaps of the settled motion with tied contacts along a revolution, and their derivatives.
 
     A tied contact between cam and valve pulls where it would part, inside the event; in a train with lash those that
-    are closed at rest are tied all around. So a force has a slope by the cam wherever it stands, and a linear program
-    can ask for its sign.
+    are closed at rest are tied all around. So a force has a slope by the cam everywhere, and a linear program can ask
+    for its sign.
 
     The dataset has the dimensions speed_rpm (s crankshaft speeds, by default the scene's listed ones), cam_angle_deg
     (`steps_per_revolution` up to 180, by default every quarter of a degree) and contact (c, those between cam and
@@ -94,7 +94,7 @@ def linearised(
     if source == "exact":
         paths = exact_paths(cases, free_cam, cam_speeds, angle)
     else:
-        from camopt.study.linearised.smooth_source import smooth_paths  # the one source that loads JAX
+        from camopt.study.tied_motions import smooth_paths  # the one source that loads JAX
 
         paths = smooth_paths(cases, free_cam, cam_speeds, how)
     train, _ = cases[0].nominal
@@ -148,10 +148,7 @@ def _checked(scene: Scene, speeds_rpm, trains, seed, source) -> tuple[float, ...
 def exact_paths(
     cases: Sequence[LinearisedCase], cam: FreeCam, cam_speeds: np.ndarray, angle: np.ndarray
 ) -> list[LinearPaths]:
-    """The paths of every train at the cam speeds (s) [rad/s] and at multiples (k) of SAMPLE from -pi.
-
-    Contacts change at the angles at which they do in the event-exact motion, which the derivatives hold.
-    """
+    """The paths of every train at the cam speeds (s) [rad/s] and at multiples (k) of SAMPLE from -pi."""
     by_train = []
     for case in cases:
         train, _ = case.nominal
@@ -166,9 +163,8 @@ def exact_paths(
                 f"{WHAT} and free numbers needs a train whose laws are all linear and without forces by the cam angle: "
                 f"ask for source='smooth', or leave free out"
             )
-        by_train.append(
-            LinearPaths(*map(np.stack, zip(*(_at_speed(case, cam, w, angle) for w in cam_speeds), strict=True)))
-        )
+        at_speeds = [_at_speed(case, cam, speed, angle) for speed in cam_speeds]
+        by_train.append(LinearPaths(*map(np.stack, zip(*at_speeds, strict=True))))
     return by_train
 
 
@@ -180,19 +176,15 @@ def _at_speed(case: LinearisedCase, cam: FreeCam, cam_speed: float, angle: np.nd
             f"{WHAT} at {cam_speed / RPM:g} r/min of the camshaft: {missing}, which leaves the "
             f"closed response no phases: ask for source='smooth', or for another speed"
         ) from None
-    own = _read(case.nominal, cam, cam_speed, angles, angle)
-    by_number = [
-        [(above - below)[..., :1] / (2 * step) for below, above in zip(*sides, strict=True)]
-        for step, built in zip(case.steps, case.beside, strict=True)
-        for sides in [[_read(one, cam, cam_speed, angles, angle) for one in built]]
-    ]
-    joined = (np.concatenate(parts, axis=-1) for parts in zip(own, *by_number, strict=True))
+    columns = [_read(case.nominal, cam, cam_speed, angles, angle)]
+    for step, built in zip(case.steps, case.beside, strict=True):
+        below, above = (_read(one, cam, cam_speed, angles, angle) for one in built)
+        columns.append([(b - a)[..., :1] / (2 * step) for a, b in zip(below, above, strict=True)])
+    joined = (np.concatenate(parts, axis=-1) for parts in zip(*columns, strict=True))
     return LinearPaths(*joined, moved=np.zeros(()))
 
 
-def _read(
-    built: TrainAndCam, cam: FreeCam, cam_speed: float, angles: Angles, angle: np.ndarray
-) -> tuple[np.ndarray, ...]:
+def _read(built: TrainAndCam, cam: FreeCam, cam_speed: float, angles: Angles, angle: np.ndarray) -> list[np.ndarray]:
     """Force (k, c, 1 + m) and gap of the contacts between cam and valve, and gap (k, 1 + m) at the seat."""
     train, lift = built
     samples = sample_cam(cam, angles, SAMPLE, about=lift)
@@ -202,4 +194,4 @@ def _read(
     force = np.stack([response.force(e, at) * closed[:, e, None] for e in train.cam_side], axis=1)
     touch = train.touch_compression
     gap = np.stack([response.gap(e, touch[e], at) for e in train.cam_side], axis=1)
-    return force, gap, response.gap(train.seat, touch[train.seat], at)
+    return [force, gap, response.gap(train.seat, touch[train.seat], at)]

@@ -6,7 +6,6 @@ between cam and valve are never left out, because the metrics read them.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import pairwise
 
 import numpy as np
 
@@ -27,11 +26,8 @@ class LeftOut:
     watched: Train | None = None  # the masses of `scene`, and nothing but these contacts; None: nothing is left out
 
     def prepare(self, method: Callable[..., Revolve], *arguments) -> Revolve:
-        """A method's revolution of this scene, with the `arguments` of the method's own `prepare`.
-
-        It has no unsampled `advance`, so that every revolution is watched. It raises MotionRefused where a contact that
-        is left out would have switched.
-        """
+        """A method's revolution of this scene, with the `arguments` of the method's own `prepare`; it raises
+        MotionRefused as `check` does, and has no unsampled `advance`, so that every revolution is watched."""
         revolve = method(*arguments)
         if self.watched is None:
             return revolve
@@ -52,13 +48,14 @@ class LeftOut:
             beyond = response.x @ t.incidence[e] - (t.gap[e] + t.touch_compression[e])
             rate = response.v @ t.incidence[e]
             if name in self.open:
-                k = _first_above(response, beyond, rate)
+                compression = Hermite(response.angle, beyond, rate / response.cam_speed)
+                switched = compression.positive_spans(response.angle[0], response.angle[-1])[:, 0]
             else:
                 depth = beyond + t.touch_compression[e]
                 elastic = t.stiffness[e] * beyond if t.laws is None else t.laws.along(e, depth, t.preload[e])[0]
-                k = _first(elastic + t.damping[e] * rate <= 0.0)
-            if k is not None:
-                angle = (response.angle[k] / DEG + 180.0) % 360.0 - 180.0
+                switched = response.angle[elastic + t.damping[e] * rate <= 0.0]
+            if len(switched):
+                angle = (switched[0] / DEG + 180.0) % 360.0 - 180.0
                 raise MotionRefused(
                     f"model {self.scene.name}: contact {name!r} is left out as never "
                     f"{'closing' if name in self.open else 'opening'}, and would at {angle:.1f} deg and "
@@ -67,8 +64,7 @@ class LeftOut:
 
 
 def idle_contacts(responses: Sequence[Response]) -> tuple[frozenset[str], frozenset[str]]:
-    """Names of the contacts that carry no force in any of the records, one or more, and of those that always carry
-    some."""
+    """Names of the contacts that carry no force in any of the records, and of those that always carry some."""
     t, force = responses[0].train, np.concatenate([response.force for response in responses])
     other = [e for e in np.flatnonzero(t.contact) if e != t.seat and e not in t.cam_side]
     never = frozenset(t.element_names[e] for e in other if force[:, e].max() <= 0.0)
@@ -93,16 +89,3 @@ def leave_out(scene: Scene, never_closed: frozenset[str], never_open: frozenset[
     watched = build_train(scene.model_copy(update={"element": idle, "valve": None, "seat": None}))
     without = scene.model_copy(update={"element": elements})
     return LeftOut(without, tuple(sorted(never_closed)), tuple(sorted(never_open)), watched)
-
-
-def _first_above(response: Response, height: np.ndarray, rate: np.ndarray) -> int | None:
-    """First sample after which the cubic through heights (k) [m] and rates (k) [m/s] exceeds zero, or None."""
-    curve = Hermite(response.angle, height, rate / response.cam_speed)
-    if curve.maximum(curve.angle[0], curve.angle[-1]) <= 0.0:
-        return None
-    k = _first(np.array([curve.maximum(a, b) > 0.0 for a, b in pairwise(curve.angle)]))
-    return None if k is None else int(np.searchsorted(response.angle, curve.angle[k]))
-
-
-def _first(true: np.ndarray) -> int | None:
-    return int(np.argmax(true)) if true.any() else None

@@ -15,14 +15,13 @@ from scipy.linalg import eigh
 
 from camopt.scene import InputError, Scene, parse_scene
 from camopt.scene.element import Element
+from camopt.scene.parameters import KEYS
 from camopt.scene.schema import Mass
 from camopt.scene.text_file import scene_toml
 from camopt.scene.units import MM
 
 MOST_SURGE_MASSES = 5
 """Number of surge masses of the largest reduced spring; a spring with more coils is also kept as it is."""
-
-
 Chain = tuple[str, list[Mass], list[Element]]
 """A divided spring: its head, a row of N masses from there to the ground, held by bilateral springs only, and the N + 1
 springs, each turned so that it stands from the head's side to the ground's."""
@@ -187,7 +186,7 @@ def _shared(scene: Scene, name: str, first: Element, second: Element) -> tuple[M
     total = sum(weight for _, weight in ends)
     share = {end: weight / total for end, weight in ends}
     (gone,) = (m for m in scene.mass if m.name == name)
-    keys = ("mass_kg", "damping_N_s_per_m", "force_N")
+    keys = KEYS["mass"]
     return tuple(
         m.model_copy(update={key: getattr(m, key) + share.get(m.name, 0.0) * getattr(gone, key) for key in keys})
         for m in scene.mass

@@ -10,9 +10,8 @@ velocities their derivative, forces linear, and where a force jumps the later va
 Metrics. With `parameters` and "event" the dataset holds all declared metrics but the excess lift, of which there is no
 exact gradient. A train without a contact between cam and valve has none.
 
-Gradients. Under `parameters` the speed may be traced too, by `jax.grad`, `jax.jit` and `jax.vmap`. The dataset then
-holds JAX arrays (`.data`); a motion that the method cannot follow is NaN throughout. A traced speed is taken to be one
-of the scene's, or above: "smooth" offers steps for the lowest of these, and a slower motion may be NaN. By "event" the
-gradients are those of the exact motion, and for many motions metrics alone are cheaper by
+Gradients. Under `parameters` the speed may be traced too, by `jax.grad`, `jax.jit` and `jax.vmap`; it is taken to be
+one of the scene's, or above. The dataset then holds JAX arrays (`.data`); a motion that the method cannot follow is NaN
+throughout. By "event" the gradients are those of the exact motion, and for many motions metrics alone are cheaper by
 `camopt.smooth.exact_rule.exact_metrics`. docs/explanation/gradients.md has an example.
 """

@@ -3,9 +3,8 @@
 A method's dial is its step times the train's highest rate [rad], or of the smooth path the layer's width [m]. It starts
 where the stored curves say that half of all motions are right, and is halved until the valve's position at every angle
 differs from the coarser answers by no more than a part of what was asked: no method that steps across contacts has an
-order that would allow less. Where the dial ends first, or where the motion multiplies even round-off beyond what was
-asked, the answer is a range: the estimate says how wide. How often the dial can be halved is known before the first
-motion is computed, and each motion costs about twice as much as the one before.
+order that would allow less. Where the dial ends first, or the motion multiplies even round-off beyond what was asked,
+the answer is a range.
 """
 
 from collections.abc import Callable
@@ -27,11 +26,9 @@ ESTIMATES = {"event": (2, 4.0), "dop853": (2, 4.0), "smooth": (2, 1.0), CHORDS_D
 STEPPING = (3, 1.5)
 """How many coarser answers count, and the estimate over the largest difference to them. The methods that locate every
 switching differ by round-off alone, which chance makes small now and then. The errors of the smooth path and of chords
-fall with the dial and are a third of the difference; but where contacts hammer, the motions with other chords part, and
-the error of `kodama-hertz` was up to twice the difference. A method that steps across contacts (STEPPING) is late
-there by a share of its step that is as good as drawn anew at every setting: where such an error is uniform and the step
-is halved until the estimate is within what was asked, two coarser answers break one promise in ten, three with half as
-much again one in 240."""
+fall with the dial; where contacts hammer, that of chords was up to twice the difference (`kodama-hertz`). Of a method
+that steps across contacts (STEPPING, see `camopt.verifier.convergence.MARGIN`) two coarser answers break one promise in
+ten, three with half as much again one in 240."""
 FINEST_UM = 1e-3
 """Least error that is stated: positions are read from cubics, and digits below a nanometre would pretend."""
 MOST_VALUES = 2e7
@@ -128,8 +125,7 @@ def deliver(
 
 
 def estimate_um(answers: list[np.ndarray], method: str, revolutions: int) -> np.ndarray:
-    """Estimated error (revolutions) [um] of the last of the answers, by the coarser ones before it; infinite where
-    these are too few."""
+    """Estimated error (revolutions) [um] of the last answer by the coarser ones before it, infinite by too few."""
     coarser, margin = ESTIMATES.get(method, STEPPING)
     if len(answers) <= coarser:
         return np.full(revolutions, np.inf)

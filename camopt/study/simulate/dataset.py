@@ -4,6 +4,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING
 
 import numpy as np
+from scipy.interpolate import CubicHermiteSpline
 
 from camopt.cam.lift import Lift
 from camopt.measure.metrics import measure
@@ -88,14 +89,12 @@ def resampled(response: Response, steps: int) -> Response:
     left = np.searchsorted(response.angle, grid + 1e-12 * np.abs(grid[-1]), side="right") - 1
     left = np.minimum(left, len(response.angle) - 2)
     width = np.diff(response.angle)[left]
-    s = np.divide(grid - response.angle[left], width, out=np.ones_like(grid), where=width > 0).clip(0.0, 1.0)[:, None]
-    dt = (width / response.cam_speed)[:, None]
-    x0, x1, v0, v1 = response.x[left], response.x[left + 1], response.v[left], response.v[left + 1]
-    rise, u0, u1 = x1 - x0, dt * v0, dt * v1  # cubic Hermite: x0 + s u0 + s^2 a + s^3 b
-    a, b = 3 * rise - 2 * u0 - u1, u0 + u1 - 2 * rise
-    x = x0 + s * (u0 + s * (a + s * b))
-    slope = u0 + s * (2 * a + s * 3 * b)
-    v = np.divide(slope, dt, out=v1.copy(), where=dt > 0)
-    force = (1 - s) * response.force[left] + s * response.force[left + 1]
-    lift = (1 - s[:, 0]) * response.lift[left] + s[:, 0] * response.lift[left + 1]
-    return Response(response.train, response.cam_speed, grid, lift, x, v, force)
+    s = np.divide(grid - response.angle[left], width, out=np.ones_like(grid), where=width > 0).clip(0.0, 1.0)
+    lift = (1 - s) * response.lift[left] + s * response.lift[left + 1]
+    force = (1 - s)[:, None] * response.force[left] + s[:, None] * response.force[left + 1]
+    distinct = np.append(np.diff(response.angle) > 0, True)
+    slope = response.v[distinct] / response.cam_speed
+    motion = CubicHermiteSpline(response.angle[distinct], response.x[distinct], slope)
+    return Response(
+        response.train, response.cam_speed, grid, lift, motion(grid), motion(grid, 1) * response.cam_speed, force
+    )

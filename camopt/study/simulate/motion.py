@@ -28,17 +28,16 @@ DIFFERENTIABLE = {"smooth": SMOOTH, "event": "camopt.smooth.exact_rule"}
 LARGEST_PHASE = 0.3
 """Step times the train's highest rate [rad]: MOTORI 2004's rule for explicit steps (0.31), and for drawn curves."""
 MOST_VALUES = 4e7
-"""Numbers that a record may hold (320 MB, and three times that while it is made): some ten seconds to a minute."""
+"""Numbers that a record may hold (320 MB, and three times that while it is made)."""
 FEWEST_STEPS = 720
-"""Steps per revolution at least where an accuracy chooses them, however slow the train: the cam has to be followed."""
+"""Steps per revolution at least where an accuracy chooses them: the cam of a slow train has to be followed, too."""
 TOLERANCE_OF_WIDTH = 5e-3
 """The smooth path's error per step over the width of its layer, where an accuracy or a width chooses them."""
 LEAST_WIDTH = 2.5e-10
 """Finest layer [m] that an accuracy may choose."""
 FEWEST_CHORDS, MOST_CHORDS = 16, 128
-"""Chords in place of a curved law with which event-exact begins where an accuracy chooses them, and ends. Their error
-falls with the square of their number, and twice as many cost about four times as much: the last one takes some half a
-minute."""
+"""Chords of a curved law with which event-exact begins and ends where an accuracy chooses them: twice as many have a
+quarter of the error and cost about four times as much."""
 
 
 def simulate(
@@ -67,20 +66,19 @@ def simulate(
     micrometres of the valve's position, its dial is chosen and refined until the motion stands, or until its budget is
     spent; the attributes say what error is estimated (`camopt.study.simulate.accuracy_control`), and with `progress` a
     bar shows the budget. Without one they say so of event-exact where it has chords in place of curved laws.
-    `parameters` (see `motion_parameters`) replaces
-    numbers of scene and cam by arrays that JAX may trace; `camopt.study.simulate` tells of steps and of gradients.
+    `parameters` (see `motion_parameters`) replaces numbers of scene and cam by arrays that JAX may trace;
+    `camopt.study.simulate` tells of steps and of gradients.
 
     By "smooth" a contact begins to push across `width_um` [um], by default 0.002, on steps that follow it. Where a
     share `tie` or `steps_per_revolution` are given, the motion is that of `linearised`, with 1 um by default.
 
     Raises InputError for unusable arguments, a motion that the method refuses, or a record that would be too large.
     """
-    train, cam_speed, steps, finer = _planned(scene, speed_rpm, method, revolutions, step_deg)
+    train, cam_speed, known_speed, steps, finer = _planned(scene, speed_rpm, method, revolutions, step_deg)
     how = _smoothing(method, width_um, tie, steps_per_revolution, parameters, accuracy)
     if parameters is not None:
         _check_parameters(scene, cam, method, parameters)
         rule = import_module(DIFFERENTIABLE[method]).differentiable_motion
-        known_speed = scene.cam_speed(known_rpm(scene, speed_rpm))
         layer = {} if width_um is None else {"eps": how.width}
         shown, metrics = rule(train, cam, parameters, cam_speed, revolutions, steps, known_speed, **layer)
         return motion_dataset(scene, cam, speed_rpm, method, shown, metrics)
@@ -89,7 +87,7 @@ def simulate(
         done = delivered(train, cam, cam_speed, method, revolutions, accuracy, progress=progress)
         response, said = done.response, done.attributes()
     elif tie is not None or steps_per_revolution is not None:
-        tied = import_module("camopt.study.simulate.tied_motion")
+        tied = import_module("camopt.study.tied_motions")
         response = tied.tied_motion(train, cam, cam_speed, revolutions, how)
     elif width_um is not None:
         response = dialled(train, cam, cam_speed, method, revolutions)(how.width)
@@ -114,17 +112,20 @@ def _smoothing(method: str, width_um, tie, steps, parameters, accuracy) -> Smoot
 
 def recorded(scene: Scene, cam: Lift, speed_rpm: float, method: str, *, revolutions: int) -> Response:
     """The motion that `simulate` labels by default, as plain arrays; InputError as of `simulate`."""
-    train, cam_speed, steps, finer = _planned(scene, speed_rpm, method, revolutions, 0.1)
+    train, cam_speed, _, steps, finer = _planned(scene, speed_rpm, method, revolutions, 0.1)
     return resampled(_motion(train, cam, cam_speed, method, revolutions, steps * finer), steps * revolutions)
 
 
-def _planned(scene: Scene, speed_rpm, method, revolutions, step_deg) -> tuple[Train, Any, int, int]:
-    """Train, cam speed [rad/s], steps of the result in a revolution, and the method's own steps in each of these; every
-    argument that is a number or a choice is checked."""
+def _planned(scene: Scene, speed_rpm, method, revolutions, step_deg) -> tuple[Train, Any, float, int, int]:
+    """Train, cam speed and a known one [rad/s], which is the lowest that the scene names where JAX traces the speed,
+    steps of the result in a revolution, and the method's own in each of these; numbers and choices are checked."""
     methods = *verdict_methods(), "smooth"
     if method not in methods:
         raise InputError(f"simulate: method {method!r}: expected one of {', '.join(methods)}")
-    number = concrete(speed_rpm)
+    try:
+        number = float(speed_rpm)
+    except TypeError:  # JAX traces it
+        number = None
     if number is not None and not (np.isfinite(number) and number > 0):
         raise InputError(f"simulate: speed {speed_rpm}: a crankshaft speed above 0 r/min is needed")
     if int(revolutions) != revolutions or not 1 <= revolutions <= 1000:
@@ -134,7 +135,9 @@ def _planned(scene: Scene, speed_rpm, method, revolutions, step_deg) -> tuple[Tr
         raise InputError(f"simulate: step {step_deg} deg: a step that divides 360 deg, 0.001 or more, is needed")
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name}: simulate needs valve, seat and [operation]")
-    train, known_speed = build_train(scene), scene.cam_speed(known_rpm(scene, speed_rpm))
+    if number is None:
+        number = min(*scene.operation.speeds_rpm, *scene.operation.band_rpm)
+    train, known_speed = build_train(scene), scene.cam_speed(number)
     finer = max(1, int(np.ceil(highest_rate(train) * step_deg * DEG / known_speed / LARGEST_PHASE)))
     kept, each = steps * finer * revolutions, 2 + 2 * len(train.mass) + len(train.a)
     if kept * each > MOST_VALUES:
@@ -144,23 +147,7 @@ def _planned(scene: Scene, speed_rpm, method, revolutions, step_deg) -> tuple[Tr
             f"be kept ({8e-9 * kept * each:.2g} GB), and {8e-9 * MOST_VALUES:.2g} GB are allowed: raise the speed, ask "
             f"for fewer revolutions, or take a smaller model (camopt reduce)"
         )
-    return train, scene.cam_speed(speed_rpm), steps, finer
-
-
-def concrete(number) -> float | None:
-    """The number itself, None where JAX traces it."""
-    try:
-        return float(number)
-    except TypeError:
-        return None
-
-
-def known_rpm(scene: Scene, speed_rpm) -> float:
-    """A crankshaft speed [r/min]; where JAX traces it, the lowest that the scene names."""
-    number = concrete(speed_rpm)
-    if number is not None:
-        return number
-    return min(*scene.required_operation.speeds_rpm, *scene.required_operation.band_rpm)
+    return train, scene.cam_speed(speed_rpm), known_speed, steps, finer
 
 
 def delivered(
@@ -181,16 +168,15 @@ def delivered(
 def dialled(train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int) -> "Run":
     """The motion from rest as a function of the method's dial: step times highest rate [rad], or layer width [m].
 
-    Event-exact has chords in place of curved laws. Their number grows with the inverse root of the dial, so that their
-    error falls as the dial does, and the steps, which are samples alone there, grow with it.
+    The chords that event-exact has in place of curved laws grow with the inverse root of the dial, so that their error
+    falls as the dial does, and so do its steps, which are samples alone there.
     """
     rate, chorded = highest_rate(train), method == "event" and not train.straight
 
     def run(setting: float) -> Response:
         if method == "smooth":
-            dials = {"eps": setting, "tolerance": setting * TOLERANCE_OF_WIDTH}
-            revolve = import_module(SMOOTH).prepare(train, cam, cam_speed, **dials)
-            return record_of(revolve, state_at_rest(train), revolutions)
+            layer = {"eps": setting, "tolerance": setting * TOLERANCE_OF_WIDTH}
+            return _motion(train, cam, cam_speed, method, revolutions, 0, 0, **layer)
         finer = (LARGEST_PHASE / setting) ** 0.5
         phase, chords = (LARGEST_PHASE / finer, round(FEWEST_CHORDS * finer)) if chorded else (setting, 0)
         steps = max(FEWEST_STEPS, int(np.ceil(2 * np.pi * rate / cam_speed / phase)))
@@ -200,10 +186,8 @@ def dialled(train: Train, cam: Lift, cam_speed: float, method: str, revolutions:
 
 
 def _error_of_chords(train: Train, cam: Lift, cam_speed: float, response: Response, steps: int) -> dict:
-    """What a dataset says of the error that the chords leave in a motion by event-exact at so many steps.
-
-    It is estimated as with an accuracy, by the motions with so many fewer chords as the coarser settings have.
-    """
+    """What a dataset says of the error that chords leave in a motion by event-exact at so many steps: estimated as with
+    an accuracy, by motions with as many fewer chords as the coarser settings have."""
     from camopt.study.simulate.accuracy_control import CHORDS_DIAL, ESTIMATES, error_said, estimate_um, valve_position
 
     chords, revolutions = min(MOST_CHORDS, chords_at(train, cam_speed, steps)), response.revolutions
@@ -253,14 +237,16 @@ def _check_parameters(scene: Scene, cam: Lift, method: str, parameters: Mapping[
 
 
 def _motion(
-    train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int, steps: int, chords: int = 0
+    train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int, steps: int, chords: int = 0, **layer
 ) -> Response:
-    """The motion from rest at `steps` in a revolution; event-exact has `chords` in place of each curved law, or as many
-    as a verdict at these steps would have, MOST_CHORDS at most."""
-    if method == "smooth":  # at steps of its own: equal ones would miss its layers
-        return record_of(import_module(SMOOTH).prepare(train, cam, cam_speed), state_at_rest(train), revolutions)
+    """The motion from rest at `steps` in a revolution, or of "smooth" at its own with this `layer`; event-exact has
+    `chords` in place of each curved law, or as many as a verdict at these steps would have, MOST_CHORDS at most."""
     state = state_at_rest(train)
     if method == "event" and not train.straight:
         chords = chords or min(MOST_CHORDS, chords_at(train, cam_speed, steps))
         train = import_module("camopt.exact.affine.lines").with_chords(train, chords)
-    return record_of(method_named(method)(train, cam, cam_speed, steps), state, revolutions)
+    if method == "smooth":  # equal steps would miss its layers
+        revolve = import_module(SMOOTH).prepare(train, cam, cam_speed, **layer)
+    else:
+        revolve = method_named(method)(train, cam, cam_speed, steps)
+    return record_of(revolve, state, revolutions)

@@ -155,17 +155,16 @@ def tables_of(rows: Sequence[dict]) -> dict[str, list[str]]:
 
 
 def _by_method(case: str, rows: Sequence[dict]) -> list[str]:
-    """Of each method the cheapest setting within `TARGET_UM`, or else its most accurate one; the cheapest of all within
-    it is recommended."""
+    """Of each method the cheapest setting within `TARGET_UM`, or else its most accurate one."""
     best: dict[str, tuple] = {}
     for row in rows:
         if row["error_of"] == "lift_mm" and row["method"] != REFERENCE:
             um, ms, method = 1e3 * row["error"], 1e3 * row["seconds"], row["method"]
-            rank = (False, ms) if um <= TARGET_UM else (True, um)
-            one = rank, um > TARGET_UM, ms, (method, row["setting"], f"{ms:.3g}", f"{um:.2g}")
+            beyond = um > TARGET_UM
+            one = beyond, um if beyond else ms, ms, (method, row["setting"], f"{ms:.3g}", f"{um:.2g}")
             best[method] = min(best.get(method, one), one)
-    order = sorted(best.values(), key=lambda one: one[1:3])
-    cells = [("*" * (i == 0 and not beyond), *words) for i, (_, beyond, _, words) in enumerate(order)]
+    order = sorted(best.values(), key=lambda one: (one[0], one[2]))
+    cells = [("*" * (i == 0 and not beyond), *words) for i, (beyond, _, _, words) in enumerate(order)]
     said = f"A {case}, the valve's lift within {TARGET_UM:g} um, or as near as a method came; * is recommended:"
     return [said, *aligned([("", "method", "setting", "time ms", "error um"), *cells], "<<<>>")] if cells else []
 

@@ -52,7 +52,7 @@ def figures(
     if len(motions) < 2:
         raise ValueError("figures need two revolutions or more: the window of bounce runs into the next one")
     angle, x, v, z = _joined(motions, speed)
-    height, slope = lift(cam, _within(angle), np.where)
+    height, slope = lift(cam, (angle + np.pi) % TURN - np.pi, np.where)
     way = way_from_cam(train)
     between = [e for e in way if e.contact and e.law != "plunger"]
     d = [compression(e, x, height) for e in between]
@@ -78,11 +78,6 @@ def figures(
             }
         )
     return found
-
-
-def _within(angle: np.ndarray) -> np.ndarray:
-    """The angles brought into [-pi, pi)."""
-    return (angle + np.pi) % TURN - np.pi
 
 
 def _joined(motions: list[FiledMotion], speed: float) -> tuple[np.ndarray, ...]:

@@ -4,28 +4,23 @@ import numpy as np
 import pytest
 from scipy.stats import binom
 
-from camopt.cam.families.multi_pol import multi_pol
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import scene_ramps
 from camopt.cam.read import read_cam
 from camopt.cam.tables.event import _profile
 from camopt.cam.tables.smoothing import smoothed
 from camopt.cam.tables.smoothing_spline import PENALTY_ORDERS, _log_determinant, _penalty, _scale, fitted_non_negative
-from camopt.scene import InputError, load_scene
+from camopt.scene import InputError
 from camopt.scene.units import DEG, MM
+from tests.cam.cams import CAMS as MEMBERS
+from tests.cam.cams import KODAMA
 
-KODAMA = load_scene("kodama")
 RAMPS = scene_ramps(KODAMA.design)
 EVENT = np.linspace(-102.0, 102.0, 2041)
-# smooth; stepping jerk, in two shapes; stepping acceleration; short of the ramp's slope; without one
-CAMS = {
-    "polydyne": read_cam("polydyne", KODAMA),
-    "trapezoid": read_cam("trapezoid:sections_deg=5/8/13/46", KODAMA),
-    "multi-pol": multi_pol(KODAMA, (7.5, 11.5, 7.5, 22.7, 22.8), a12=0.0114, j34=-0.00175, j45=-0.00014),
-    "stepping acceleration": read_cam("trapezoid:sections_deg=1.5/11.5/13/46", KODAMA),
-    "kurz": read_cam("kurz:sections_deg=24/25/23,a23_mm_per_deg2=-0.0078", KODAMA),
-    "4-5-6-7": read_cam("4-5-6-7", KODAMA),
-}
+# smooth; stepping jerk, in two shapes; short of the ramp's slope; without one; and a stepping acceleration
+NAMES = "polydyne", "trapezoid", "multi-pol", "kurz", "4-5-6-7"
+CAMS = {name: MEMBERS[name] for name in NAMES}
+CAMS["stepping acceleration"] = read_cam("trapezoid:sections_deg=1.5/11.5/13/46", KODAMA)
 
 
 def ratios(cam: Lift, noise_um: float, step: float, seed: int) -> tuple[float, float] | None:

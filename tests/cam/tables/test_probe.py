@@ -4,18 +4,16 @@ import numpy as np
 import pytest
 
 from camopt.cam.conversion import converted
-from camopt.cam.families.polydyne import polydyne
 from camopt.cam.geometry import contact
 from camopt.cam.read import read_cam
 from camopt.cam.tables.lift_table import read_lift_table
-from camopt.scene import InputError, load_scene
+from camopt.scene import InputError
 from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM
+from tests.cam.cams import KODAMA, THETA, WIDE, difference
+from tests.cam.cams import POLYDYNE as CAM
 from tests.test_cli import run
 
-KODAMA = load_scene("kodama")
-CAM = polydyne(KODAMA)
-THETA = np.linspace(-np.pi, np.pi, 3601)
 ROLLS = KODAMA.model_copy(
     update={"geometry": Geometry(follower="roller", base_radius_mm=25, roller_radius_mm=9, rocker_ratio=1.4)}
 )
@@ -39,15 +37,15 @@ class TestBall:
         ball = Geometry(follower="roller", base_radius_mm=scene.geometry.base_radius_mm, roller_radius_mm=radius)
         file = felt(scene, ball, tmp_path)
         found = read_lift_table(file, scene, table_probe_mm=radius)
-        assert np.abs(found(THETA) - CAM(THETA)).max() < 2e-4 * MM
+        assert difference(found, CAM) < 2e-4 * MM
         assert found.half_duration == pytest.approx(CAM.half_duration, abs=0.01 * DEG)
-        assert np.abs(read_lift_table(file, scene)(THETA) - CAM(THETA)).max() > 0.2 * MM
+        assert difference(read_lift_table(file, scene), CAM) > 0.2 * MM
 
     def test_noise_passes_through(self, tmp_path, scene, radius):
         ball = Geometry(follower="roller", base_radius_mm=scene.geometry.base_radius_mm, roller_radius_mm=radius)
         found = read_lift_table(felt(scene, ball, tmp_path, 2.0), scene, table_probe_mm=radius)
         # 2 um on a ramp of 11 um/deg move the middle of the duration by a tenth of a degree, on flanks of 0.26 mm/deg
-        assert np.abs(found(THETA) - CAM(THETA)).max() < 0.05 * MM
+        assert difference(found, CAM) < 0.05 * MM
 
     def test_height_of_the_point_of_contact_is_the_field_s_correction(self, scene, radius):
         """lift + r (1 - cos alpha), tan alpha = s' / r: the point's height along the probe, not the follower's lift."""
@@ -61,9 +59,9 @@ class TestBall:
 
 
 def test_a_flat_probe_and_the_command(tmp_path, capsys):
-    scene = ROLLS.model_copy(update={"geometry": Geometry(follower="flat", base_radius_mm=40)})
-    file = felt(scene, Geometry(follower="flat", base_radius_mm=40), tmp_path)
-    assert np.abs(read_lift_table(file, scene, table_probe_mm=np.inf)(THETA) - CAM(THETA)).max() < 1e-5 * MM
+    scene = ROLLS.model_copy(update={"geometry": WIDE})
+    file = felt(scene, WIDE, tmp_path)
+    assert difference(read_lift_table(file, scene, table_probe_mm=np.inf), CAM) < 1e-5 * MM
     ball = Geometry(follower="roller", base_radius_mm=18, roller_radius_mm=5)
     file = felt(KODAMA, ball, tmp_path)
     code, out, err = run(capsys, "cam", "kodama", "--cam", str(file), "--table-probe-mm", "5")

@@ -1,25 +1,21 @@
 """Measured tables: noise found, acceleration within its stated error, glitches rejected, blind tables refused."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 
-from camopt.cam.families.polydyne import polydyne
 from camopt.cam.ramps import scene_ramps
 from camopt.cam.read import read_cam
 from camopt.cam.tables.smoothing import smoothed
 from camopt.cam.tables.smoothing_spline import basis, fitted
-from camopt.scene import InputError, load_scene
+from camopt.scene import InputError
 from camopt.scene.units import DEG, MM
+from tests.cam.cams import KODAMA, MEASURED
+from tests.cam.cams import POLYDYNE as TRUTH
 
-KODAMA = load_scene("kodama")
-TRUTH = polydyne(KODAMA)
 RAMPS = scene_ramps(KODAMA.design)
 EVENT = np.linspace(-102, 102, 2041)
 ACCELERATION = TRUTH(EVENT * DEG, 2) / MM * DEG**2
 PEAK = np.abs(ACCELERATION).max()
-MEASURED = Path(__file__).resolve().parents[4] / "shared" / "data" / "lift"
 
 
 def table(noise_um=0.0, step=1.0, seed=0):

@@ -6,16 +6,12 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from camopt.cam.families.multi_pol import multi_pol
-from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.cam.tables.lift_table import read_lift_table
-from camopt.scene import InputError, load_scene
+from camopt.scene import InputError
 from camopt.scene.units import DEG, MM
+from tests.cam.cams import KODAMA, MEASURED, MULTI_POL, POLYDYNE, difference
 
-KODAMA = load_scene("kodama")
-MEASURED = Path(__file__).resolve().parents[4] / "shared" / "data" / "lift"
-THETA = np.linspace(-np.pi, np.pi, 3601)
 Rows = list[tuple[float, float]]
 
 
@@ -88,10 +84,8 @@ SPOILS: dict[str, tuple[Callable[[Rows], str], str]] = {
 }
 """Spoil -> how a table's text is made of its rows, and what becomes of it."""
 TABLES = {
-    "polydyne": lambda: crank_rows(polydyne(KODAMA), 0.3, 1),
-    "multi-pol": lambda: crank_rows(
-        multi_pol(KODAMA, (7.5, 11.5, 7.5, 22.7, 22.8), a12=0.0114, j34=-0.00175, j45=-0.00014), 0.3, 2
-    ),
+    "polydyne": lambda: crank_rows(POLYDYNE, 0.3, 1),
+    "multi-pol": lambda: crank_rows(MULTI_POL, 0.3, 2),
     "motorbike-exhaust-ramps": lambda: file_rows("motorbike-exhaust-ramps"),
     "motorbike-intake-coarse": lambda: file_rows("motorbike-intake-coarse"),
 }
@@ -121,4 +115,4 @@ def test_spoiled_tables(tmp_path, name, spoil):
         assert len(found.parameters["outlier_lines"]) == len(whole.parameters.get("outlier_lines", [])) + 1
     else:
         assert becomes in said
-    assert np.abs(found(THETA) - whole(THETA)).max() / MM < 0.1
+    assert difference(found, whole) / MM < 0.1

@@ -7,15 +7,19 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from camopt import multi_pol
 from camopt.cam.families.polydyne import polydyne
 from camopt.cli.parser import main
+from camopt.exact import with_chords
+from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import broken_by_shape
 from camopt.measure.yields import UsedLimits, share_of
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.as_built import search as search_module
 from camopt.optimizer.as_built import slopes_program, steps
 from camopt.optimizer.as_built.checks import check_wanted
-from camopt.optimizer.as_built.drawn import FOLDER, MET, SPEEDS, STAGGER, TrainEnsemble
+from camopt.optimizer.as_built.drawn import CHORDS, FOLDER, MET, SPEEDS, STAGGER, TrainEnsemble
+from camopt.optimizer.as_built.measured import track
 from camopt.optimizer.as_built.search import (
     AT_TOP,
     UNSEEN_SEED,
@@ -82,6 +86,21 @@ def test_drawn_trains_begin_at_rest_where_the_train_as_designed_breaks_a_limit()
     breaks = judged.share.max(axis=0) > 1.0
     breaks[-STAGGER:] = breaks[-1]  # all of them have the top of the band
     assert 0 < breaks.sum() < len(breaks) and np.array_equal(at_rest, breaks)
+
+
+def test_an_adjuster_is_judged_as_the_statement_does_whatever_the_cam_before_left_in_it():
+    """Motions of one cam may coexist: with an adjuster that has filled and with one that has not."""
+    scene, calm, count = load_scene("finger-hydraulic"), polydyne(load_scene("finger-hydraulic")), 3
+    drawn, top = TrainEnsemble(scene, 0), np.zeros((count, SPEEDS), dtype=bool)
+    top[:, -1] = True
+    drawn.settle(calm)
+    drawn.draw(count)
+    drawn.judge(multi_pol(scene), top)
+    assert (drawn.used[:, :, -1].max(axis=1) > 1.0).any()
+    drawn.judge(calm, top)
+    trains = [replace(one, train=with_chords(one.train, CHORDS)) for one in trains_as_built(scene, count)]
+    stated = track(scene, calm, [scene.operation.band_rpm[1]]).used(trains)
+    assert np.array_equal(drawn.used[:, :, -1:], stated)
 
 
 def test_trains_whose_adjusters_may_fill_are_held(monkeypatch):

@@ -1,4 +1,4 @@
-"""Paths and slopes of the smoothed motion with tied contacts, by JAX: of any law."""
+"""Smoothed motions with tied contacts, by JAX, of any law: from rest, and settled with their slopes."""
 
 from collections.abc import Sequence
 
@@ -8,20 +8,44 @@ import jax.numpy as jnp
 import numpy as np
 
 from camopt.cam.families.free import FreeCam
-from camopt.scene.errors import MotionRefused
+from camopt.cam.lift import Lift
+from camopt.scene import MotionRefused, Response, Train
 from camopt.scene.smoothing import Smoothing
 from camopt.scene.units import RPM
 from camopt.smooth.grid import equal_grid
 from camopt.smooth.periodic_slopes import Directions, TiedMotions
 from camopt.smooth.simulate import lift_samples
-from camopt.smooth.tied import TiedSystem, tied_system
+from camopt.smooth.tied import TiedSystem, path_angles, tied_system
 from camopt.study.linearised.cases import LinearisedCase, LinearPaths
+
+
+def tied_motion(train: Train, lift: Lift, cam_speed: float, revolutions: int, smoothing: Smoothing) -> Response:
+    """Motion from rest over `revolutions` with tied contacts; raises MotionRefused where it has no bound."""
+    motions = TiedMotions(train, np.array([cam_speed]), (-lift.half_duration, lift.half_duration), smoothing)
+    steps, samples = smoothing.steps, jnp.asarray(lift_samples(lift, smoothing.steps))
+    driven, states, forces = motions.driven(samples), [motions.rest[None]], []
+    for _ in range(revolutions):
+        states.append(motions.revolution(samples, states[-1][-1]).states)
+        forces.append(driven.forces(path_angles(steps), states[-1]))
+    if not bool(jnp.all(jnp.isfinite(states[-1]))):
+        raise _without_bound(cam_speed, "or another speed")
+    y, n = np.asarray(jnp.concatenate(states))[..., 0], len(train.mass)
+    force = np.asarray(jnp.concatenate([forces[-1][-1:], *forces]))[..., 0]  # at the start as a revolution later
+    angle = np.linspace(-np.pi, (2 * revolutions - 1) * np.pi, revolutions * steps + 1)
+    return Response(train, cam_speed, angle, lift(angle), y[:, 0, :n], y[:, 1, :n], force, y[:, 0, n:])
+
+
+def _without_bound(cam_speed: float, remedies: str) -> MotionRefused:
+    return MotionRefused(
+        f"the smoothed motion with tied contacts grows without bound at {cam_speed / RPM:g} r/min of the camshaft: "
+        f"give a larger width_um, {remedies}"
+    )
 
 
 def smooth_paths(
     cases: Sequence[LinearisedCase], cam: FreeCam, cam_speeds: np.ndarray, smoothing: Smoothing
 ) -> list[LinearPaths]:
-    """The paths of every train at the cam speeds (s) [rad/s], under a smoothing."""
+    """The settled paths of every train at the cam speeds (s) [rad/s], under a smoothing, and their slopes."""
     event, steps, by_train = (-cam.breaks[-1], cam.breaks[-1]), smoothing.steps, []
     of_cases = [TiedMotions(case.nominal[0], cam_speeds, event, smoothing) for case in cases]
     basis, parts = cam.samples(equal_grid(steps))[0], max(motions.parts for motions in of_cases)
@@ -30,11 +54,7 @@ def smooth_paths(
         start, paths = motions.settled(samples)
         moved = np.abs(np.asarray(paths.end - start))[0].max(axis=0)
         if not np.all(np.isfinite(moved)):
-            lost = cam_speeds[~np.isfinite(moved)][0] / RPM
-            raise MotionRefused(
-                f"the smoothed motion with tied contacts grows without bound at {lost:g} r/min of the camshaft: give a "
-                f"larger width_um, another speed, or more damping_N_s_per_m"
-            )
+            raise _without_bound(cam_speeds[~np.isfinite(moved)][0], "another speed, or more damping_N_s_per_m")
         along = _with_numbers(basis, case, motions.tied, steps) if len(case.steps) else Directions(basis)
         slopes = motions.slopes(samples, paths, along)
         values = paths.force, paths.gap, paths.seat_gap
