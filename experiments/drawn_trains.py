@@ -19,7 +19,6 @@ from camopt.cam.lift import Lift
 from camopt.exact import prepare
 from camopt.exact.settled import ERRORS, settled_metrics
 from camopt.measure.settling import settled_from_rest
-from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.plots.style import new_figure
 from camopt.scene import Scene, build_train, load_scene
@@ -47,7 +46,7 @@ def drawn_trains(train: Train, count: int) -> list[Train]:
 def held(scene: Scene, speeds_rpm: np.ndarray) -> Lift:
     """A cam whose contacts keep a margin of force at every speed of the band."""
     cam, cam_speeds = free_cam(scene.design, 6.0), [scene.cam_speed(s) for s in speeds_rpm]
-    return no_jump_program(build_train(scene), scene.design, cam, cam_speeds).solve(Margins(*[MARGIN_N] * 3)).lift
+    return no_jump_program(build_train(scene), scene.design, cam, cam_speeds).solve(MARGIN_N).lift
 
 
 def measured(trains: list[Train], nominal: Train, lift: Lift, cam_speeds: list[float]) -> tuple[dict, SettledMetrics]:

@@ -15,7 +15,6 @@ import optax
 
 import camopt
 from camopt.cam.families.free import free_cam
-from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.scene import Scene, build_train, load_scene
@@ -43,7 +42,7 @@ def bounds(scene: Scene, speeds_rpm: tuple[float, ...]) -> dict[str, float]:
     program = no_jump_program(build_train(scene), design, cam, speeds)
     return {
         "area_ratio_of_the_shape": kinematic_optimum(design, cam).area_ratio,
-        "area_ratio_no_jump": program.solve(Margins(0.0, 0.0, 0.0)).area_ratio,
+        "area_ratio_no_jump": program.solve(0.0).area_ratio,
     }
 
 

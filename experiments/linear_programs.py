@@ -103,13 +103,13 @@ def programs(number: int) -> Iterator[Posed]:
         reached = np.arange(len(limits.bound), len(bound))
         yield Posed(KINDS[0], row, spline_rows(matrix), bound, np.append(first_working(limits), reached))
         program = no_jump_program(build_train(scene), design, cam, speeds)
-        margins = [np.full((3, len(speeds)), margin_N) for margin_N in (20.0, *rng.uniform(*MARGINS_N, 2))]
-        posed = [program.relaxable(table) for table in margins]
+        margins = 20.0, *rng.uniform(*MARGINS_N, 2)
+        posed = [program.relaxable(margin_N) for margin_N in margins]
         rows, *_, working = posed[0]
         for _, bound, *_ in posed:
             yield Posed(KINDS[1], row, rows, bound, working)
-        elastic, bound = program.elastic(margins[-1])
-        yield Posed(KINDS[2], elastic.objective, elastic.rows, np.append(bound, 0.0), elastic.working)
+        elastic = program.elastic(margins[-1])
+        yield Posed(KINDS[2], elastic.objective, elastic.rows, np.append(elastic.bound, 0.0), elastic.working)
 
 
 class FreeInSign(WarmModel):

@@ -14,8 +14,8 @@ from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import radii_held_near
 from camopt.designer.controls import KINEMATIC, NO_JUMP
 from camopt.highs import Infeasible
-from camopt.optimizer.program.force_rows import PEAK, Margins, Window
-from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities, sensitivities
+from camopt.optimizer.program.force_rows import PEAK
+from camopt.optimizer.program.kinematic import kinematic_optimum, sensitivities
 from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import converge_tangents
@@ -78,7 +78,7 @@ class CamFinder:
         except Infeasible:
             raise InputError(CONTRADICTION) from None
         coarse = coarse and bool(radii_held_near(design))
-        return FoundCam(optimum.lift, KINEMATIC, optimum.area_ratio, limit_sensitivities(optimum), None, coarse, says)
+        return FoundCam(optimum.lift, KINEMATIC, optimum.area_ratio, optimum.sensitivities, None, coarse, says)
 
     def _no_jump(self, scene: Scene, train: Train, margin_N: float, coarse: bool) -> FoundCam:
         shape = _shape(scene, train)
@@ -89,7 +89,7 @@ class CamFinder:
         if not coarse and takes_a_sequence:
             program = converge_tangents(program, margin_N, quick=True)
         try:
-            optimum = program.solve(Margins(margin_N, margin_N, margin_N), explain=False)
+            optimum = program.solve(margin_N, explain=False)
         except Infeasible:
             raise InputError(
                 f"no free cam keeps {margin_N:g} N at all of the program's speeds: lower the margin or the speeds"
@@ -104,9 +104,9 @@ class CamFinder:
         if program is not None and last_shape == shape and is_linear(train):
             held = program.cam.about.near is not None
             return replace(program, design=design, cam=_cam(design)) if held else program.under(design)
-        speeds, window = program_speeds_rpm(scene), Window(step=COARSE_STEP) if coarse else None
+        speeds, step = program_speeds_rpm(scene), {"step": COARSE_STEP} if coarse else {}
         cam = free_cam(design, KNOT_DEG) if coarse else _cam(design)
-        return no_jump_program(train, design, cam, [scene.cam_speed(s) for s in speeds], window=window)
+        return no_jump_program(train, design, cam, [scene.cam_speed(s) for s in speeds], **step)
 
 
 def _cam(design: Design) -> FreeCam:

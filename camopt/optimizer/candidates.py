@@ -4,10 +4,9 @@ They are the last cams of the search, whichever one ran, and every family's larg
 shape. A scene for which one of them is confirmed never ends without a cam.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from camopt.cam.design_file import as_written
 from camopt.cam.families.registry import FAMILIES
@@ -25,16 +24,8 @@ RULED_OUT = 1.5
 first. Nearer to a limit the verdict decides, with its finer steps."""
 
 
-@dataclass(frozen=True)
-class Member:
-    """The largest member of a family under a scene's limits on the shape."""
-
-    lift: Lift
-    area_ratio: float
-
-
 class KnownCam(Protocol):
-    """A cam of the search, of the search for a yield, or of a family: its lift law and its area ratio."""
+    """A cam of a search or of a family."""
 
     @property
     def lift(self) -> Lift: ...
@@ -43,36 +34,30 @@ class KnownCam(Protocol):
     def area_ratio(self) -> float: ...
 
 
-@dataclass(frozen=True)
-class Families:
-    """Every family's largest member in a scene; the comparison takes its baselines from here."""
+class Member(NamedTuple):
+    """The largest member of a family under a scene's limits on the shape."""
 
-    scene: Scene
+    lift: Lift
+    area_ratio: float
 
-    @cached_property
-    def cams(self) -> dict[str, Lift | str]:
-        """By family its largest member under the limits on the shape, or a sentence why it has none."""
-        from camopt.optimizer.baselines.comparison import member_or_sentence  # which loads matplotlib
 
-        return {name: member_or_sentence(self.scene, name) for name in FAMILIES}
+def family_cams(scene: Scene) -> dict[str, Lift | str]:
+    """By family its largest member under the limits on the shape, or a sentence why it has none."""
+    from camopt.optimizer.baselines.comparison import member_or_sentence  # which loads matplotlib
 
-    def members(self) -> list[Member]:
-        """The members that break no limit on the shape: no other one can be confirmed."""
-        design = self.scene.required_design
-        lifts = [cam for cam in self.cams.values() if not isinstance(cam, str) and not broken_by_shape(cam, design)]
-        return [Member(lift, lift.area_ratio_in(design)) for lift in lifts]
+    return {name: member_or_sentence(scene, name) for name in FAMILIES}
 
-    def ruled_out(self, member: Member) -> str:
-        """What event-exact's settled motion breaks by far at a listed speed, so that no verdict need be asked; empty
-        where it breaks nothing by far."""
-        design, operation = self.scene.required_design, self.scene.required_operation
-        speeds = [self.scene.cam_speed(s) for s in operation.speeds_rpm]
-        found = settled_metrics([build_train(self.scene)], [member.lift], speeds)
-        for key, limit in motion_limits(design).items():
-            shares = limit.share(found.worst(limit.metric)[0, 0])
-            if shares.max() > RULED_OUT:
-                return f"{key} at {operation.speeds_rpm[int(shares.argmax())]:g} r/min"
-        return ""
+
+def ruled_out(scene: Scene, lift: Lift) -> str:
+    """What event-exact's settled motion of a cam breaks by far at a listed speed, so that no verdict need be asked;
+    empty where it breaks nothing by far."""
+    operation = scene.required_operation
+    found = settled_metrics([build_train(scene)], [lift], [scene.cam_speed(s) for s in operation.speeds_rpm])
+    for key, limit in motion_limits(scene.required_design).items():
+        shares = limit.share(found.worst(limit.metric)[0, 0])
+        if shares.max() > RULED_OUT:
+            return f"{key} at {operation.speeds_rpm[int(shares.argmax())]:g} r/min"
+    return ""
 
 
 @dataclass(frozen=True)
@@ -117,20 +102,22 @@ def largest_confirmed(
     searched: Sequence[KnownCam],
     speeds: str,
     effort: Accuracy,
-    families: Families | None = None,
+    families: Mapping[str, Lift | str] | None = None,
     failed: str = "",
 ) -> Chosen:
-    """The largest cam that the full verdict confirms, of those that a search offers and of the families' members.
+    """The largest cam that the full verdict confirms, of those that a search offers, which grow, and of the
+    `family_cams`, which may be left out; a member is only judged where no larger cam is confirmed.
 
-    `searched` grow; a member is only judged where no larger cam is confirmed. Where none is confirmed, the largest one
-    of the search with its own verdict and all that were judged. Raises NoCamFound, with why the search `failed`, where
-    it has none either.
+    Where none is confirmed, the largest one of the search with its own verdict and all that were judged. Raises
+    NoCamFound, with why the search `failed`, where it has none either.
     """
-    members = families.members() if families else []
+    design = scene.required_design
+    lifts = [cam for cam in (families or {}).values() if not isinstance(cam, str) and not broken_by_shape(cam, design)]
+    members = [Member(lift, lift.area_ratio_in(design)) for lift in lifts]
     known: list[KnownCam] = sorted([*searched[::-1], *members], key=lambda cam: -cam.area_ratio)
     first, refused = None, []
     for cam in known:
-        if isinstance(cam, Member) and families and (reason := families.ruled_out(cam)):
+        if isinstance(cam, Member) and (reason := ruled_out(scene, cam.lift)):
             refused.append((cam, reason))
             continue
         verdict = full_verdict(scene, as_written(cam.lift), speeds, effort)

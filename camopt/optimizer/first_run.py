@@ -1,8 +1,7 @@
 """The first run of an installation: the job's programs are compiled in processes of their own, side by side.
 
-numba compiles one function at a time in a process, and what that leaves in memory stays there. The processes leave the
-programs in the cache folder, from which the job takes them. Programs that are not compiled by then are compiled on
-demand by the job.
+numba compiles one function at a time in a process, and what that leaves in memory stays there. The job takes the
+programs from the cache folder; those that are not there are compiled on demand.
 """
 
 import os
@@ -26,12 +25,8 @@ def programs_missing() -> bool:
 
 def compile_programs() -> None:
     """Compiles all that a job calls; returns when it is done, and ends all processes where it is interrupted."""
-    nothing = subprocess.DEVNULL
-    words, environment = [sys.executable, "-m", __name__], EFFORT | os.environ
-    running = [
-        subprocess.Popen([*words, part], stdin=nothing, stdout=nothing, stderr=nothing, env=environment)
-        for part in PARTS
-    ]
+    words, quiet = [sys.executable, "-m", __name__], dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    running = [subprocess.Popen([*words, part], env=EFFORT | os.environ, **quiet) for part in PARTS]
     try:
         for process in running:
             process.wait()

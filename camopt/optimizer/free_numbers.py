@@ -2,20 +2,19 @@
 
 They go to where the no-jump program under one margin at all design speeds finds the largest area, by L-BFGS-B (Byrd,
 Lu, Nocedal and Zhu 1995, in SciPy) and the exact slopes of that area, from the program's duals. Where no cam keeps the
-margin, the shortfall guides the search. The search for the cam then begins with the scene that has these values, and
-confirms or rejects its cam as for any other.
+margin, the shortfall guides the search. The cam is then designed for the scene that has these values.
 """
 
 from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 from scipy.optimize import minimize
 from tqdm import tqdm
 
 from camopt.optimizer.accuracy import Accuracy
-from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.no_jump import NoCamHoldsContact, NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.phases import usual_margin
 from camopt.optimizer.program.program_cam import program_cam
@@ -92,11 +91,9 @@ def with_best_values(
     """The scene with the best values of its free numbers, and `free` of design.json: by name the value beside the given
     one and the range."""
     given, ranges = [one.of(scene) for one in free], [(one.low, one.high) for one in free]
-    margin_N = usual_margin(build_train(scene))
+    programs = Programs(lambda x: with_values(scene, free, x), speeds, effort, usual_margin(build_train(scene)))
     with tqdm(total=EVALUATIONS, desc="free numbers", disable=None if progress else True, leave=False) as bar:
-        best = maximise_over_parameters(
-            lambda x: with_values(scene, free, x), given, ranges, speeds, effort, margin_N, show=lambda _: bar.update()
-        )
+        best = programs.largest(given, ranges, show=lambda _: bar.update())
     pairs = zip(free, best.values, given, strict=True)
     return with_values(scene, free, best.values), {
         one.name: {"of": one.named(scene), "value": value, "as_given": was, "low": one.low, "high": one.high}
@@ -104,8 +101,7 @@ def with_best_values(
     }
 
 
-@dataclass(frozen=True)
-class LargestOverParameters:
+class LargestOverParameters(NamedTuple):
     """The values whose program has the largest area, its area ratio there and at the start, and how often it was
     solved."""
 
@@ -113,40 +109,6 @@ class LargestOverParameters:
     area_ratio: float
     at_start: float
     evaluations: int
-
-
-def maximise_over_parameters(
-    scene_of: Callable[[np.ndarray], Scene],
-    start: Sequence[float],
-    ranges: Sequence[tuple[float, float]],
-    speeds: str,
-    effort: Accuracy,
-    margin_N: float,
-    evaluations: int = EVALUATIONS,
-    show: Callable[[float], object] = lambda area: None,
-) -> LargestOverParameters:
-    """Of the scenes that `scene_of` makes of values within these ranges, the one whose no-jump program under a margin
-    has the largest area; the area of the start is taken as it is, within the ranges or not."""
-    low, high = np.array(ranges, dtype=float).T
-    programs = Programs(scene_of, speeds, effort, margin_N)
-    at_start, begin, met = programs.value(np.asarray(start, dtype=float)), np.clip(start, low, high), []
-
-    def fall(share: np.ndarray) -> tuple[float, np.ndarray]:
-        if len(met) == evaluations - 1:
-            raise BudgetExhausted
-        values = low + np.clip(share, 0.0, 1.0) * (high - low)
-        area, slopes = programs.value_and_slopes(values, STEP * np.where(share > 0.5, low - high, high - low))
-        met.append((area, values))
-        show(area)
-        return -area, -slopes * (high - low)
-
-    with suppress(BudgetExhausted):
-        minimize(
-            fall, (begin - low) / np.where(high > low, high - low, 1.0), jac=True, method="L-BFGS-B",
-            bounds=[(0.0, float(h > l)) for l, h in zip(low, high, strict=True)], options={"ftol": LEAST_GAIN},
-        )  # fmt: skip
-    area, values = max(met, key=lambda pair: pair[0])
-    return LargestOverParameters(tuple(values.tolist()), area, at_start, len(met) + 1)
 
 
 class BudgetExhausted(Exception):
@@ -162,14 +124,43 @@ class Programs:
     effort: Accuracy
     margin_N: float
 
+    def largest(
+        self,
+        start: Sequence[float],
+        ranges: Sequence[tuple[float, float]],
+        evaluations: int = EVALUATIONS,
+        show: Callable[[float], object] = lambda area: None,
+    ) -> LargestOverParameters:
+        """The values within these ranges whose program has the largest area; that of the start is taken as it is,
+        within the ranges or not."""
+        low, high = np.array(ranges, dtype=float).T
+        at_start, begin, met = self.value(np.asarray(start, dtype=float)), np.clip(start, low, high), []
+
+        def fall(share: np.ndarray) -> tuple[float, np.ndarray]:
+            if len(met) == evaluations - 1:
+                raise BudgetExhausted
+            values = low + np.clip(share, 0.0, 1.0) * (high - low)
+            area, slopes = self.value_and_slopes(values, STEP * np.where(share > 0.5, low - high, high - low))
+            met.append((area, values))
+            show(area)
+            return -area, -slopes * (high - low)
+
+        with suppress(BudgetExhausted):
+            minimize(
+                fall, (begin - low) / np.where(high > low, high - low, 1.0), jac=True, method="L-BFGS-B",
+                bounds=[(0.0, float(h > l)) for l, h in zip(low, high, strict=True)], options={"ftol": LEAST_GAIN},
+            )  # fmt: skip
+        area, values = max(met, key=lambda pair: pair[0])
+        return LargestOverParameters(tuple(values.tolist()), area, at_start, len(met) + 1)
+
     def value(self, values: np.ndarray) -> float:
         """The largest area ratio, or what stands for the shortfall where no cam keeps the margin."""
         return self._solved(self._program(values))[0]
 
     def value_and_slopes(self, values: np.ndarray, steps: np.ndarray) -> tuple[float, np.ndarray]:
-        """The same with its slope by every value: of the area by the program's duals, which is exact but for the size
-        of the steps, and of a shortfall by its differences. Zero where a number does not move, and where no program on
-        either side is alike."""
+        """The same with its slope by every value: of the area by the program's duals, exact but for the size of the
+        steps, of a shortfall by its differences; zero where a number does not move or no program on either side is
+        alike."""
         value, found = self._solved(self._program(values))
         along, slopes = np.diag(steps), np.zeros(len(values))
         for k in np.flatnonzero(steps):
@@ -190,7 +181,7 @@ class Programs:
 
     def _solved(self, program: NoJumpProgram) -> tuple[float, NoJumpOptimum | None]:
         try:
-            found = program.solve(Margins(self.margin_N, self.margin_N, self.margin_N))
+            found = program.solve(self.margin_N)
             return found.area_ratio, found
         except NoCamHoldsContact as short:
             return -SHORTFALL * min(short.shortfall_N, 1e6), None

@@ -17,10 +17,10 @@ from camopt.cam.tables.lift_table import write_lift_table
 from camopt.optimizer.accuracy import Accuracy, accuracy_named, drawn_speeds
 from camopt.optimizer.as_built.checks import check_wanted
 from camopt.optimizer.bound.certificate import area_ratio_bound
-from camopt.optimizer.candidates import Families, KnownCam, largest_confirmed
+from camopt.optimizer.candidates import KnownCam, family_cams, largest_confirmed
 from camopt.optimizer.first_run import SAYING, compile_programs, programs_missing
 from camopt.optimizer.free_numbers import free_numbers, with_best_values
-from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum, limit_sensitivities
+from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.search import cams
 from camopt.optimizer.search.search import find_cam
@@ -102,14 +102,14 @@ def optimize(
     `start`, by default from the calmest one (`camopt.optimizer.search.search`). The run folder (docs/run-folder.md)
     goes to `out` (default runs/<scene>-<UTC time>), but for report.html, which `camopt.report` makes from it. With
     `resume` an interrupted run in `out` goes on and ends in the same design. `seed`, where it is not zero, draws the
-    knots. Where the scene says how trains differ, fresh ones say in what share of them the cam holds, and `as_built`
-    of the answer has it. `designed` is called with the folder once the design, its verdict, that share and the
-    provenance are written, before the comparison, which can cost none of them; without `compare` there is none. With
-    `wanted_yield`, a share such as 0.99, the cam must hold in that share of them over its band, or the run is not
-    confirmed. `free` names numbers of the scene that the design may choose, with their ranges (low, high) in the key's
-    unit, as {"spring.preload_N": (200, 320)} (`camopt.optimizer.free_numbers`); the folder's scene.toml has the chosen
-    values. `source` is what `gradient` is called elsewhere; `width_um`, `tie` and `steps_per_revolution` are as of
-    `linearised`. Where a family's largest member is confirmed and larger than the search's cam, it is the design.
+    knots. Where the scene says how trains differ, `as_built` of the answer has the share of fresh ones in which the cam
+    holds; with `wanted_yield`, such as 0.99, the run is confirmed only where that share of them holds over the band.
+    `designed` is called with the folder once the design, its verdict, that share and the provenance are written, before
+    the comparison, which can cost none of them; without `compare` there is none. `free` names numbers of the scene that
+    the design may choose, with their ranges (low, high) in the key's unit, as {"spring.preload_N": (200, 320)}
+    (`camopt.optimizer.free_numbers`); the folder's scene.toml has the chosen values. `source` is what `gradient` is
+    called elsewhere; `width_um`, `tie` and `steps_per_revolution` are as of `linearised`. Where a family's largest
+    member is confirmed and larger than the search's cam, it is the design.
 
     Raises InputError for unknown words, contradictory limits, an unusable folder or one of another run, and NoCamFound,
     which is one, where the search finds no cam and no family's largest one is confirmed.
@@ -173,9 +173,9 @@ class _OpenRun:
     found: dict = field(default_factory=dict)  # of the search, for the provenance
 
     @cached_property
-    def families(self) -> Families:
+    def families(self) -> dict[str, Lift | str]:
         """Every family's largest member in the scene."""
-        return Families(self.scene)
+        return family_cams(self.scene)
 
     def make_programs(self, shown: Progress) -> None:
         """On the first run of an installation: the compiled programs."""
@@ -205,7 +205,7 @@ class _OpenRun:
             area_ratio_no_jump=no_jump.area_ratio if no_jump else None,
             gradient_gain=cam.area_ratio - no_jump.area_ratio if no_jump and not why else None,
             verdict_fell_back=chosen.fell_back,
-            limit_worth=limit_sensitivities(kinematic),
+            limit_worth=kinematic.sensitivities,
             **({"why_a_family": why} if why else {}),
             **self.further,
         )
@@ -248,11 +248,11 @@ class _OpenRun:
     def state_yield(self, folder: Path, lift: Lift, verdict: Verdict, shown: Progress) -> "YieldStatement | None":
         """What fresh trains say of the cam, written into verification.json; None where nothing scatters."""
         from camopt.optimizer.as_built.statement import beside, statement_of_run
-        from camopt.optimizer.baselines.comparison import NO_JERK, plain_baselines
+        from camopt.optimizer.baselines.comparison import plain_baselines
 
         def baselines() -> dict[str, Lift | str]:
-            found = plain_baselines(self.scene, known=self.families.cams) if self.compare else {}
-            return {name: cam for name, cam in found.items() if NO_JERK not in name}
+            known = {"without_jerk_limit": False, "known": self.families}
+            return plain_baselines(self.scene, **known) if self.compare else {}
 
         with self.clock.stage("yield"):
             asked = {"baselines": baselines, "advance": shown.advance}
@@ -279,14 +279,13 @@ class _OpenRun:
 
     def compared(self, folder: Path, lift: Lift, verdict: Verdict, shown: Progress) -> None:
         """The comparison with its figures or, where none is asked for, the figures of the design alone."""
+        from camopt.optimizer.baselines.comparison import compare_in, plain_baselines  # matplotlib: once there is a cam
+        from camopt.optimizer.baselines.figures import draw
+
         scene, effort = self.scene, self.effort
         if not self.compare:
-            from camopt.optimizer.baselines.figures import draw  # loads matplotlib: only once there is a design
-
             speeds = drawn_speeds(scene.required_operation, effort)
             draw(folder, scene, {"design": lift}, {"design": verdict.as_dict()}, speeds)
             return
-        from camopt.optimizer.baselines.comparison import compare_in, plain_baselines
-
-        baselines = plain_baselines(scene, without_jerk_limit=effort.without_jerk_limit, known=self.families.cams)
+        baselines = plain_baselines(scene, without_jerk_limit=effort.without_jerk_limit, known=self.families)
         compare_in(folder, scene, {"design": lift}, {"design": verdict}, effort, baselines, shown.advance)

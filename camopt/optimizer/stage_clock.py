@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import asdict, dataclass
+from itertools import accumulate
 from threading import get_ident
 
 from numba.core import event
@@ -13,7 +14,6 @@ from tqdm import tqdm
 
 from camopt.optimizer.accuracy import Accuracy
 
-KIB_PER_MB = 1000**2 / 1024
 VERDICT_STEPS, YIELD_STEPS, COMPARISON_STEPS = 30, 20, 40
 """What verdict, drawn trains and comparison take, in judged cams of the search: only the estimate of the time left
 hangs on it."""
@@ -21,14 +21,14 @@ OTHER_STEPS = 10
 """Cams that the search judges before margins are fed back and after that, more or less."""
 
 
-@dataclass(frozen=True)
+@dataclass
 class Cost:
     """The cost of one stage; processor time is that of all threads, memory the process's highest so far."""
 
-    clock_s: float
-    processor_s: float  # with that of processes which the stage waited for
-    compilation_s: float  # processor time of numba's compilations, and the clock of JAX's
-    peak_memory_MB: float | None  # None where the system does not tell
+    clock_s: float = 0.0
+    processor_s: float = 0.0  # with that of processes which the stage waited for
+    compilation_s: float = 0.0  # processor time of numba's compilations, and the clock of JAX's
+    peak_memory_MB: float | None = None  # None where the system does not tell
 
 
 def processor_s() -> float:
@@ -47,19 +47,16 @@ class StageClock:
     @contextmanager
     def stage(self, name: str) -> Iterator[None]:
         """Measures what runs inside, also where it raises."""
-        before = time.perf_counter(), processor_s()
-        known = self.costs.get(name, Cost(0.0, 0.0, 0.0, None))
+        begun, spent = time.perf_counter(), processor_s()
         with _compiling() as compiled:
             try:
                 yield
             finally:
-                clock, processor = time.perf_counter() - before[0], processor_s() - before[1]
-                self.costs[name] = Cost(
-                    known.clock_s + clock,
-                    known.processor_s + processor,
-                    known.compilation_s + compiled.seconds,
-                    peak_memory_mb(),
-                )
+                cost = self.costs.setdefault(name, Cost())
+                cost.clock_s += time.perf_counter() - begun
+                cost.processor_s += processor_s() - spent
+                cost.compilation_s += compiled.seconds
+                cost.peak_memory_MB = peak_memory_mb()
 
     def times_s(self) -> dict[str, float]:
         """The clock of every stage and, under "total", since the clock was made [s]."""
@@ -85,7 +82,7 @@ def peak_memory_mb() -> float | None:
     except ImportError:  # Windows
         return None
     highest = getrusage(RUSAGE_SELF).ru_maxrss
-    return highest / 1000**2 if sys.platform == "darwin" else highest / KIB_PER_MB  # bytes there, KiB elsewhere
+    return highest * (1 if sys.platform == "darwin" else 1024) / 1000**2  # bytes there, KiB elsewhere
 
 
 class _Compilation(event.Listener):
@@ -116,15 +113,13 @@ class _Compilation(event.Listener):
 @contextmanager
 def _compiling() -> Iterator[_Compilation]:
     """Listens to numba and, if it is loaded by then, to JAX."""
-    found = _Compilation()
-    event.register("numba:compile", found)
-    monitoring = sys.modules.get("jax.monitoring")
+    found, monitoring = _Compilation(), sys.modules.get("jax.monitoring")
     if monitoring is not None:
         monitoring.register_event_duration_secs_listener(found.add)
     try:
-        yield found
+        with event.install_listener("numba:compile", found):
+            yield found
     finally:
-        event.unregister("numba:compile", found)
         if monitoring is not None:
             monitoring.unregister_event_duration_listener(found.add)
 
@@ -133,13 +128,12 @@ class Progress:
     """A bar over the job's stages, whose end is the job's; silent where not wanted."""
 
     def __init__(self, wanted: bool, effort: Accuracy, gradient: str, compared: bool):
-        self._end = {"search": OTHER_STEPS + (effort.feedback_rounds if gradient != "none" else 0)}
-        self._end["verdict"] = self._end["search"] + VERDICT_STEPS
-        self._end["yield"] = self._end["verdict"] + YIELD_STEPS
-        self._end["comparison"] = self._end["yield"] + (COMPARISON_STEPS if compared else 0)
-        total = max(self._end.values())
+        search = OTHER_STEPS + (effort.feedback_rounds if gradient != "none" else 0)
+        steps = search, VERDICT_STEPS, YIELD_STEPS, COMPARISON_STEPS if compared else 0
+        ends = zip(("search", "verdict", "yield", "comparison"), accumulate(steps), strict=True)
+        self._end: dict[str, int] = dict(ends)
         form = "{desc}: {percentage:3.0f}% |{bar}| {elapsed}, {remaining} left{postfix}"
-        self._bar = tqdm(total=total, disable=None if wanted else True, dynamic_ncols=True, bar_format=form)
+        self._bar = tqdm(total=sum(steps), disable=None if wanted else True, dynamic_ncols=True, bar_format=form)
         self._stage, self._unwanted = "", not wanted
 
     def __enter__(self) -> "Progress":

@@ -9,7 +9,7 @@ import xarray as xr
 from tqdm import tqdm
 
 from camopt.optimizer.accuracy import Accuracy, accuracy_named
-from camopt.optimizer.free_numbers import maximise_over_parameters
+from camopt.optimizer.free_numbers import Programs
 from camopt.optimizer.search.search import find_cam
 from camopt.scene import InputError, Scene
 from camopt.scene.parameters import with_spring
@@ -147,10 +147,9 @@ def joint_spring(
 ) -> SpringDesign:
     """The factors on the valve spring's rate and preload, within these ranges, that give the program its largest area
     (`camopt.optimizer.free_numbers`); `optimize` confirms the cam of the scene that is found."""
-    best = maximise_over_parameters(
-        lambda factors: with_spring(scene, *map(float, factors)), (1.0, 1.0), (rate, preload), speeds,
-        accuracy_named(accuracy), margin_N, evaluations,
-    )  # fmt: skip
+    effort = accuracy_named(accuracy)
+    programs = Programs(lambda factors: with_spring(scene, *map(float, factors)), speeds, effort, margin_N)
+    best = programs.largest((1.0, 1.0), (rate, preload), evaluations)
     rate_factor, preload_factor = best.values
     scene = with_spring(scene, rate_factor, preload_factor)
     return SpringDesign(rate_factor, preload_factor, best.area_ratio, best.at_start, scene, best.evaluations)

@@ -5,7 +5,7 @@ from collections.abc import Mapping
 from camopt.cam.lift import Lift
 from camopt.optimizer.accuracy import accuracy_named
 from camopt.optimizer.as_built.checks import has_a_yield
-from camopt.optimizer.candidates import Families, full_verdict, largest_confirmed
+from camopt.optimizer.candidates import family_cams, full_verdict, largest_confirmed
 from camopt.optimizer.search.search import find_cam
 from camopt.scene import InputError, Scene
 from camopt.scene.load import checked_scene
@@ -44,7 +44,7 @@ def what_if(
         effort = accuracy_named(DRAFT)
         try:
             search = find_cam(after, "band", effort)
-            chosen = largest_confirmed(after, search.confirmed, "band", effort, Families(after))
+            chosen = largest_confirmed(after, search.confirmed, "band", effort, family_cams(after))
             content["redesigned"] = outcome(after, chosen.cam.lift, trains)
         except InputError as error:
             none = {"cam": "none", "verdict": "none holds", "says": str(error)}

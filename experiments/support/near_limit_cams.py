@@ -21,7 +21,6 @@ from camopt.exact.adjoint.metrics import evaluate
 from camopt.exact.adjoint.motion import OBSERVATIONS, TracedMotion, metric_numbers
 from camopt.exact.adjoint.seeds import empty_seeds
 from camopt.exact.engine import prepare
-from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import NoCamHoldsContact, no_jump_program
 from camopt.scene import MotionRefused, Scene, build_train
@@ -242,12 +241,12 @@ def _line(scene: Scene, cam: FreeCam, rng: np.random.Generator) -> tuple[np.ndar
     program = no_jump_program(build_train(scene), design, cam, speeds)
     kept, tension = rng.uniform(*KEPT_N, 3), np.exp(rng.uniform(*np.log(TENSION_N), 3))
     try:
-        safe = program.solve(Margins(*kept)).z
+        safe = program.solve(kept).z
     except NoCamHoldsContact as none:
-        safe = program.solve(Margins(*(kept - none.shortfall_N - 1.0))).z
+        safe = program.solve(kept - none.shortfall_N - 1.0).z
     if rng.random() < KINEMATIC:
         return safe, kinematic_optimum(design, cam).z
-    return safe, program.solve(Margins(*-tension)).z
+    return safe, program.solve(-tension).z
 
 
 def _located(scene: Scene, cam: FreeCam, safe, risky, target: float) -> tuple[np.ndarray, Truth] | None:

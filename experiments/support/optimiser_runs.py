@@ -25,8 +25,7 @@ from camopt.optimizer.ascent.ascent import AscentState
 from camopt.optimizer.ascent.lagrangian import PathLagrangian
 from camopt.optimizer.ascent.objective import Objective
 from camopt.optimizer.ascent.projection import ShapeLimits
-from camopt.optimizer.ascent.train_variables import TrainVariables
-from camopt.optimizer.ascent.variables import FreeVariables, Variables
+from camopt.optimizer.ascent.variables import FreeVariables, TrainVariables, Variables
 from camopt.optimizer.program.kinematic import area_ratio_row
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.search.cams import FOLDER

@@ -13,7 +13,6 @@ from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.bound.fine_program import left_out
 from camopt.optimizer.bound.summary import no_jump_bound
-from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.program_cam import centres, program_cam
@@ -222,15 +221,14 @@ def test_rocker_ratio_turns_valve_lift_into_follower_lift():
 
 @pytest.mark.long
 def test_the_no_jump_program_and_its_bound_hold_the_limits_too():
-    margins = Margins(20.0, 20.0, 20.0)
     scene = scene_with(nose_radius_min_mm=6.0, piston=PISTON)
     train, speeds = build_train(scene), [scene.cam_speed(6000.0)]
     program = no_jump_program(train, scene.design, program_cam(scene.design, 3.0), speeds)
-    held = program.solve(margins)
-    free = no_jump_program(train, KODAMA.design, free_cam(KODAMA.design, 3.0), speeds).solve(margins)
+    held = program.solve(20.0)
+    free = no_jump_program(train, KODAMA.design, free_cam(KODAMA.design, 3.0), speeds).solve(20.0)
     assert broken_by_shape(free.lift, scene.design) == ["piston", "nose_radius_min_mm"]
     assert broken_by_shape(held.lift, scene.design) == []
-    bound = float(no_jump_bound(program, margins).bound)
+    bound = float(no_jump_bound(program, 20.0).bound)
     assert held.area_ratio < bound < area_ratio_bound(scene.design).bound
     assert bound < free.area_ratio
 

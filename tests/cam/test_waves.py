@@ -11,7 +11,6 @@ from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.bound.fine_program import left_out
-from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import conflict, kinematic_optimum
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.program_cam import program_cam, with_switches
@@ -48,9 +47,9 @@ def test_a_cam_with_few_waves_keeps_the_limit_and_one_without_the_limit_breaks_i
 @pytest.mark.parametrize("knot_deg", [6.0, pytest.param(3.0, marks=pytest.mark.long)])
 def test_the_no_jump_program_keeps_it_too_and_loses_little(knot_deg):
     train, speeds = build_train(KODAMA), [KODAMA.cam_speed(6000.0)]
-    free = no_jump_program(train, KODAMA.design, free_cam(KODAMA.design, knot_deg), speeds).solve(Margins(0, 0, 0))
+    free = no_jump_program(train, KODAMA.design, free_cam(KODAMA.design, knot_deg), speeds).solve(0.0)
     few = no_jump_program(train, limited(5), program_cam(limited(5), knot_deg), speeds)
-    held = with_switches(few, 0.0).solve(Margins(0, 0, 0))
+    held = with_switches(few, 0.0).solve(0.0)
     assert len(sign_changes(free.lift)) >= 9
     assert counted(held.lift) == len(sign_changes(held.lift)) == 5
     assert broken_by_shape(held.lift, limited(5)) == []

@@ -5,7 +5,6 @@ from threadpoolctl import threadpool_limits
 
 from camopt.designer.cams import KNOT_DEG, program_speeds_rpm
 from camopt.designer.session import Session
-from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.program_cam import program_cam
@@ -37,7 +36,7 @@ def test_radii_are_looked_for_while_dragging_and_held_at_rest(scene):
     cam, speeds = program_cam(edited.design, KNOT_DEG), [edited.cam_speed(s) for s in program_speeds_rpm(edited)]
     with threadpool_limits(limits=1, user_api="blas"):
         direct = converge_tangents(no_jump_program(build_train(edited), edited.design, cam, speeds), 0.0)
-        assert found["area_ratio"] == pytest.approx(direct.solve(Margins(0.0, 0.0, 0.0)).area_ratio, abs=1e-8)
+        assert found["area_ratio"] == pytest.approx(direct.solve(0.0).area_ratio, abs=1e-8)
     assert found["area_ratio"] < sketch["area_ratio"]
 
 

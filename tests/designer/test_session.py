@@ -16,8 +16,7 @@ from camopt.designer.slow_parts import YIELD_SPEEDS, baselines_part, bound_part,
 from camopt.exact.settled import settled_metrics
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.bound.certificate import area_ratio_bound
-from camopt.optimizer.program.force_rows import Margins
-from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities
+from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.scene import builtin_scenes, load_scene
 from camopt.scene.parameters import with_spring
@@ -63,7 +62,7 @@ def test_the_cam_is_that_of_the_public_functions(session, name):
     cam, margin = camopt.free_cam(scene.design, KNOT_DEG), values.get("margin_N", 0.0)
     speeds = [scene.cam_speed(s) for s in program_speeds_rpm(scene)]
     with threadpool_limits(limits=1, user_api="blas"):
-        direct = no_jump_program(build_train(scene), scene.design, cam, speeds).solve(Margins(*[margin] * 3))
+        direct = no_jump_program(build_train(scene), scene.design, cam, speeds).solve(margin)
     assert found["area_ratio"] == pytest.approx(direct.area_ratio, abs=1e-8)
     assert found["broken_by_shape"] == []
 
@@ -81,7 +80,7 @@ def test_the_kinematic_cam_and_the_worth_of_its_limits(session):
     found = session.answer({"program": "kinematic"})
     direct = kinematic_optimum(SCENE.design, camopt.free_cam(SCENE.design, KNOT_DEG))
     assert found["area_ratio"] == pytest.approx(direct.area_ratio, abs=1e-9)
-    assert found["worth"] == pytest.approx(limit_sensitivities(direct), abs=1e-6)
+    assert found["worth"] == pytest.approx(direct.sensitivities, abs=1e-6)
     assert found["margin_price"] is None
 
 

@@ -1,18 +1,23 @@
-"""The kinematic program and its certificate: known bounds, weak duality, shadow prices, contradictory limits."""
+"""The kinematic program and its certificate: known bounds, weak duality, shadow prices, contradictory limits, and words
+on area ratios beyond what is possible."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
+from camopt.cam.design_file import write_design
 from camopt.cam.families.free import free_cam
-from camopt.optimizer.bound.certificate import Certificate, _constant, _switching_function, area_ratio_bound
-from camopt.optimizer.program.kinematic import first_working, kinematic_optimum, limit_sensitivities, spline_rows
+from camopt.cam.families.polydyne import polydyne
+from camopt.cli.parser import main
+from camopt.optimizer.bound.certificate import Certificate, _constant, _switching_function, area_ratio_bound, area_words
+from camopt.optimizer.program.kinematic import first_working, kinematic_optimum, spline_rows
 from camopt.optimizer.program.linear_program import maximise
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG2
 
-KODAMA = load_scene("kodama").design
+SCENE = load_scene("kodama")
+KODAMA = SCENE.design
 
 
 def changed(**limits):
@@ -152,7 +157,7 @@ def test_worth_of_a_limit_is_the_change_of_area_for_one_per_cent(name):
     step = 1e-4
     more = changed(**{name: getattr(KODAMA, name) * (1 + step)})
     gain = kinematic_optimum(more, cam).lift.area / found.lift.area - 1
-    assert limit_sensitivities(found)[name] == pytest.approx(gain / step, rel=0.02)
+    assert found.sensitivities[name] == pytest.approx(gain / step, rel=0.02)
 
 
 def test_contradictory_limits_name_the_limits_and_the_values_that_resolve_them():
@@ -174,3 +179,34 @@ def test_a_cap_below_what_the_ramps_need_is_refused_by_program_and_bound():
     for refuse in (lambda: kinematic_optimum(design, free_cam(design)), lambda: area_ratio_bound(design)):
         with pytest.raises(InputError, match=r"max_lift_mm would have to rise from 0\.27 to 0\.\d+"):
             refuse()
+
+
+def of_duration(degrees):
+    """The Polydyne of another duration."""
+    return polydyne(SCENE.model_copy(update={"design": changed(duration_deg=degrees)}))
+
+
+def test_a_cam_of_the_scene_needs_no_word():
+    assert area_words(polydyne(SCENE), KODAMA) == []
+
+
+@pytest.mark.parametrize("claim", [144.0, 200.0])
+def test_a_longer_cam_exceeds_the_certified_bound_and_it_is_said(claim):
+    """An event of 200 deg had 0.739 where the bound is 0.618, and was confirmed."""
+    longer = replace(of_duration(200.0), half_duration=claim * DEG / 2)
+    first, second = area_words(longer, KODAMA)
+    assert "longer than the 144 deg of the scene" in first
+    assert "exceeds the certified bound of 0.61" in second and "breaks duration_deg" in second
+
+
+def test_a_ratio_above_one_is_said():
+    raised = replace(of_duration(200.0), coefficients=2 * of_duration(200.0).coefficients)
+    assert any("exceeds one: the lift exceeds max_lift_mm = 9.4" in said for said in area_words(raised, KODAMA))
+
+
+def test_the_command_says_it(tmp_path, capsys):
+    write_design(tmp_path / "short.json", of_duration(118.0), 9.4 * MM)
+    assert main(["cam", "kodama", "--cam", str(tmp_path / "short.json")]) == 0
+    out = capsys.readouterr().out
+    assert "note: the cam's duration of 118 deg is shorter than the 144 deg of the scene" in out
+    assert f"area ratio {of_duration(118.0).area_ratio_in(KODAMA):.6f}" in out

@@ -11,7 +11,7 @@ from camopt.cam.read import read_cam
 from camopt.cli.parser import main
 from camopt.optimizer import candidates, run
 from camopt.optimizer.accuracy import ACCURACIES
-from camopt.optimizer.candidates import Families, Member, largest_confirmed
+from camopt.optimizer.candidates import Member, largest_confirmed, ruled_out
 from camopt.optimizer.run import optimize
 from camopt.optimizer.search.cams import Search
 from camopt.optimizer.search.judge import Judged
@@ -32,25 +32,21 @@ def searched(*areas):
     return [SimpleNamespace(lift=replace(CAMS["kurz"], family="free"), area_ratio=area) for area in areas]
 
 
-class Known(Families):
-    """Two families, of which event-exact rules out those that are named."""
-
-    cams = CAMS
-    out = ()
-
-    def ruled_out(self, member):
-        asked.append(member.lift.family)
-        return "bounce_max_mm" if member.lift.family in self.out else ""
-
-
 asked: list[str] = []
+out: list[str] = []
+"""The families that event-exact rules out."""
 
 
 @pytest.fixture
 def verdicts(monkeypatch):
-    """A verdict that confirms what is named in the list that it gives back, by family and rounded area ratio."""
+    """A verdict that confirms what is named in the list that it gives back, by family."""
     confirmed: list[str] = []
     asked.clear()
+    out.clear()
+
+    def rules_out(scene, lift):
+        asked.append(lift.family)
+        return "bounce_max_mm" if lift.family in out else ""
 
     def verdict(scene, lift, *_, **__):
         asked.append(f"verdict on {lift.family}")
@@ -58,13 +54,14 @@ def verdicts(monkeypatch):
         return SimpleNamespace(verdict=word, broken=() if word == "confirmed" else ("jump_max_mm at 7000 r/min",))
 
     monkeypatch.setattr(candidates, "verdict_on", verdict)
+    monkeypatch.setattr(candidates, "ruled_out", rules_out)
     return confirmed
 
 
 def test_where_the_largest_cam_is_the_search_s_no_member_is_judged(verdicts):
     verdicts += ["free", "kurz", "trapezoid"]
     search = searched(0.7, 0.8)
-    chosen = largest_confirmed(SCENE, search, "nominal", DRAFT, Known(SCENE))
+    chosen = largest_confirmed(SCENE, search, "nominal", DRAFT, CAMS)
     assert chosen.cam is search[-1] and asked == ["verdict on free"]
     assert chosen.fell_back == {"candidates_judged": 1, "largest_refused_area_ratio": None}
     assert chosen.why_a_family(search, "") == ""
@@ -73,7 +70,7 @@ def test_where_the_largest_cam_is_the_search_s_no_member_is_judged(verdicts):
 def test_a_larger_member_that_is_confirmed_takes_the_place_of_the_search_s_cam(verdicts):
     verdicts += ["free", "kurz"]
     search = searched(0.5)
-    chosen = largest_confirmed(SCENE, search, "nominal", DRAFT, Known(SCENE))
+    chosen = largest_confirmed(SCENE, search, "nominal", DRAFT, CAMS)
     areas = {name: cam.area_ratio_in(SCENE.design) for name, cam in CAMS.items()}
     assert areas["trapezoid"] > areas["kurz"] > 0.5
     assert isinstance(chosen.cam, Member) and chosen.cam.area_ratio == areas["kurz"]
@@ -82,17 +79,17 @@ def test_a_larger_member_that_is_confirmed_takes_the_place_of_the_search_s_cam(v
     assert f"trapezoid with {areas['trapezoid']:.5f} (jump_max_mm at 7000 r/min)" in why
 
 
-def test_a_larger_member_that_event_exact_rules_out_is_not_verified(verdicts, monkeypatch):
+def test_a_larger_member_that_event_exact_rules_out_is_not_verified(verdicts):
     verdicts += ["free", "trapezoid", "kurz"]
-    monkeypatch.setattr(Known, "out", ("trapezoid", "kurz"))
-    chosen = largest_confirmed(SCENE, searched(0.5), "nominal", DRAFT, Known(SCENE))
+    out.extend(("trapezoid", "kurz"))
+    chosen = largest_confirmed(SCENE, searched(0.5), "nominal", DRAFT, CAMS)
     assert chosen.cam.area_ratio == 0.5 and asked == ["trapezoid", "kurz", "verdict on free"]
 
 
 def test_where_the_search_s_cams_are_refused_a_smaller_member_is_delivered(verdicts):
     verdicts += ["kurz"]
     search = searched(0.7, 0.8)
-    chosen = largest_confirmed(SCENE, search, "nominal", DRAFT, Known(SCENE))
+    chosen = largest_confirmed(SCENE, search, "nominal", DRAFT, CAMS)
     assert chosen.cam.lift.family == "kurz"
     assert chosen.fell_back == {"candidates_judged": 2, "largest_refused_area_ratio": 0.8}
     assert "the search with 0.80000 (jump_max_mm at 7000 r/min)" in chosen.why_a_family(search, "")
@@ -100,23 +97,22 @@ def test_where_the_search_s_cams_are_refused_a_smaller_member_is_delivered(verdi
 
 def test_where_nothing_is_confirmed_the_search_s_largest_cam_stands_with_its_verdict(verdicts):
     search = searched(0.4, 0.5)
-    chosen = largest_confirmed(SCENE, search, "nominal", DRAFT, Known(SCENE))
+    chosen = largest_confirmed(SCENE, search, "nominal", DRAFT, CAMS)
     assert chosen.cam is search[-1] and chosen.verdict.verdict == "rejected"
 
 
 def test_where_nothing_is_known_the_sentence_names_the_search_and_the_families(verdicts):
     with pytest.raises(NoCamFound, match=r"the margins\. Beside .* none is confirmed: trapezoid with 0\..*; kurz with"):
-        largest_confirmed(SCENE, [], "nominal", DRAFT, Known(SCENE), "no cam keeps the margins")
+        largest_confirmed(SCENE, [], "nominal", DRAFT, CAMS, "no cam keeps the margins")
     with pytest.raises(NoCamFound, match="no family has a member that holds the limits on the shape"):
         largest_confirmed(SCENE, [], "nominal", DRAFT, None, "no cam keeps the margins")
 
 
 def test_event_exact_rules_out_what_breaks_a_limit_and_not_what_is_calm():
-    fast = Families(SCENE)
-    multi_pol = Member(read_cam("multi-pol", SCENE), 0.6)
-    assert "bounce_max_mm at 7000 r/min" == fast.ruled_out(multi_pol)
+    multi_pol = read_cam("multi-pol", SCENE)
+    assert ruled_out(SCENE, multi_pol) == "bounce_max_mm at 7000 r/min"
     calm = SCENE.model_copy(update={"operation": SCENE.operation.model_copy(update={"speeds_rpm": (2000.0,)})})
-    assert Families(calm).ruled_out(multi_pol) == ""
+    assert ruled_out(calm, multi_pol) == ""
 
 
 @pytest.fixture(scope="module")
@@ -178,7 +174,7 @@ def test_the_comparison_designs_no_member_again(wide_lash, tmp_path, monkeypatch
     monkeypatch.setattr("camopt.optimizer.baselines.comparison.compare_in", lambda *given: compared.append(given[5]))
     compared = []
     shown = SimpleNamespace(advance=lambda share: None)
-    assert job.families.members() == []
+    assert set(job.families) == set(candidates.FAMILIES)
     job.compared(tmp_path, CAMS["kurz"], SimpleNamespace(), shown)
     assert designed == list(candidates.FAMILIES)
     assert compared[0]["polydyne"] == "no polydyne here" and {"multi-pol", "new-design"} <= compared[0].keys()

@@ -34,6 +34,11 @@ MOTION = ("bounce_mm", "jump_mm", "contact_force_min_N", "seating_velocity_m_per
 AT_REST = {"speed_rpm": 5000.0, "verdict": "rejected", "bounce_range_mm": [0.0, 0.0]} | dict.fromkeys(MOTION, 0.0)
 
 
+def table(folder):
+    """The rows of a folder's comparison."""
+    return list(csv.DictReader((folder / "comparison.csv").read_text(encoding="utf-8").splitlines()))
+
+
 def test_plain_baselines_fill_both_tables(monkeypatch):
     assert comparison.SECTIONED == ("multi-pol", "new-design")
     monkeypatch.setattr(comparison, "SECTIONED", ("multi-pol",))
@@ -111,15 +116,14 @@ def test_the_jerk_limit_does_not_reject_in_the_table_without_it():
 
 def test_a_family_without_member_is_said(tmp_path, monkeypatch):
     monkeypatch.setattr(comparison, "draw", lambda *a: {"bounce_against_speed": Figure()})
-    monkeypatch.setitem(comparison.BASELINES, "plain", lambda *_: {"polydyne": "no member, because"})
+    monkeypatch.setattr(comparison, "plain_baselines", lambda *_: {"polydyne": "no member, because"})
     lift = polydyne(MOTORI)
     verdict = verdict_on(MOTORI, lift, None, ("event",), None, Tolerances(5.0, 0))
     monkeypatch.setattr(comparison, "verdict_on", lambda *a, **k: verdict)
     found = compare(MOTORI, {"mine": lift}, tmp_path / "out")
     folder = found.folder
     assert found.plot() is found.figures["bounce_against_speed"]
-    with open(folder / "comparison.csv", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = table(folder)
     assert [r["cam"] for r in rows] == ["design"] * len(MOTORI.operation.speeds_rpm) + ["polydyne"]
     assert rows[-1]["broken"] == "no member, because"
     assert rows[-1]["area_ratio"] == rows[-1]["speed_rpm"] == ""
@@ -135,8 +139,7 @@ def test_two_designs_alone_are_compared_without_the_literature(tmp_path, monkeyp
     monkeypatch.setattr(comparison, "draw", lambda folder, scene, cams, *a: shown.extend(cams) or {})
     cam = polydyne(MOTORI)
     folder = compare(MOTORI, {"first": cam, "second": cam}, tmp_path / "out", baselines="none").folder
-    with open(folder / "comparison.csv", encoding="utf-8") as file:
-        assert {row["cam"] for row in csv.DictReader(file)} == {"first", "second"} == set(shown)
+    assert {row["cam"] for row in table(folder)} == {"first", "second"} == set(shown)
 
 
 @pytest.fixture(scope="module")
@@ -167,8 +170,7 @@ def compared(narrow, tmp_path_factory):
 
 
 def test_families_are_judged_over_the_band_as_the_design_is(compared):
-    with open(compared / "comparison.csv", encoding="utf-8") as file:
-        rows = list(csv.DictReader(file))
+    rows = table(compared)
     mine, family = ([r | {"cam": ""} for r in rows if r["cam"] == cam] for cam in ("mine", "exponent"))
     assert mine == family and len(mine) > 1  # the same cam: listed speed and the band's worst speeds
     found = json.loads((compared / "verdicts" / "exponent.json").read_text())
@@ -179,8 +181,7 @@ def test_families_are_judged_over_the_band_as_the_design_is(compared):
 
 
 def test_a_family_that_fails_in_any_way_costs_its_row_alone(compared):
-    with open(compared / "comparison.csv", encoding="utf-8") as file:
-        rows = {r["cam"]: r for r in csv.DictReader(file)}
+    rows = {r["cam"]: r for r in table(compared)}
     assert rows["kurz"]["verdict"] == rows["polydyne"]["verdict"] == "failed"
     assert rows["polydyne"]["broken"] == "no member, because of that"
     assert rows["kurz"]["broken"] == "a defect of camopt (LinAlgError: Singular matrix)"
@@ -236,5 +237,5 @@ def test_faults(tmp_path):
 
 def test_a_comparison_without_any_cam_is_its_table_alone(tmp_path):
     assert comparison.compare_in(tmp_path, KODAMA, {}, {}, ACCURACIES["draft"], {"kurz": "no member"}) == {}
-    (row,) = csv.DictReader((tmp_path / "comparison.csv").read_text(encoding="utf-8").splitlines())
+    (row,) = table(tmp_path)
     assert (row["cam"], row["verdict"]) == ("kurz", "failed")

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 
 from camopt.cam.families.free import free_cam
-from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.search.judge import (
@@ -29,7 +28,7 @@ CAM = free_cam(SCENE.design, 6.0)
 SPEEDS = np.linspace(0.7, 1.0, 7) * max(SCENE.operation.speeds_rpm)
 JUMPING = kinematic_optimum(SCENE.design, CAM).lift
 PROGRAM = no_jump_program(build_train(SCENE), SCENE.design, CAM, [SCENE.cam_speed(s) for s in SPEEDS])
-HELD = PROGRAM.solve(Margins(60.0, 60.0, 60.0)).lift
+HELD = PROGRAM.solve(60.0).lift
 
 
 FINE = np.linspace(SPEEDS[0], SPEEDS[-1], 6 * len(SPEEDS) - 5)

@@ -8,7 +8,6 @@ from scipy.optimize import linprog
 from camopt.cam.families.free import free_cam
 from camopt.highs import OPTIONS, Infeasible, minimise
 from camopt.optimizer.program import linear_program
-from camopt.optimizer.program.force_rows import Margins
 from camopt.optimizer.program.kinematic import area_ratio_row
 from camopt.optimizer.program.linear_program import Rows, maximise
 from camopt.optimizer.program.no_jump import NoCamHoldsContact, no_jump_program
@@ -144,17 +143,17 @@ def test_kodama_solved_again_with_other_margins_gives_the_cold_answer():
     cam, speeds = free_cam(scene.design, 6.0), [scene.cam_speed(s) for s in (5000.0, 7000.0)]
     program = no_jump_program(build_train(scene), scene.design, cam, speeds)
     row, constant = area_ratio_row(scene.design, cam)
-    for margins in (Margins(0.0, 0.0, 0.0), Margins(-15.0, 4.0, 30.0), Margins(5.0, -8.0, 0.0)):
+    for margins in (0.0, (-15.0, 4.0, 30.0), (5.0, -8.0, 0.0)):
         found = program.solve(margins)
-        expected = cold(row, program.rows, program.bound(margins.table(2)))
+        expected = cold(row, program.rows, program.bound(margins))
         assert found.area_ratio == pytest.approx(constant - expected.fun, abs=1e-9)
         np.testing.assert_allclose(found.z, expected.x * program.rows.column, atol=1e-8)
-    impossible = Margins(900.0, 900.0, 900.0)
-    assert cold(row, program.rows, program.bound(impossible.table(2))).status == 2
+    impossible = 900.0
+    assert cold(row, program.rows, program.bound(impossible)).status == 2
     with pytest.raises(NoCamHoldsContact):
         program.solve(impossible)
-    again = program.solve(Margins(5.0, -8.0, 0.0))
+    again = program.solve((5.0, -8.0, 0.0))
     assert again.area_ratio == pytest.approx(found.area_ratio, abs=1e-12)
     before = program.rows.model.solver.pivots
-    program.solve(Margins(6.0, -8.0, 1.0))
+    program.solve((6.0, -8.0, 1.0))
     assert 0 < program.rows.model.solver.pivots - before < 40  # goes on from its basis; the first program takes 138

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from camopt.optimizer.program.force_rows import Margins, averaged
+from camopt.optimizer.program.force_rows import averaged
 from camopt.optimizer.program.kinematic import SHORT_OF_FORCE
 from camopt.optimizer.search import region
 from camopt.optimizer.search.region import solve_priced
@@ -43,5 +43,5 @@ def test_margins_that_no_cam_keeps_fall_by_what_is_worth_its_price():
     least, priced = program().solve_below(10.0 * MARGINS), solve_priced(program(), 10.0 * MARGINS)
     fallen = least.margins.min() - priced.margins.min()
     assert fallen > 0.0 and priced.area_ratio - least.area_ratio > SHORT_OF_FORCE * fallen
-    further = program().solve(Margins(*(priced.margins - 1.0)))
+    further = program().solve(priced.margins - 1.0)
     assert further.area_ratio - priced.area_ratio < SHORT_OF_FORCE

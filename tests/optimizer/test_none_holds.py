@@ -25,8 +25,8 @@ def judged(bounce):
 
 def program(holds_N, **limits):
     def solve(margins):
-        if margins.opening > holds_N:
-            raise NoCamHoldsContact("no cam", margins.opening - holds_N)
+        if margins[0] > holds_N:
+            raise NoCamHoldsContact("no cam", margins[0] - holds_N)
 
     return SimpleNamespace(design=DESIGN.model_copy(update=limits), solve=solve)
 

@@ -10,8 +10,7 @@ from camopt.measure.limits import broken_by_shape, drawing_excess
 from camopt.optimizer.bound.certificate import area_ratio_bound
 from camopt.optimizer.bound.fine_program import left_out
 from camopt.optimizer.bound.summary import no_jump_bound
-from camopt.optimizer.program.force_rows import Margins
-from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities
+from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import no_jump_program
 from camopt.optimizer.program.program_cam import near, near_its_best, program_cam
 from camopt.optimizer.program.relocation import converge_tangents, relocate
@@ -88,7 +87,7 @@ def test_a_radius_holds_at_every_angle_and_would_be_broken_without(free, what):
     assert abs(penetration_mm(held.lift, geometry)) < 1e-3
     assert held.area_ratio < free.area_ratio < area_ratio_bound(design).bound
     assert left_out(design) == [key]
-    assert limit_sensitivities(held)[key] < 0
+    assert held.sensitivities[key] < 0
 
 
 def test_a_cam_is_not_held_back_by_its_neighbourhood(free):
@@ -120,15 +119,15 @@ def test_whatever_is_within_the_rows_holds_the_radius(free):
 def test_the_no_jump_program_holds_it_near_its_own_cam():
     geometry, key, least = ASKED["finger with a pad"]
     design = KODAMA.design.model_copy(update={key: least}).within(geometry, KODAMA.operation)
-    train, speeds, margins = build_train(KODAMA), [KODAMA.cam_speed(6000.0)], Margins(20.0, 20.0, 20.0)
+    train, speeds = build_train(KODAMA), [KODAMA.cam_speed(6000.0)]
     program = converge_tangents(no_jump_program(train, design, program_cam(design, 4.0), speeds))
-    held = program.solve(margins)
-    without = no_jump_program(train, KODAMA.design, free_cam(KODAMA.design, 4.0), speeds).solve(margins)
+    held = program.solve(20.0)
+    without = no_jump_program(train, KODAMA.design, free_cam(KODAMA.design, 4.0), speeds).solve(20.0)
     assert broken_by_shape(without.lift, design) == [key] and broken_by_shape(held.lift, design) == []
     moved = relocate(program, held.lift)
     assert moved.cam.about.near.lift(GRID * DEG) == pytest.approx(held.lift(GRID * DEG))
     assert 0 < without.area_ratio - held.area_ratio < 0.02
-    assert held.area_ratio < no_jump_bound(program, margins).bound
+    assert held.area_ratio < no_jump_bound(program, 20.0).bound
 
 
 def test_radii_that_no_cam_has_contradict_and_say_by_how_much():

@@ -72,22 +72,22 @@ def test_a_scene_that_leaves_its_duration_open_in_vain_is_refused(rows, says):
     assert len(str(error.value).splitlines()) == 1
 
 
-def test_what_reads_no_open_duration_says_where_it_is_read():
-    with pytest.raises(
-        InputError, match=r"left open: design\.duration_deg: .*chosen by the command line and by camopt"
-    ):
-        parse_scene(left_open(), "left open")
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        (left_open(), r"left open: design\.duration_deg: .*chosen by the command line and by camopt"),
+        (TEXT.replace(GIVEN, 'duration_deg = "from the card"'), r"\.duration_deg: .*number \(given: 'from the card'\)"),
+    ],
+)
+def test_what_reads_no_open_duration_says_where_it_is_read_and_what_a_duration_is(text, says):
+    with pytest.raises(InputError, match=says):
+        parse_scene(text, "left open")
 
 
 def test_a_file_that_leaves_its_duration_open_is_read(tmp_path):
     (tmp_path / "open.toml").write_text(left_open(), encoding="utf-8")
     design = camopt.load_scene(tmp_path / "open.toml").design
     assert design.duration_chosen and scene_of_text(left_open()).design == design
-
-
-def test_a_word_that_is_no_duration_is_refused_by_the_schema():
-    with pytest.raises(InputError, match=r"design\.duration_deg: .*number \(given: 'from the card'\)"):
-        parse_scene(TEXT.replace(GIVEN, 'duration_deg = "from the card"'), "scene")
 
 
 def test_a_conflict_with_a_duration_names_the_one_that_is_long_enough():

@@ -8,7 +8,7 @@ import pytest
 import camopt.smooth  # noqa: F401 - double precision
 from camopt.designer.controls import controls
 from camopt.optimizer.accuracy import ACCURACIES
-from camopt.optimizer.ascent.train_variables import TrainVariables
+from camopt.optimizer.ascent.variables import TrainVariables
 from camopt.optimizer.free_numbers import free_number, free_numbers, with_values
 from camopt.scene import InputError, build_train, parse_scene, rest_position
 from camopt.scene.as_built import deviates, scene_as_built

@@ -7,7 +7,7 @@ import numpy as np
 from camopt.cam.families.free import FreeCam
 from camopt.measure.as_built import TrainAsBuilt
 from camopt.optimizer.as_built.openings_program import STEP
-from camopt.optimizer.program.force_rows import Window
+from camopt.optimizer.program.force_rows import AFTER_TOP, BEFORE_SEAT
 from camopt.optimizer.program.periodic import (
     LIFT_DERIVATIVES,
     CamSamples,
@@ -30,10 +30,10 @@ class ExactForces:
     for_every_cam = True
 
     def __init__(self, trains: Sequence[TrainAsBuilt], nominal: Train, cam: FreeCam, cam_speeds: np.ndarray):
-        window, top = Window(), float(cam.breaks[0])
+        top = float(cam.breaks[0])
         self._usual = static_angles(nominal, cam)
-        last = self._usual.seat_closes - window.before_seat - top
-        self.theta = top + STEP * np.arange(np.ceil(window.after_top / STEP - 1e-9), np.floor(last / STEP) + 1)
+        last = self._usual.seat_closes - BEFORE_SEAT - top
+        self.theta = top + STEP * np.arange(np.ceil(AFTER_TOP / STEP - 1e-9), np.floor(last / STEP) + 1)
         shape = len(trains), cam_speeds.shape[1], len(nominal.cam_side), len(self.theta), 1 + cam.Z.shape[1]
         self._forces = np.empty(shape, dtype=np.float32)
         for t, one in enumerate(trains):

@@ -1,10 +1,10 @@
 """`camopt.ascend`: steps of an optax transformation along an objective's gradient, within the limits on the shape.
 
 The transformation is given the gradient along the face of the limits on which the point lies (Rosen 1960), and its step
-is taken along that face too. So a transformation that scales each variable for itself, as Adam does, still climbs, and
-momentum does not press against a limit. The point that it leads to is replaced by the nearest one that holds every
-limit (Goldstein 1964; Levitin and Polyak 1966). Where the objective has constraints along paths, the augmented
-Lagrangian is climbed in its place, and the transformation begins anew with each of its rounds.
+is taken along that face too: one that scales each variable for itself, as Adam does, still climbs, and momentum does
+not press against a limit. The point that it leads to is replaced by the nearest one that holds every limit (Goldstein
+1964; Levitin and Polyak 1966). Where the objective has constraints along paths, the augmented Lagrangian is climbed in
+its place, and the transformation begins anew with each of its rounds.
 """
 
 import json
@@ -24,8 +24,7 @@ from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.ascent.history import AscentHistory, Iterate, dataset_of, notable
 from camopt.optimizer.ascent.lagrangian import Held, PathLagrangian
 from camopt.optimizer.ascent.objective import Objective
-from camopt.optimizer.ascent.train_variables import Names, TrainVariables
-from camopt.optimizer.ascent.variables import FREE, FamilyVariables, FreeVariables, Variables
+from camopt.optimizer.ascent.variables import FREE, FamilyVariables, FreeVariables, Names, TrainVariables, Variables
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.search.judge import Judge
 from camopt.scene.errors import InputError
@@ -135,11 +134,12 @@ class AscentState:
                 scale = self._lagrangian.metric(own, begin, self._held)
                 self.variables = Variables(variables.cam, variables.train, scale)
         self.point: Point = self.variables.start
-        self.state = self._anew()
+        self._begin_anew()
         self._slopes = jax.jit(jax.value_and_grad(self._value, has_aux=True))
 
-    def _anew(self) -> Any:
-        return _typed(self._optimiser.init(_arrays(self.point)))
+    def _begin_anew(self) -> None:
+        """Begins the transformation at the point."""
+        self.state = _typed(self._optimiser.init(_arrays(self.point)))
 
     def _value(self, point: Mapping[str, jax.Array], held: Held | None) -> tuple[jax.Array, tuple[Any, ...]]:
         """What is climbed, and beside it the objective's value and terms and the paths, where they are limited."""
@@ -153,8 +153,8 @@ class AscentState:
     def _move(self, climbed: jax.Array, gradient: Point, faces: Point) -> Point:
         """The point to which the transformation's change along the faces leads; the state goes on to its new one.
 
-        Its own arithmetic is not compiled, since one program with the objective in every branch of a line search would
-        take long to compile, in every process: a line search calls the compiled one.
+        Its own arithmetic is not compiled: one program with the objective in every branch of a line search would take
+        long to compile, in every process.
         """
 
         def along(faces, change):
@@ -165,16 +165,15 @@ class AscentState:
             moved = {name: self.point[name] + part for name, part in apart.items()}
             there, on = self.variables.nearest_and_faces(moved)
             with jax.disable_jit(False):
-                (value, _), slopes = self._slopes(_arrays(there), self._held)
+                (value, _), slopes = self._slopes(there, self._held)
             return -value, along(faces, along(on, {name: -part for name, part in slopes.items()}))
 
         loss = jax.custom_vjp(lambda other: fall(other)[0])
         loss.defvjp(fall, lambda slopes, bar: ({name: bar * part for name, part in slopes.items()},))
         point, downhill = _arrays(self.point), _arrays(along(faces, {name: -part for name, part in gradient.items()}))
         with jax.disable_jit():
-            change, state = self._optimiser.update(
-                downhill, self.state, point, value=-climbed, grad=downhill, value_fn=loss
-            )  # fmt: skip
+            given = {"value": -climbed, "grad": downhill, "value_fn": loss}
+            change, state = self._optimiser.update(downhill, self.state, point, **given)
         self.state = _typed(state)
         return {name: self.point[name] + part for name, part in along(faces, change).items()}
 
@@ -182,9 +181,9 @@ class AscentState:
         """Records the present point as an iterate, and goes to the next one."""
         if self._lagrangian is not None and self.iterates and len(self.iterates) % ROUND == 0:
             self._next_round(self._lagrangian)
-        (climbed, (value, terms, paths)), gradient = self._slopes(_arrays(self.point), self._held)
-        gradient = {name: np.asarray(part) for name, part in gradient.items()}
-        if not np.isfinite(climbed) or not all(np.all(np.isfinite(part)) for part in gradient.values()):
+        (climbed, (value, terms, paths)), gradient = self._slopes(self.point, self._held)
+        gradient = jax.tree.map(np.asarray, gradient)
+        if not np.all([np.isfinite(part).all() for part in (climbed, *gradient.values())]):
             raise InputError(
                 f"ascend: the motion of iterate {len(self.iterates)} or its gradient cannot be followed on the "
                 f"{self.objective.source} source: take smaller steps, another start or the other source"
@@ -202,10 +201,10 @@ class AscentState:
     def _next_round(self, lagrangian: PathLagrangian) -> None:
         """Moves what the Lagrangian holds. The transformation begins anew: what it knows is of another function."""
         assert self._held is not None
-        (_, (_, _, paths)), _ = self._slopes(_arrays(self.point), self._held)
+        (_, (_, _, paths)), _ = self._slopes(self.point, self._held)
         lift = self.variables.cam.lift(self.variables.cam_vector(self.point))
         self._held = lagrangian.next(self.variables.parameters(self.point), lift, self._held, paths)
-        self.state = self._anew()
+        self._begin_anew()
 
     def _judged_share(self) -> float:
         """The largest share of a limit that the settled motion uses by event-exact; infinite for a broken shape."""
@@ -220,11 +219,10 @@ class AscentState:
         about = {"scene": self.objective.scene.name, "path": self.objective.source, "maximise": self.objective.maximise}
         steps = notable(self.iterates)
         data = dataset_of(self.iterates, self.variables.train.names).assign_attrs(about, **steps)
-        ones = {name: self.iterates[step] for name, step in steps.items()}
-        cams = {
-            name: (self.variables.cam.lift(one.cam), self.variables.train.scene_with(one.train))
-            for name, one in ones.items()
-        }
+        cams = {}
+        for name, step in steps.items():
+            one = self.iterates[step]
+            cams[name] = self.variables.cam.lift(one.cam), self.variables.train.scene_with(one.train)
         return AscentHistory(data, *cams["nearest"], *cams.get("best", (None, None)))
 
     def save(self, path: Path) -> None:

@@ -56,10 +56,9 @@ class AscentHistory:
 
     `dataset` has by `step`: `objective`, its terms (the area ratio, the metrics' means, and by constraint the worst of
     what it limits), `gradient_norm`, `judged`, `holds`, `largest_share`, and the variables `cam` and, where numbers of
-    the train vary, `train`; its attributes `best` and `nearest` are the steps of the cams of these names. `best` is the
-    cam of the largest objective among those that hold every limit by event-exact at the objective's speeds, None where
-    none does. `nearest` is the judged cam whose largest used share of a limit is least. `best_scene` and
-    `nearest_scene` are the scenes with the factors of these cams.
+    the train vary, `train`. `best` is the cam of the largest objective among those that hold every limit by event-exact
+    at the objective's speeds, None where none does; `nearest` the judged cam whose largest used share of a limit is
+    least. Their scenes have the factors of these cams, and attributes of the dataset by their names have the steps.
     """
 
     dataset: xr.Dataset

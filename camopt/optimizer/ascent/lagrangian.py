@@ -7,7 +7,7 @@ maximised stands
 
     v - sum_i (max(0, m_i - w h_i)^2 - m_i^2) / (2 w)
 
-with multipliers m >= 0 and a weight w (Powell 1969; Rockafellar 1973). For a round of steps these are held, and the
+with multipliers m >= 0 and a weight w (Powell 1969; Rockafellar 1973). These are held for a round of steps, with the
 angles at which the valve is to be seated. Then m becomes max(0, m - w h), and w grows where the largest violation has
 not shrunk. At each step the revolution starts in the state in which that of the step before ended, which no slope sees.
 """
@@ -21,7 +21,6 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.optimizer.ascent.objective import FORCE, GAP, SEAT_GAP, BoundObjective
-from camopt.optimizer.program.force_rows import Window
 from camopt.optimizer.search.smooth_rows import in_event, on_seat
 from camopt.scene.errors import InputError
 from camopt.scene.train import build_train
@@ -140,7 +139,7 @@ class PathLagrangian:
 
     def _event(self, parameters: Mapping[str, Any]) -> jax.Array:
         half = self._bound.cam.half_duration(dict(parameters))
-        return in_event(jnp.asarray(path_angles(self._steps)), (-half, half), Window().after_top)
+        return in_event(jnp.asarray(path_angles(self._steps)), (-half, half))
 
     def _seated(self, lift: Lift, paths: TiedPaths) -> jax.Array:
         gaps = np.asarray(paths.seat_gap).T

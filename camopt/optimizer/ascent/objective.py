@@ -1,9 +1,5 @@
 """What gradient ascent maximises: area or a metric, less penalties, over several speeds and drawn trains, and what it
-keeps along paths (`camopt.optimizer.ascent.lagrangian`).
-
-A metric that the scene limits is penalised by how much of its limit it uses beyond `AIM`; any other one by its value in
-its unit. Both are means over speeds and trains, times the penalty's weight.
-"""
+keeps along paths (`camopt.optimizer.ascent.lagrangian`)."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -17,7 +13,7 @@ import numpy as np
 from camopt.cam.lift import Lift
 from camopt.measure.as_built import trains_as_built
 from camopt.measure.limits import motion_limits
-from camopt.optimizer.ascent.train_variables import TrainVariables
+from camopt.optimizer.ascent.variables import TrainVariables
 from camopt.scene import QUANTITIES, InputError, Scene, build_train
 from camopt.scene.errors import did_you_mean
 from camopt.scene.smoothing import Smoothing, smoothing
@@ -39,9 +35,9 @@ CONSTRAINED_SPEEDS = 9
 """Speeds of the band at which constraints hold where none are asked for: between them a contact force is smooth."""
 SOURCES = ("auto", "exact", "smooth")
 REPRESENTATIVE = 4
-"""Number of the revolution from rest whose metrics stand for the settled motion's: it is the first in which nearly all
-bounces and jumps that break a limit are within a fifth of the settled ones, of which the first revolution may have less
-than a tenth (`experiments.first_revolutions`). Each further revolution costs as much as the first."""
+"""Number of the revolution from rest whose metrics stand for the settled motion's: the first in which nearly all
+bounces and jumps that break a limit are within a fifth of the settled ones, of which that from rest may have less than
+a tenth (`experiments.first_revolutions`). Each further revolution costs as much."""
 
 Terms = dict[str, jax.Array]
 """Parts of the objective by name: what is maximised, and every penalised metric's mean over speeds and trains."""
@@ -51,9 +47,8 @@ Terms = dict[str, jax.Array]
 class Objective:
     """A number to maximise, of any cam of a scene. `of(cam)` makes it a function of that cam's parameters.
 
-    `source` is "exact" or "smooth", `revolutions` the number of the revolution from rest that is measured, `trains` how
-    many drawn trains there are, by `seed`. `constraints` are limits along paths under a `smoothing`; the smooth motions
-    of metrics have a layer of the width `metric_width` [m].
+    Its numbers are as of `objective`. The smooth motions of metrics have a layer of the width `metric_width` [m], paths
+    with constraints the `smoothing`.
     """
 
     scene: Scene
@@ -69,10 +64,8 @@ class Objective:
     metric_width: float
 
     def of(self, cam: Lift, train: TrainVariables | None = None) -> "BoundObjective":
-        """The objective as a function of the parameters of `cam`, a free cam or a family's member, and of a train's.
-
-        Raises InputError for a cam that belongs to no family.
-        """
+        """The objective as a function of the parameters of `cam`, a free cam or a family's member, and of a train's;
+        raises InputError for a cam that belongs to no family."""
         return BoundObjective(self, cam, differentiable(self.scene, cam), train or TrainVariables(self.scene, {}))
 
     @property
@@ -94,10 +87,8 @@ class Objective:
 
 @dataclass(frozen=True, eq=False)
 class BoundObjective:
-    """The objective of one cam: a function of `parameters`, a dictionary of arrays, that JAX differentiates.
-
-    The parameters are those of `camopt.differentiable(scene, cam)`, and "train" the factors of a train's variables.
-    """
+    """The objective of one cam: a function of `parameters`, arrays by name, that JAX differentiates. They are those of
+    `camopt.differentiable(scene, cam)`, and "train" the factors of a train's variables."""
 
     objective: Objective
     template: Lift

@@ -26,6 +26,7 @@ PROBE = 1e-4
 """Size of the step, over that of the point, that shows which rows hold a direction back."""
 ADDED_PER_ROUND = 60
 MOST_ROUNDS = 60
+SAMPLES_PER_KNOT = 8
 NOT_LEAST = 1e-12
 """Slope of the squared residual by a multiplier, or share of the largest one, that counts as more than rounding."""
 NO_POINT = 1e-9
@@ -51,20 +52,16 @@ class Polyhedron:
         return self._nearest(x)[0]
 
     def nearest_and_face(self, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The nearest point to x (m), and its derivative by x (m, m): the projector onto the face on which it lies.
-
-        Of the rows that hold the point those count whose multipliers are positive (Rosen 1960).
-        """
+        """The nearest point to x (m), and its derivative by x (m, m): the projector onto the face on which it lies, by
+        the rows with positive multipliers (Rosen 1960)."""
         point, rows = self._nearest(x)
         q, r = np.linalg.qr(self.matrix[rows].T)
         q = q[:, np.abs(np.diag(r)) > DEPENDENT]
         return point, np.eye(len(x)) - q @ q.T
 
     def face(self, x: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        """The projector (m, m) onto the directions in which one may leave x (m), a point within, along `direction`.
-
-        The face is that of the nearest point to x moved by `PROBE` times its size.
-        """
+        """The projector (m, m) onto the directions in which one may leave x (m), a point within, along `direction`: the
+        face of the nearest point to x moved by `PROBE` times its size."""
         longest = max(float(np.abs(direction).max()), 1e-300)
         return self.nearest_and_face(x + direction * (PROBE * float(np.abs(x).max()) / longest))[1]
 
@@ -101,9 +98,7 @@ def _multipliers(matrix: np.ndarray, room: np.ndarray) -> np.ndarray:
     equations = np.vstack([-matrix.T, -room])
     multipliers, _ = nnls(equations, target, maxiter=50 * len(target))
     left = target - equations @ multipliers
-    if (
-        equations.T @ left
-    ).max() > NOT_LEAST:  # SciPy's may stop early (scipy #25389); this one takes ten times as long
+    if np.max(equations.T @ left) > NOT_LEAST:  # SciPy's may stop early (scipy #25389); this one takes longer
         multipliers = lsq_linear(equations, target, (0, np.inf), "bvls", tol=1e-14).x
         left = target - equations @ multipliers
     if np.linalg.norm(left) < NO_POINT:
@@ -131,7 +126,8 @@ class ShapeLimits:
             raise InputError(conflict(self.design, self.cam)) from None
 
     def nearest_to(self, lift: Lift) -> np.ndarray:
-        """The coefficients z (m) of the cam within the limits whose lift differs least in root mean square."""
+        """The coefficients z (m) of the cam within the limits whose lift differs least in root mean square. Raises as
+        `nearest` does."""
         theta = np.linspace(self.cam.breaks[0], self.cam.breaks[-1], SAMPLES_PER_KNOT * len(self.cam.breaks))[:-1]
         basis, offset = self.cam.basis(theta)
         q, r = np.linalg.qr(basis @ self.cam.Z)
@@ -139,19 +135,16 @@ class ShapeLimits:
         matrix, bound = self._rows
         try:
             found = np.linalg.solve(r, Polyhedron(np.linalg.solve(r.T, matrix.T).T, bound).nearest(wanted))
-            return self.nearest(found)  # the change of coordinates leaves rows broken by rounding
         except Empty:
             raise InputError(conflict(self.design, self.cam)) from None
-
-
-SAMPLES_PER_KNOT = 8
+        return self.nearest(found)  # the change of coordinates leaves rows broken by rounding
 
 
 def nearest_free_cam(scene: Scene, cam: Lift, *, knot_deg: float = 3.0) -> Lift:
-    """The free cam within the design's limits on the shape whose lift differs least from that of `cam`.
+    """The free cam within the design's limits on the shape whose lift differs least from that of `cam`, in root mean
+    square [m] over the duration.
 
-    "Least" is the root mean square of the difference [m] over the duration; the limits hold at every angle. `knot_deg`
-    is the longest knot interval. Raises InputError where the limits contradict each other.
+    `knot_deg` is the longest knot interval. Raises InputError where the limits contradict each other.
     """
     if scene.design is None:
         raise InputError(f"scene {scene.name}: the nearest free cam needs [design]")

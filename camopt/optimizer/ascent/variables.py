@@ -6,6 +6,7 @@ design's limits on the shape: it is the nearest one that does.
 """
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -13,15 +14,18 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
+from camopt.cam.families.free import free_cam_of
 from camopt.cam.families.record import family_named
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import LinearLimit, linear_limits
 from camopt.optimizer.ascent.projection import Empty, Polyhedron, ShapeLimits
-from camopt.optimizer.ascent.train_variables import TrainVariables
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.scene.design import ROUNDING, Design
 from camopt.scene.errors import InputError
+from camopt.scene.parameters import SceneNumber, Tied, matching, no_such_number
 from camopt.scene.schema import Scene
+from camopt.scene.text_file import excerpt
+from camopt.scene.train import build_train
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 from camopt.smooth.families import DifferentiableCam, differentiable
 
@@ -31,24 +35,86 @@ MOST_ROUNDS = 30
 DRAWING_STEP = 0.25 * DEG
 ROOM = 1e-4
 """Part of a limit of the drawing that an ascent leaves: between two angles lies a few 1e-5 of it at most."""
+Names = str | tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class TrainVariables:
+    """Factors on numbers of a scene: `bounds` by NAME.KEY, or by several of these that share one factor."""
+
+    scene: Scene
+    bounds: Mapping[Names, tuple[float, float]]
+
+    def __post_init__(self) -> None:
+        for names, (low, high) in self.bounds.items():
+            if not 0.0 < low <= 1.0 <= high:
+                raise InputError(f"train {names}: factors from {low:g} to {high:g}: bounds about 1 are needed")
+        numbers = [number for tied in self._tied for number in tied.numbers]  # unknown names are answered now
+        if twice := [number.named(self.scene) for number in set(numbers) if numbers.count(number) > 1]:
+            raise InputError(f"train: {min(twice)} has two factors: name it once")
+        own = build_train(self.scene).parameters
+        for tied in self._tied:  # the arrays have to follow every factor in a straight line
+            more, most = (build_train(tied.scaled(self.scene, factor)).parameters for factor in (1.5, 2.0))
+            if not all(np.allclose(2.0 * more[n], own[n] + most[n], rtol=1e-9, atol=0.0) for n in own):
+                raise InputError(f"train: {excerpt(tied.name)} is no number of the train that may vary")
+
+    @property
+    def names(self) -> list[str]:
+        """What each factor is called."""
+        return [tied.name for tied in self._tied]
+
+    @property
+    def limits(self) -> np.ndarray:
+        """Least and largest factors (2, k)."""
+        return np.array(list(self.bounds.values()), dtype=float).reshape(-1, 2).T
+
+    @cached_property
+    def _tied(self) -> list[Tied]:
+        """The numbers of each factor."""
+        several = [[names] if isinstance(names, str) else list(names) for names in self.bounds]
+        return [Tied(" = ".join(names), tuple(n for name in names for n in self._numbers(name))) for names in several]
+
+    def _numbers(self, name: str) -> list[SceneNumber]:
+        """The numbers that a name means; raises InputError where it means none."""
+        numbers = [number for number in matching(self.scene, name) if number.of(self.scene) is not None]
+        if not numbers:
+            raise no_such_number(self.scene, name, "train")
+        return numbers
+
+    def arrays(self, scene: Scene) -> dict[str, np.ndarray]:
+        """The arrays of a train by name, each with a first axis (1 + k): its own numbers, and how they change with each
+        factor."""
+        own = build_train(scene).parameters
+        moved = [build_train(tied.scaled(scene, 2.0)).parameters for tied in self._tied]
+        return {name: np.stack([array, *(one[name] - array for one in moved)]) for name, array in own.items()}
+
+    def applied(self, arrays: Mapping[str, Any], factors: Any) -> dict[str, Any]:
+        """A train's arrays by name, in JAX, with the factors (k) on them; `arrays` as above."""
+        shares = jnp.concatenate([jnp.ones(1), jnp.asarray(factors) - 1.0])
+        return {name: jnp.tensordot(shares, array, 1) for name, array in arrays.items()}
+
+    def scene_with(self, factors: np.ndarray) -> Scene:
+        """The scene with the factors (k) on its numbers."""
+        scene = self.scene
+        for tied, factor in zip(self._tied, factors, strict=True):
+            scene = tied.scaled(scene, float(factor))
+        return scene
 
 
 class FreeVariables:
     """The coefficients of the free cam nearest to a given cam, of a free one with its own knots.
 
     `start` (m) belongs to `cam`. `parameters` of a vector (m) are those of `camopt.differentiable(scene, cam)`, in JAX;
-    `nearest` is the nearest vector whose cam holds the design's limits on the shape, with its derivative (m, m) in
-    `nearest_and_face`; `face` is the projector (m, m) onto the directions along which these limits still hold.
+    `limits` have its nearest vector whose cam holds the design's limits on the shape, with the derivative, and the
+    projectors onto the directions along which these limits still hold.
     """
 
     def __init__(self, scene: Scene, cam: Lift, knot_deg: float):
-        own = cam.family == FREE
-        self._free = program_cam(scene.required_design, cam.parameters["knot_deg"] if own else knot_deg)
-        self._limits = ShapeLimits(self._free, scene.required_design)
-        given = np.array(cam.parameters["coefficients_mm_per_deg2"]) if own else None
-        near = self._limits.nearest_to(cam) if given is None else self._free.Z.T @ (given - self._free.x_p)
-        self.start = self._limits.nearest(near)
-        self.cam = self.lift(self.start)
+        design, own = scene.required_design, cam.family == FREE
+        self._free = program_cam(design, cam.parameters["knot_deg"] if own else knot_deg)
+        shape = ShapeLimits(self._free, design)
+        self.start = shape.nearest(free_cam_of(design, cam)[1] if own else shape.nearest_to(cam))
+        self.limits, self.cam = shape.polyhedron, self.lift(self.start)
 
     def parameters(self, vector: Any) -> dict[str, Any]:
         return {"z": vector}
@@ -56,22 +122,9 @@ class FreeVariables:
     def lift(self, vector: np.ndarray) -> Lift:
         return self._free.lift(vector)
 
-    def nearest(self, vector: np.ndarray) -> np.ndarray:
-        return self._limits.nearest(vector)
-
-    def nearest_and_face(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        return self._limits.polyhedron.nearest_and_face(vector)
-
-    def face(self, vector: np.ndarray, direction: np.ndarray) -> np.ndarray:
-        return self._limits.polyhedron.face(vector, direction)
-
-    def in_metric(self, metric: np.ndarray) -> Polyhedron:
-        """The limits on vectors y with coefficients metric (m, m) @ y."""
-        return Polyhedron(self._limits.polyhedron.matrix @ metric, self._limits.polyhedron.bound)
-
 
 class FamilyVariables:
-    """Factors on the own parameters of a family's member, with what `FreeVariables` has.
+    """Factors on the own parameters of a family's member, with what `FreeVariables` has; they are their own `limits`.
 
     The lift laws of other points have these parameters by the names of `camopt.differentiable`, and are no members by
     name: a family's own function may take others, or fewer.
@@ -85,7 +138,7 @@ class FamilyVariables:
         count = sum(int(np.size(value)) for value in self._own.values())
         if not count:
             raise InputError(f"ascend: {cam.family} has no parameters of its own to vary: take form='free'")
-        self.cam, self.start = cam, np.ones(count)
+        self.cam, self.limits, self.start = cam, self, np.ones(count)
         self.start = self.nearest(self.start)
 
     def parameters(self, vector: Any) -> dict[str, Any]:
@@ -154,10 +207,9 @@ def shape_excess(cam: DifferentiableCam, parameters: Mapping[str, Any], design: 
         parts.append(cam.peak(own, 2) / (upper * MM_PER_DEG2) - 1.0)
     if (lower := design.acceleration_min_mm_per_deg2) is not None:
         parts.append(cam.peak(own, 2, lowest=True) / (lower * MM_PER_DEG2) - 1.0)
-    if (jerk := design.jerk_max_mm_per_deg3) is not None:
-        parts += [sign * cam.peak(own, 3, lowest=sign < 0) / (jerk * MM_PER_DEG3) - 1.0 for sign in (1.0, -1.0)]
-    if (snap := design.snap_max_mm_per_deg4) is not None:
-        parts += [sign * cam.peak(own, 4, lowest=sign < 0) / (snap * MM_PER_DEG4) - 1.0 for sign in (1.0, -1.0)]
+    for order, key, unit in ((3, "jerk_max_mm_per_deg3", MM_PER_DEG3), (4, "snap_max_mm_per_deg4", MM_PER_DEG4)):
+        if (limit := getattr(design, key)) is not None:
+            parts += [s * cam.peak(own, order, lowest=s < 0) / (limit * unit) - 1.0 for s in (1.0, -1.0)]
     if design.nose_deg:
         theta = np.linspace(-design.nose_deg, design.nose_deg, NOSE_ANGLES) * DEG
         parts.append(jnp.max(cam.lift(theta, own, 2)) / MM_PER_DEG2)
@@ -181,8 +233,9 @@ class Variables:
     """
 
     def __init__(self, cam: FreeVariables | FamilyVariables, train: TrainVariables, metric: np.ndarray | None = None):
-        self.cam, self.train, self._metric = cam, train, metric
-        self._limits = cam if metric is None or not isinstance(cam, FreeVariables) else cam.in_metric(metric)
+        self.cam, self.train, self._metric, self._limits = cam, train, metric, cam.limits
+        if metric is not None and isinstance(cam, FreeVariables):
+            self._limits = Polyhedron(cam.limits.matrix @ metric, cam.limits.bound)
 
     @property
     def start(self) -> dict[str, np.ndarray]:

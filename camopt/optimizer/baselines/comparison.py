@@ -3,7 +3,6 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import MappingProxyType
 
 from matplotlib.figure import Figure
 
@@ -59,43 +58,36 @@ def compare(
     progress: bool = False,
     note: Callable[[str], object] = lambda sentence: None,
 ) -> Comparison:
-    """Compare designs with the scene's baselines in the new folder `out`.
+    """Compare designs with the scene's baselines in the new folder `out`: comparison.csv and figures.
 
     `designs`: name -> lift law, each judged at the scene's listed speeds (k) [r/min] and over its band. `baselines`
     "plain": the literature's cams as their authors would draw them, for the largest area; "best": every family searched
     for the largest area within the scene's bounce limit at its listed speeds, which takes minutes and with `progress`
-    draws a bar. Either under all limits of the scene and without its jerk limit. "none": no other cams. Writes
-    comparison.csv and figures.
-    `note` is told of each family of which "best" found no member that holds.
-    Raises InputError for an unusable folder or scene, and for other words.
+    draws a bar; either under all limits of the scene and without its jerk limit. "none": no other cams. `note` is told
+    of each family of which "best" found no member that holds. Raises InputError for an unusable folder or scene, and
+    for other words.
     """
-    if baselines not in BASELINES:
-        raise InputError(f"baselines {baselines!r}: expected {', '.join(BASELINES)}")
+    others = {"plain": plain_baselines, "best": lambda _: best_baselines(scene, progress, note), "none": lambda _: {}}
+    if baselines not in others:
+        raise InputError(f"baselines {baselines!r}: expected {', '.join(others)}")
     if baselines == "none" and not designs:
         raise InputError("compare: nothing to compare: name a design, or leave the literature's cams in")
     effort = accuracy_named(accuracy)
     named = {"design" if len(designs) == 1 else name: lift for name, lift in designs.items()}
     with run_folder(out, run_identity("compare", scene, baselines=baselines), worth=["comparison.csv"]) as folder:
-        figures = compare_in(folder, scene, named, {}, effort, BASELINES[baselines](scene, progress, note))
+        figures = compare_in(folder, scene, named, {}, effort, others[baselines](scene))
     return Comparison(folder, figures)
 
 
 def plain_baselines(
-    scene: Scene,
-    progress: bool = False,
-    note: Callable[[str], object] = lambda sentence: None,
-    *,
-    without_jerk_limit: bool = True,
-    known: Mapping[str, Lift | str] = MappingProxyType({}),
+    scene: Scene, *, without_jerk_limit: bool = True, known: Mapping[str, Lift | str] | None = None
 ) -> dict[str, Lift | str]:
     """Polydyne, Multi-Pol and New Design by name, the latter two without the scene's jerk limit too; a sentence where a
     family has no member. What is `known` by name is not designed again."""
-    cams: dict[str, Lift | str] = {}
-    for name in ("polydyne", *SECTIONED):
-        cams[name] = known[name] if name in known else member_or_sentence(scene, name)
-    for name in SECTIONED:
-        if without_jerk_limit and _jerk_limited(scene):
-            cams[name + NO_JERK] = _member(scene, lambda name=name: read_cam(f"{name}:jerk=no", scene))
+    known = known or {}
+    cams = {name: known.get(name) or member_or_sentence(scene, name) for name in ("polydyne", *SECTIONED)}
+    for name in SECTIONED if without_jerk_limit and _jerk_limited(scene) else ():
+        cams[name + NO_JERK] = _member(scene, lambda name=name: read_cam(f"{name}:jerk=no", scene))
     return cams
 
 
@@ -107,11 +99,9 @@ def member_or_sentence(scene: Scene, family: str) -> Lift | str:
 def best_baselines(
     scene: Scene, progress: bool = False, note: Callable[[str], object] = lambda sentence: None
 ) -> dict[str, Lift | str]:
-    """Every family's largest area within the scene's bounce limit, by name.
-
-    Where no member was found that holds, it is the one with the least bounce, and `note` is told so. A member that
-    holds under the jerk limit holds without it, so that the latter search never ends in less area.
-    """
+    """Every family's largest area within the scene's bounce limit, by name; where no member was found that holds, the
+    one with the least bounce, and `note` is told so. A member that holds under the jerk limit holds without it, so that
+    the latter search never ends in less area."""
     from camopt.optimizer.baselines.largest_member import Baseline, largest_area_member
 
     bounce_max_mm = None if scene.design is None else scene.design.bounce_max_mm
@@ -135,19 +125,13 @@ def best_baselines(
     return cams
 
 
-BASELINES = {"plain": plain_baselines, "best": best_baselines, "none": lambda scene, progress, note: {}}
-
-
 def _jerk_limited(scene: Scene) -> bool:
     return scene.design is not None and scene.design.jerk_max_mm_per_deg3 is not None
 
 
 def _member(scene: Scene, design: Callable[[], Lift]) -> Lift | str:
-    """A family's member, or why it is none to compare with: the comparison says so and goes on with the others.
-
-    Whatever goes wrong in a family, be it a defect, costs its row alone. A member that exceeds the limits on lift,
-    acceleration or duration by more than `MOST_EXCESS` is no baseline under the scene's limits.
-    """
+    """A family's member, or why it is none to compare with: whatever goes wrong in a family, be it a defect, costs its
+    row alone, and a member may exceed the limits on lift, acceleration or duration by `MOST_EXCESS` at most."""
     try:
         lift = design()
     except Exception as error:
@@ -178,11 +162,10 @@ def compare_in(
     """comparison.csv and figures, by name, into a folder, without figures where there is no cam; cams with a verdict
     are not verified again.
 
-    `judged` is told after each baseline what share of the work it was.
-
     `baselines` as `plain_baselines` gives them; one that has no member gets a row that says why. They are judged at the
-    listed speeds and, unless a given verdict is without one, over the band in the same steps as the design. Cams and
-    verdicts are kept in the folder's `cams` and `verdicts`, for the report and for `--cam`.
+    listed speeds and, unless a given verdict is without one, over the band in the same steps as the design; `judged` is
+    told what share of the work each was. Cams and verdicts are kept in the folder's `cams` and `verdicts`, for the
+    report and for `--cam`.
     """
     band_step = None if any(v.band is None for v in verdicts.values()) else effort.verdict.band_step_rpm
     cams = dict(designs)
@@ -199,11 +182,11 @@ def compare_in(
 
 
 def compare_again(folder: Path, scene: Scene, accuracy: object = None) -> None:
-    """comparison.csv and figures of a run folder again, from the design, cams and verdicts that lie in it.
+    """comparison.csv and figures of a run folder again, from the design, cams and verdicts that lie in it; without
+    verdicts of baselines (of an older run) they stay.
 
-    The valve's motion is drawn as the run's `accuracy` has it; where that is none, at every listed speed. A folder
-    without verdicts of baselines (an older run's) keeps its comparison. Raises InputError for files that cannot be
-    understood.
+    The valve's motion is drawn as the run's `accuracy` has it; where that is none, at every listed speed. Raises
+    InputError for files that cannot be understood.
     """
     if not (folder / "verdicts").is_dir():
         return
@@ -232,10 +215,7 @@ def _judged(scene: Scene, lift: Lift, effort: Accuracy, band_step_rpm: float | N
 
 
 def _judged_baseline(scene: Scene, lift: Lift | str, effort: Accuracy, band_step_rpm: float | None) -> dict:
-    """A baseline's verdict, as far as its answer needs.
-
-    One that has no member, or that cannot be judged, is "failed" with its sentence.
-    """
+    """A baseline's verdict, as far as its answer needs; "failed" of one without a member or that cannot be judged."""
     if isinstance(lift, str):
         return failed(lift)
     try:

@@ -1,7 +1,7 @@
 """The comparison's table and the verdicts behind it: what stands in `comparison.csv`, `cams` and `verdicts`.
 
-Every row is written from a verdict as verification.json has it: the design's from that file, a baseline's from
-`verdicts/<name>.json`. The table can therefore be made again from the folder alone.
+Every row is written from a verdict, the design's of verification.json, a baseline's of `verdicts/<name>.json`, so that
+the table can be made again from the folder alone.
 """
 
 import json
@@ -57,10 +57,8 @@ def keep(folder: Path, scene: Scene, cams: Mapping[str, Lift], found: Mapping[st
 
 
 def kept(folder: Path, scene: Scene) -> tuple[dict[str, Lift], dict[str, dict]]:
-    """The design and the stored baselines of a run folder, and the verdict of each.
-
-    Raises InputError for a file that cannot be understood.
-    """
+    """The design and the stored baselines of a run folder, and the verdict of each; raises InputError for a file that
+    cannot be understood."""
     cams = {DESIGN: read_design(folder / "design.json", scene)}
     found = {DESIGN: _read_verdict(folder / "verification.json")}
     for name, one in verdicts_in(folder).items():
@@ -99,10 +97,11 @@ def write_table(folder: Path, scene: Scene, cams: Mapping[str, Lift], found: Map
 
 
 def comparison_rows(scene: Scene, name: str, lift: Lift, found: dict) -> list[dict]:
-    """One row per judged speed of a cam, from `found`, its verdict as verification.json has it.
+    """One row per judged speed of a cam, the listed ones and the band's worst ones, ascending, from `found`, its
+    verdict as verification.json has it.
 
-    The speeds are the listed ones and the band's worst ones, ascending. A cam of the literature that breaks the jerk
-    limit stands in the table without it, where that limit rejects nothing; a design never does.
+    A cam of the literature that breaks the jerk limit stands in the table without it, where that limit rejects nothing;
+    a design never does.
     """
     design = scene.required_design
     low, high = (a / MM * DEG**2 for a in lift.extremes(2))
@@ -125,10 +124,9 @@ def comparison_rows(scene: Scene, name: str, lift: Lift, found: dict) -> list[di
                 "acceleration_max_mm_per_deg2": high,
                 "acceleration_min_mm_per_deg2": low,
                 "jerk_max_mm_per_deg3": jerk,
-                "bounce_mm": s["bounce_mm"],
                 "bounce_low_mm": low_mm,
                 "bounce_high_mm": high_mm,
-                **{key: s[key] for key in MOTION_COLUMNS},
+                **{key: s[key] for key in ("bounce_mm", *MOTION_COLUMNS)},
                 "verdict": "rejected" if shape else s["verdict"],
                 "broken": "; ".join([*shape, *here]),
             }

@@ -4,6 +4,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
+from itertools import chain
 from pathlib import Path
 
 import numpy as np
@@ -57,10 +58,7 @@ def draw(
     speeds_rpm: Sequence[float],
 ) -> dict[str, Figure]:
     """The figures of a run folder by name, which are written into its folder `figures`; `found` holds the verdict of
-    each cam.
-
-    The valve's motion is drawn at `speeds_rpm`.
-    """
+    each cam, and the valve's motion is drawn at `speeds_rpm`."""
     design, operation = scene.required_design, scene.required_operation
     figures = folder / "figures"
     figures.mkdir(exist_ok=True)
@@ -71,10 +69,8 @@ def draw(
     if (ideal := folder / IDEAL / "design.json").exists():
         tables.append((AS_DESIGNED, lift_table(read_design(ideal, scene), TABLE_STEP_DEG)))
     drawn = {"profiles": profiles(tables, design)}
-    motions = [
-        m for name, lift in cams.items() for m in settled_motions(scene, named[name], lift, found[name], speeds_rpm)
-    ]
-    if motions:
+    each = (settled_motions(scene, named[name], lift, found[name], speeds_rpm) for name, lift in cams.items())
+    if motions := list(chain.from_iterable(each)):
         drawn["valve_motion"] = valve_motion(motions, design)
     top = _top(scene, found.get(DESIGN, {}))
     curves = [curve(scene, named[name], lift, found[name], top) for name, lift in cams.items()]
@@ -113,10 +109,9 @@ def settled_motion(
 ) -> Settled:
     """Two revolutions by event-exact where the motion at `cam_speed` [rad/s] has settled, or has not.
 
-    `stated` is whether the verdict found it periodic, None where none was asked; it then is not for this picture to say
-    otherwise. A verdict that halves its step may settle after more revolutions than are run here: its search is
-    followed then. What never settles is shown after WANDERING_REVOLUTIONS. `samples` per revolution, event-exact's own
-    where None. Raises MotionRefused.
+    `stated` is whether the verdict found it periodic, None where none was asked. A verdict that halves its step may
+    settle after more revolutions than are run here: its search is followed then. What never settles is shown after
+    WANDERING_REVOLUTIONS. `samples` per revolution, event-exact's own where None. Raises MotionRefused.
     """
     many = partial(settled_metrics, most=WANDERING_REVOLUTIONS) if stated is False else settled_metrics
     once = at_once(many, train, lift, cam_speed, state_at_rest(train))
@@ -142,9 +137,7 @@ def _top(scene: Scene, found: dict) -> float:
 
 def _beside_the_band(scene: Scene, found: dict, top_rpm: float) -> np.ndarray:
     """Speeds [r/min] that are drawn beside those of the verdict's curve: outside the band, and where something begins.
-
-    They are speeds of the verdict's own search for these beginnings, so that the curve cannot name another one.
-    """
+    They are of the verdict's own search for these beginnings, so that the curve cannot name another one."""
     low, high = scene.required_operation.band_rpm
     bottom = low - BEYOND_BAND * (high - low)
     step = max(SEARCH_STEP_RPM, (found.get("band") or {}).get("step_rpm", 0.0))
@@ -160,10 +153,8 @@ def _starts(found: dict) -> dict[str, float | None]:
 
 
 def curve(scene: Scene, name: str, lift: Lift, found: dict, top_rpm: float) -> Sweep:
-    """Bounce and jump against speed: over the band the verdict's own curve, outside it, up to `top_rpm`, event-exact.
-
-    Without a band in the verdict, event-exact sweeps it here, refined around the largest bounce and jump.
-    """
+    """Bounce and jump against speed: over the band the verdict's own curve or, where it has none, event-exact's sweep,
+    refined around the largest bounce and jump; outside it, up to `top_rpm`, event-exact."""
     band = found.get("band")
     if band:
         speeds = np.array(band["curves"]["speed_rpm"], dtype=float)

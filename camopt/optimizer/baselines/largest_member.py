@@ -1,17 +1,15 @@
 """Baselines as good as their families allow: the largest area of a family, on request within a limit on bounce.
 
 The outer search is differential evolution (Storn and Price 1997) over the family's free parameters, the inner one a
-linear program in the levels. Differential evolution only asks which of two members is better, so
-no penalty has to be weighed: a member outside the limits on its shape is worse than one that bounces too much, and
-that one worse than any that holds; within each kind excess, bounce and area decide. Motion is judged by event-exact,
-settled from rest at every speed, and the metrics of the verifier.
+linear program in the levels. Differential evolution only asks which of two members is better, so no penalty has to be
+weighed: a member outside the limits on its shape is worse than one that bounces too much, and that one worse than any
+that holds. Motion is judged by event-exact, settled from rest at every speed.
 """
 
 import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from scipy.optimize import differential_evolution
@@ -28,10 +26,8 @@ from camopt.scene.errors import InputError, MotionRefused
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
-from camopt.storage import run_identity
-from camopt.storage.journal import Records
 
-POPULATION = 32
+POPULATION, SEED = 32, 0
 NEAR = 0.15
 """Distance from known members, in parts of the bounds' width, within which half of the first population lies."""
 HOPELESS = 6.0
@@ -67,19 +63,15 @@ def largest_area_member(
     bounce_max_mm: float | None = None,
     speeds_rpm: Sequence[float] | None = None,
     evaluations: int = 600,
-    seed: int = 0,
-    journal: Path | str | None = None,
     progress: bool = False,
 ) -> Baseline:
     """The member of `family` with the largest area under a scene's limits on the shape and one on bounce.
 
-    `jerk` false leaves the jerk limit out. `bounce_max_mm`: largest bounce at `speeds_rpm` [crankshaft r/min, the
-    scene's listed ones where None], judged by event-exact.
     `family` as on the command line, with the parameters that tell its readings apart (`new-design:start_ratio=0`).
-    About `evaluations` members are designed; the same call finds the same cam. `journal`: a file that keeps what was
-    judged, so that an interrupted search goes on when called again. Where no member holds, the one with the least
-    bounce, or nearest the limits on the shape, is returned and says so. Raises InputError for an unknown family, a
-    scene it cannot serve, and a journal of another search.
+    `jerk` false leaves the jerk limit out. `bounce_max_mm`: largest bounce at `speeds_rpm` [crankshaft r/min, the
+    scene's listed ones where None]. About `evaluations` members are designed; the same call finds the same cam. Where
+    no member holds, the one with the least bounce, or nearest the limits on the shape, is returned and says so. Raises
+    InputError for an unknown family and a scene it cannot serve.
     """
     design, operation = scene.design, scene.operation
     if design is None or operation is None or scene.seat is None:
@@ -93,14 +85,11 @@ def largest_area_member(
     motion = MemberMotion(scene, operation.speeds_rpm if speeds_rpm is None else speeds_rpm)
     space = family_space(scene, family, jerk)
     if bounce_max_mm is None and space.largest is not None:
-        lift, count = space.largest(evaluations, seed), evaluations
+        lift, count = space.largest(evaluations, SEED), evaluations
     else:
-        settings = {"family": family, "jerk": jerk, "bounce_max_mm": bounce_max_mm, "evaluations": evaluations}
-        identity = run_identity("baseline", scene, **settings, seed=seed, speeds_rpm=list(motion.speeds_rpm))
-        judged = Records(journal, "at", identity=identity)
         score = partial(_score, space, design, motion, bounce_max_mm)
         with tqdm(total=evaluations, disable=None if progress else True, unit="cam", desc=family) as bar:
-            lift, count = _best(space, score, judged, evaluations, seed, bar)
+            lift, count = _best(space, score, evaluations, bar)
     figures = motion.worst(lift)
     over = shape_excess(lift, design)
     holds = not over and (bounce_max_mm is None or figures["bounce_mm"] <= bounce_max_mm)
@@ -111,12 +100,9 @@ def largest_area_member(
 
 
 def family_space(scene: Scene, family: str, jerk: bool) -> Space:
-    """The search space of a family under a scene's limits, the jerk limit only with `jerk`.
-
-    `family` is a name as of the command line, optionally with what tells its readings apart
-    (`new-design:start_ratio=0,quintic=yes`). Raises InputError for an unknown family, for a parameter that the search
-    chooses, and for a scene whose two ramps differ.
-    """
+    """The search space of a family, as of `largest_area_member`, under a scene's limits, the jerk limit only with
+    `jerk`. Raises InputError for an unknown family, for a parameter that the search chooses, and for a scene whose two
+    ramps differ."""
     name, given = family_and_keywords(family)
     record = family_named(name)
     chosen = sorted(p.keyword for p in record.parameters.values() if p.searched and p.keyword in given)
@@ -164,28 +150,23 @@ class MemberMotion:
         return found
 
 
-def _best(
-    space: Space, score: Callable[[np.ndarray], float], judged: Records, evaluations: int, seed: int, bar: tqdm
-) -> tuple[Lift, int]:
+def _best(space: Space, score: Callable[[np.ndarray], float], evaluations: int, bar: tqdm) -> tuple[Lift, int]:
     """The member of the least score of about `evaluations`, and how many there were."""
     if not space.bounds:
         return space.member(np.zeros(0)), 1
 
     def cost(x: np.ndarray) -> float:
         bar.update(1)
-        if (record := judged.get(x.tolist())) is None:
-            record = {"at": x.tolist(), "score": score(x)}
-            judged.add(record)
-        return record["score"]
+        return score(x)
 
     best = differential_evolution(
         cost,
         space.bounds,
-        init=_first_population(space, seed),  # pyright: ignore[reportArgumentType]  # as in `largest_area`
+        init=_first_population(space),  # pyright: ignore[reportArgumentType]  # as in `largest_area`
         maxiter=evaluations // POPULATION - 1,
         tol=0.0,
         polish=False,
-        rng=np.random.default_rng(seed),
+        rng=np.random.default_rng(SEED),
     )
     return space.member(best.x), best.nfev
 
@@ -202,12 +183,12 @@ def _score(space: Space, design: Design, motion: MemberMotion, limit: float | No
     return 1.0 - lift.area_ratio_in(design)
 
 
-def _first_population(space: Space, seed: int) -> np.ndarray:
+def _first_population(space: Space) -> np.ndarray:
     """Vectors (POPULATION, d): the known ones, as many near them as to make up half, and the rest anywhere."""
     from scipy.stats import qmc  # which loads longer than a plain comparison takes
 
     low, high = np.array(space.bounds).T
-    unit = qmc.Sobol(len(low), rng=np.random.default_rng(seed)).random(POPULATION)
+    unit = qmc.Sobol(len(low), rng=np.random.default_rng(SEED)).random(POPULATION)
     first = low + (high - low) * unit
     for i in range(POPULATION // 2 if space.known else 0):
         near = 0.0 if i < len(space.known) else NEAR * (2 * unit[i] - 1) * (high - low)

@@ -109,11 +109,9 @@ def equal_grid(design: Design, intervals: int) -> np.ndarray:
 
 
 class DiscretisedControlProblem:
-    """The continuous problem with a control that is constant on every interval.
-
-    Its units are half the duration and the maximum lift. Its columns are lift, velocity and, under a jerk limit,
-    acceleration at every grid angle, then the control on every interval.
-    """
+    """The continuous problem with a control that is constant on every interval, in units of half the duration and the
+    maximum lift. Its columns are lift, velocity and, under a jerk limit, acceleration at every grid angle, then the
+    control on every interval."""
 
     def __init__(self, design: Design, grid: np.ndarray):
         self.design, self.grid, self.half = design, grid, grid[-1]
@@ -200,11 +198,11 @@ class DiscretisedControlProblem:
         return tuple(found)
 
     def multipliers(self, control_worth: np.ndarray | None = None):
-        """Multipliers in SI: of lift cap, acceleration maximum and minimum and nose (k each), and of the closing (3).
+        """Multipliers in SI: of lift cap, acceleration maximum and minimum and nose (k each), of the closing (3), and a
+        tuple of those of every limit of `bounded_limits`.
 
-        `control_worth` (k - 1) [m rad] is what a unit of control over each interval is worth besides the area.
-        Last, a tuple of the multipliers of every limit of `bounded_limits`. Raises InputError where the limits have no
-        common cam.
+        `control_worth` (k - 1) [m rad] is what a unit of control over each interval is worth besides the area. Raises
+        InputError where the limits have no common cam.
         """
         n = self.nodes
         motion, drawing = self.motion(), [self._limit_rows(limit) for limit in bounded_limits(self.design)]

@@ -1,17 +1,18 @@
 """What a scene allows, before any search: the certified bound, the kinematic optimum, the no-jump optimum and a bound.
 
 The area of every cam that keeps the force margins, under the linear model, margins and angles, is bounded by weak
-duality again. To the area and the multiplier terms of `camopt.optimizer.bound.certificate`, every force row is added
+duality again: to the area and the multiplier terms of `camopt.optimizer.bound.certificate`, every force row is added
 times a multiplier >= 0. Each force is a linear functional of the jerk (or acceleration), whose kernel comes from the
-adjoint of the periodic motion. All rows of a speed share that adjoint, so that a speed takes one backward sweep. The
-kernel is exact at the edges of the sweep; between them it is a cubic Hermite interpolant, whose error is of fourth
-order in a step that is short compared with every period.
+adjoint of the periodic motion, by one backward sweep for all rows of a speed. It is exact at the edges of the sweep;
+between them it is a cubic Hermite interpolant, whose error is of fourth order in a step that is short compared with
+every period.
 """
 
 from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 from scipy.interpolate import PPoly
 from threadpoolctl import threadpool_limits
 
@@ -26,8 +27,8 @@ from camopt.optimizer.bound.certificate import (
     piecewise_sum,
 )
 from camopt.optimizer.bound.fine_program import DiscretisedControlProblem, equal_grid, left_out
-from camopt.optimizer.program.force_rows import PEAK, SEAT, Margins, SpeedRows, speed_rows
-from camopt.optimizer.program.kinematic import kinematic_optimum, limit_sensitivities
+from camopt.optimizer.program.force_rows import PEAK, SEAT, SpeedRows, speed_rows
+from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import NoJumpProgram, no_jump_program
 from camopt.optimizer.program.periodic import exact_steps, sample_cam, velocity_scale
 from camopt.optimizer.program.phases import HELD_N, usual_margin
@@ -47,11 +48,9 @@ SUPPLYING_KNOT_DEG = 1.0
 
 @dataclass(frozen=True)
 class NoJumpCertificate:
-    """Multipliers of the limits (`kinematic`) and of every force row of `program` (r), and the bound they give.
-
-    It bounds the area ratio of every cam, spline or not, whose forces keep `margins` (3, speeds) [N] on the rows of
-    `program`, under the linear model with its switching angles.
-    """
+    """Multipliers of the limits (`kinematic`) and of every force row of `program` (r), and the bound they give on the
+    area ratio of every cam, spline or not, whose forces keep `margins` (3, speeds) [N] on these rows, under the linear
+    model with its switching angles."""
 
     program: NoJumpProgram
     margins: np.ndarray
@@ -68,11 +67,11 @@ class NoJumpCertificate:
 
 
 def no_jump_bound(
-    program: NoJumpProgram, margins: Margins, knot_deg: float = SUPPLYING_KNOT_DEG
+    program: NoJumpProgram, margins: ArrayLike, knot_deg: float = SUPPLYING_KNOT_DEG
 ) -> NoJumpCertificate | None:
-    """The certificate of a program's speeds, angles and window; None where the design limits no control.
+    """The certificate of a program's speeds and angles; None where the design limits no control.
 
-    The multipliers of the forces are the duals of the program on a free cam with knots every `knot_deg`; those of the
+    The multipliers of the forces are the duals of the program on a free cam with knots every `knot_deg`, those of the
     limits then come from the discretised continuous problem. Raises NoCamHoldsContact where that cam keeps no such
     margins.
     """
@@ -100,9 +99,8 @@ def force_terms(program: NoJumpProgram, margins: np.ndarray, multipliers: np.nda
     constant, kernel = 0.0, None
     for i, block in enumerate(program.blocks):
         signed = np.where(block.kind == PEAK, -1.0, 1.0) * multipliers[program.speed == i]
-        without = speed_rows(
-            program.train, program.design, sample_cam(line, block.angles), block.cam_speed, block.angles, program.window
-        )
+        samples = sample_cam(line, block.angles)
+        without = speed_rows(program.train, program.design, samples, block.cam_speed, block.angles)
         peak = program.design.contact_force_max_N or 0.0
         level = np.where(block.kind == PEAK, peak, margins[np.minimum(block.kind, SEAT), i])
         constant += float(signed @ (without.offset - level))
@@ -209,7 +207,7 @@ def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float | None 
         train = build_train(scene)
         force, seat = kept(usual_margin(train))
         program = converge_tangents(no_jump_program(train, design, cam, speeds), force)
-        no_jump = program.solve(margins := Margins(force, force, seat)).area_ratio
+        no_jump = program.solve(margins := (force, force, seat)).area_ratio
         if is_linear(train):
             certificate = no_jump_bound(program, margins)
             no_jump_bounded = certificate and min(bound, float(certificate.bound))
@@ -229,7 +227,7 @@ def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float | None 
         "speeds_rpm": list(operation.speeds_rpm),
         "margins_N": force,
         "seat_margin_N": seat,
-        "worth_percent": limit_sensitivities(feasible),
+        "worth_percent": feasible.sensitivities,
     }
 
 
@@ -240,9 +238,8 @@ def bound_lines(content: dict) -> list[str]:
         _row("no cam has more (certified)", content["area_ratio_bound"]),
         _row("a cam within the limits on the shape has", content["area_ratio_feasible"]),
     ]
-    if content["bound_leaves_out"]:
-        left_out = ", ".join(content["bound_leaves_out"])
-        lines.append(f"  the bound ignores {left_out}, so that the true maximum may be lower")
+    if ignored := ", ".join(content["bound_leaves_out"]):
+        lines.append(f"  the bound ignores {ignored}, so that the true maximum may be lower")
     speeds = ", ".join(f"{speed:g}" for speed in content["speeds_rpm"])
     force, seat = content["margins_N"], content["seat_margin_N"]
     apart = "" if seat == force else f", and the seat by {seat:g} N,"

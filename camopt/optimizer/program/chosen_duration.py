@@ -1,8 +1,5 @@
-"""Reading a scene that may leave its duration to camopt: the duration between the ramps, from that at a lift alone.
-
-An engineer's figure is often "250 crank degrees at 1 mm", and the duration between the ramp tops follows from it, from
-the ramps and from the limits on the shape.
-"""
+"""Reading a scene that may leave its duration to camopt: that between the ramps, from an engineer's figure at a lift
+alone, such as "250 crank degrees at 1 mm"."""
 
 from pathlib import Path
 
@@ -26,10 +23,8 @@ def load_scene(source: str | Path, need: tuple[Part, ...] = ()) -> Scene:
 
 
 def chosen_duration_deg(design: Design) -> float:
-    """The duration_deg of a design that leaves it to its `duration_at`: the shortest one and `ROOM`.
-
-    Raises InputError where no duration will do, and where `duration_at` asks for no least duration.
-    """
+    """The duration_deg of a design that leaves it to its `duration_at`: the shortest one and `ROOM`. Raises InputError
+    where no duration will do, and where `duration_at` asks for no least one."""
     from camopt.optimizer.program.kinematic import DURATION_STEP_DEG, longest_duration_deg, shortest_duration_deg
 
     if not any(least for _, least, _ in design.duration_at):

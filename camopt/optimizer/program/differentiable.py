@@ -5,8 +5,7 @@ Postoptimal Analyses, Parametric Programming and Related Topics). At a vertex th
 as long as they are the basis, dz = B^-1 (db_B - dB z) and dy_B = B^-T (dc - dB^T y_B).
 """
 
-from collections import OrderedDict
-from hashlib import blake2b
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import jax
@@ -40,10 +39,10 @@ def linear_program(
     `jax.vmap` and `jax.grad` (once, in reverse mode) with respect to all three arguments. A program with a matrix that
     was solved before goes on from its last basis.
 
-    Derivatives are those of the vertex that was found, while its basis lasts. They are the true ones where the vertex
-    is not degenerate. Where more rows than m hold with equality, the value still has the slope of the duals found, but
-    to one side only, and z may turn another way on the other; where a dual of the basis is zero, the maximiser is one
-    of many. Where the rows leave a direction free that the objective does not ask for, nothing moves along it.
+    Derivatives are those of the vertex that was found, while its basis lasts: the true ones where it is not degenerate.
+    Where more rows than m hold with equality, the value has the slope of the duals found to one side only, and z may
+    turn another way on the other; where a dual of the basis is zero, the maximiser is one of many. Along a direction
+    that the rows leave free and the objective does not ask for, nothing moves.
 
     A program without any point has the value -inf, one without a largest value inf; z, duals and slopes are NaN then,
     and all is NaN where the solver gives up. Raises InputError for arguments whose shapes do not fit.
@@ -90,16 +89,14 @@ _program.defvjp(_forward, _backward)
 
 def _solve(cost: Any, matrix: Any, bound: Any, size: Any) -> tuple[np.ndarray, ...]:
     """What `_solved` asks the host for."""
-    cost, matrix, bound, size = (np.array(part, dtype=float) for part in (cost, matrix, bound, size))
-    rows = _rows(matrix, size)
+    cost, matrix, bound, size = (np.asarray(part, dtype=float) for part in (cost, matrix, bound, size))
+    rows = _rows(matrix.tobytes(), size.tobytes())
     try:
         found = maximise(cost, rows, bound, np.arange(0, len(bound), max(1, len(bound) // ADDED_PER_ROUND)))
-    except Infeasible:
-        return _nowhere(matrix, -np.inf)
-    except Unbounded:
-        return _nowhere(matrix, np.inf)
-    except ArithmeticError:
-        return _nowhere(matrix, np.nan)
+    except (Infeasible, ArithmeticError) as none:  # there is no maximiser
+        value = {Infeasible: -np.inf, Unbounded: np.inf}.get(type(none), np.nan)
+        z, duals, inverse = (np.full(shape, np.nan) for shape in (len(size), len(bound), (len(size), len(size))))
+        return z, np.array(value), duals, np.zeros(len(size), dtype=np.int32), inverse
     basis = rows.model.basis()
     inverse = np.zeros((len(size), len(size)))
     inverse[:, : len(basis)] = np.linalg.pinv(rows.scaled[basis]) * size[:, None] / rows.norm[basis]
@@ -108,21 +105,8 @@ def _solve(cost: Any, matrix: Any, bound: Any, size: Any) -> tuple[np.ndarray, .
     return found.z, np.array(found.value), found.duals, padded, inverse
 
 
-def _nowhere(matrix: np.ndarray, value: float) -> tuple[np.ndarray, ...]:
-    """The answer where there is no maximiser."""
-    r, m = matrix.shape
-    missing = np.full(m, np.nan), np.array(value), np.full(r, np.nan)
-    return *missing, np.zeros(m, dtype=np.int32), np.full((m, m), np.nan)
-
-
-_models: OrderedDict[bytes, Rows] = OrderedDict()
-
-
-def _rows(matrix: np.ndarray, size: np.ndarray) -> Rows:
+@lru_cache(maxsize=MOST_MODELS)
+def _rows(matrix: bytes, size: bytes) -> Rows:
     """The rows of a matrix, the same ones, with their solver, where it was solved lately."""
-    key = blake2b(matrix.tobytes() + size.tobytes() + str(matrix.shape).encode(), digest_size=16).digest()
-    rows = _models.pop(key, None) or Rows(matrix, size)
-    _models[key] = rows
-    while len(_models) > MOST_MODELS:
-        _models.popitem(last=False)
-    return rows
+    column = np.frombuffer(size)
+    return Rows(np.frombuffer(matrix).reshape(-1, len(column)), column)

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import uniform_filter1d
 
-from camopt.optimizer.program.periodic import SAMPLE, CamSamples, PeriodicResponse, periodic_response
-from camopt.optimizer.program.phases import HELD_N, LIFTED, SEATED, Angles
+from camopt.optimizer.program.periodic import CamSamples, PeriodicResponse, periodic_response
+from camopt.optimizer.program.phases import LIFTED, SEATED, Angles
 from camopt.scene.design import Design
 from camopt.scene.errors import NoCamFound
 from camopt.scene.train import Train
@@ -19,22 +19,11 @@ DAMPED = 1 - 1e-9
 side. At this one a disturbance would take a million revolutions and more to lose a thousandth."""
 NEXT = 1 * DEG
 """Largest angle between a row of a contact and its next one; a wider one lies where it may open."""
-
-
-@dataclass(frozen=True)
-class Window:
-    """Where the force rows hold [rad]. The impacts that close lash and seat ring for a while: no cam can help it.
-
-    Cam side: from `after_top` behind the opening ramp top to `before_seat` ahead of the seat's closing. Seat: from
-    `after_seat` behind the seat's closing to `before_lash` ahead of the lash's closing in the next revolution. `step`
-    is the longest one between two rows.
-    """
-
-    after_top: float = 2 * DEG
-    before_seat: float = 4 * DEG
-    after_seat: float = 12 * DEG
-    before_lash: float = 6 * DEG
-    step: float = SAMPLE
+AFTER_TOP, BEFORE_SEAT = 2 * DEG, 4 * DEG
+"""Where the forces on the cam side count: from behind the opening ramp top to ahead of the seat's closing."""
+AFTER_SEAT, BEFORE_LASH = 12 * DEG, 6 * DEG
+"""Where that on the seat counts: from behind its closing to ahead of the lash's closing in the next revolution. Between
+them ring the impacts that close lash and seat, which no cam can help."""
 
 
 @dataclass(frozen=True)
@@ -48,21 +37,6 @@ class SpeedRows:
     kind: np.ndarray  # (r) int
     element: np.ndarray  # (r) int
     angle: np.ndarray  # (r)
-
-
-@dataclass(frozen=True)
-class Margins:
-    """Least contact forces [N] on the opening and the closing flank and at the seat, a number or one per speed."""
-
-    opening: float | np.ndarray = HELD_N
-    closing: float | np.ndarray = HELD_N
-    seat: float | np.ndarray = HELD_N
-
-    def table(self, speeds: int) -> np.ndarray:
-        """Margins by kind and speed, shape (3, speeds)."""
-        return np.stack(
-            [np.broadcast_to(np.asarray(v, float), speeds) for v in (self.opening, self.closing, self.seat)]
-        )
 
 
 @dataclass(frozen=True)
@@ -97,23 +71,22 @@ def damped_response(train: Train, samples: CamSamples, cam_speed: float, angles:
     return response
 
 
-def speed_rows(train: Train, design: Design, samples: CamSamples, cam_speed: float, angles: Angles, window: Window):
+def speed_rows(train: Train, design: Design, samples: CamSamples, cam_speed: float, angles: Angles) -> SpeedRows:
     """The force rows of one speed [rad/s]; raises NoCamFound where the linear motion is unstable."""
     response = damped_response(train, samples, cam_speed, angles)
     theta, half = samples.edges, design.duration_deg / 2 * DEG
-    begins, ends = max(angles.seat_opens, window.after_top - half), angles.seat_closes - window.before_seat
+    begins, ends = max(angles.seat_opens, AFTER_TOP - half), angles.seat_closes - BEFORE_SEAT
     lifted = np.flatnonzero((theta >= begins - 1e-9) & (theta <= ends))
-    closed = (theta >= angles.seat_closes + window.after_seat) | (theta <= angles.lash_closes - window.before_lash)
+    closed = (theta >= angles.seat_closes + AFTER_SEAT) | (theta <= angles.lash_closes - BEFORE_LASH)
     seated = np.flatnonzero(closed & (angles.phase(theta) == SEATED))
     lifted = lifted[angles.phase(theta[lifted]) == LIFTED]
     parts = []
     for e in train.cam_side:
-        force = response.force(e, lifted)
-        parts.append((force, np.where(theta[lifted] < 0, OPENING, CLOSING), e, theta[lifted]))
+        force, own = response.force(e, lifted), (np.full(len(lifted), e), theta[lifted])
+        parts.append((force, np.where(theta[lifted] < 0, OPENING, CLOSING), *own))
         if design.contact_force_max_N is not None:
-            parts.append((force, np.full(len(lifted), PEAK), e, theta[lifted]))
-    parts.append((response.force(train.seat, seated), np.full(len(seated), SEAT), train.seat, theta[seated]))
-    force = np.concatenate([p[0] for p in parts])
-    kind, angle = (np.concatenate([p[i] for p in parts]) for i in (1, 3))
-    element = np.concatenate([np.full(len(p[1]), p[2]) for p in parts])
+            parts.append((force, np.full(len(lifted), PEAK), *own))
+    own = np.full(len(seated), train.seat), theta[seated]
+    parts.append((response.force(train.seat, seated), np.full(len(seated), SEAT), *own))
+    force, kind, element, angle = (np.concatenate(part) for part in zip(*parts, strict=True))
     return SpeedRows(cam_speed, angles, np.ascontiguousarray(force[:, 1:]), force[:, 0], kind, element, angle)

@@ -37,7 +37,6 @@ class KinematicOptimum:
     """The free cam of largest area: its coefficients z (m), area ratio, the program's solution and its limits."""
 
     cam: FreeCam
-    design: Design
     z: np.ndarray
     area_ratio: float
     optimum: Optimum
@@ -48,12 +47,18 @@ class KinematicOptimum:
         """The cam's lift law."""
         return self.cam.lift(self.z)
 
+    @property
+    def sensitivities(self) -> dict[str, float]:
+        """What one per cent more of each limit buys."""
+        duals = self.optimum.duals
+        return sensitivities(self.limits, duals, duals[len(self.limits.bound) :], self.area_ratio)
+
 
 def kinematic_optimum(design: Design, cam: FreeCam, explain: bool = True) -> KinematicOptimum:
     """The largest area that the design's limits allow on the free cam `cam`.
 
-    Raises InputError where the limits contradict each other, naming what would have to change and by how much; without
-    `explain`, Infeasible.
+    Where the limits contradict each other, raises InputError, which names what would have to change and by how much;
+    without `explain`, Infeasible.
     """
     limits = cam.limits(design)
     row, constant = area_ratio_row(design, cam)
@@ -64,7 +69,7 @@ def kinematic_optimum(design: Design, cam: FreeCam, explain: bool = True) -> Kin
         if not explain:
             raise
         raise InputError(conflict(design, cam)) from None
-    return KinematicOptimum(cam, design, optimum.z, optimum.value + constant, optimum, limits)
+    return KinematicOptimum(cam, optimum.z, optimum.value + constant, optimum, limits)
 
 
 def area_ratio_row(design: Design, cam: FreeCam) -> tuple[np.ndarray, float]:
@@ -80,32 +85,23 @@ def spline_rows(matrix: np.ndarray) -> Rows:
 
 
 def first_working(limits: Limits) -> np.ndarray:
-    """Row indices to begin with: of the lift cap and of the limits of a drawing every tenth, of the others all.
-
-    Their rows lie close together and nearly repeat each other, of which a basis takes few.
-    """
+    """Row indices to begin with: of the lift cap and of the limits of a drawing, whose rows nearly repeat each other,
+    every tenth, of the others all."""
     dense = limits.group >= limits.names.index("max_lift_mm")
     return np.union1d(np.flatnonzero(~dense), np.flatnonzero(dense)[::10])
 
 
 def solve_over_peak_angles(cam: FreeCam, design: Design, objective, rows: Rows, bound, working) -> Optimum:
-    """`maximise`, over peak angles too where the design wants its maximum lift reached; raises Infeasible.
-
-    For each peak angle within 6 degrees of the middle the row lift(peak) >= maximum lift is added (rows appended at
-    the end of the duals; none where the cap alone leads there); the best answer is returned.
-    """
+    """`maximise`, where the design wants its maximum lift reached the best answer over peak angles within 6 degrees of
+    the middle: lift(peak) >= maximum lift is a last row then, unless the cap alone leads there. Raises Infeasible."""
     capped = maximise(objective, rows, bound, working)
-    lowest = lift_to_reach(design)
-    if not design.reach_max_lift or cam.lift(capped.z).max_lift >= lowest:
+    if not design.reach_max_lift or cam.lift(capped.z).max_lift >= lift_to_reach(design):
         return capped
     best, working = None, capped.working
-    peaks = np.arange(-4, 5) * PEAK_STEP
-    lift, offset = cam.basis(peaks)
-    for at, constant in zip(lift, offset + lift @ cam.x_p, strict=True):
-        reaching = spline_rows(np.vstack([rows.matrix, -(at @ cam.Z)]))
-        levels = np.append(bound, constant - lowest)
+    for peak in np.arange(-4, 5) * PEAK_STEP:
+        matrix, levels = with_lift_reached(cam, design, rows.matrix, bound, peak)
         try:
-            found = maximise(objective, reaching, levels, np.append(working, len(bound)))
+            found = maximise(objective, spline_rows(matrix), levels, np.append(working, len(bound)))
         except Infeasible:
             continue
         if best is None or found.value > best.value:
@@ -121,12 +117,6 @@ def lift_to_reach(design: Design) -> float:
     return design.max_lift_mm * MM * (1 - REACH + ROUNDING)
 
 
-def limit_sensitivities(found: KinematicOptimum) -> dict[str, float]:
-    """`sensitivities` the limits of the kinematic problem."""
-    duals = found.optimum.duals
-    return sensitivities(found.limits, duals, duals[len(found.limits.bound) :], found.area_ratio)
-
-
 def sensitivities(limits: Limits, duals: np.ndarray, reaching: np.ndarray, area_ratio: float) -> dict[str, float]:
     """Per cent more area that one per cent more of each limit buys, from a program's duals, keyed by the limit's name.
 
@@ -135,12 +125,13 @@ def sensitivities(limits: Limits, duals: np.ndarray, reaching: np.ndarray, area_
     """
     worth = {}
     for g, name in enumerate(limits.names):
+        if name in SIGNS or name == NEAR:
+            continue
         rows = limits.rows(name)
-        if name not in SIGNS and name != NEAR:
-            gain = float(duals[rows] @ limits.slope[rows] * limits.size[g])
-            if name == "max_lift_mm":  # area itself, not the ratio to a maximum lift that grows with it
-                gain -= float(reaching.sum()) * limits.size[g]
-            worth[name] = float(gain / area_ratio)
+        gain = float(duals[rows] @ limits.slope[rows] * limits.size[g])
+        if name == "max_lift_mm":  # area itself, not the ratio to a maximum lift that grows with it
+            gain -= float(reaching.sum()) * limits.size[g]
+        worth[name] = float(gain / area_ratio)
     return worth
 
 
@@ -157,21 +148,21 @@ def conflict(design: Design, cam: FreeCam) -> str:
     for g, name in enumerate(limits.names):
         if name == NEAR:
             continue
-        give = np.zeros(len(bound))
+        value, give, size = limits.value[g], np.zeros(len(bound)), abs(limits.value[g])
         lowered = name == "max_lift_mm" and design.reach_max_lift  # a lift that must be reached resolves by falling
-        rows = np.array([len(bound) - 1]) if lowered else limits.rows(name)
-        give[rows] = 1.0 if name in SIGNS else limits.unit[g]
-        if not lowered and name not in SIGNS:
-            give[rows] *= np.abs(limits.slope[rows])
-        size = abs(limits.value[g]) if name not in SIGNS else TYPICAL * MM_PER_DEG2
+        rows = limits.rows(name)
+        if name in SIGNS:
+            give[rows], size = 1.0, TYPICAL * MM_PER_DEG2
+        elif lowered:
+            give[-1] = limits.unit[g]
+        else:
+            give[rows] = limits.unit[g] * np.abs(limits.slope[rows])
         relaxed = least_relaxation(spline, bound, give, size, working)
         if relaxed is None:
             continue
         if name in SIGNS:
-            value = getattr(design, name)
             remedies.append(f"{name} would have to be {SIGNS[name]} than {value:g} or be left out")
             continue
-        value = limits.value[g]
         needed = value + (-relaxed if lowered else limits.sign[g] * relaxed)
         if needed * value <= 0:
             continue  # no number of this limit would do
@@ -197,11 +188,9 @@ def conflict(design: Design, cam: FreeCam) -> str:
 
 @lru_cache(maxsize=16)
 def shortest_duration_deg(design: Design) -> float | None:
-    """The shortest duration_deg, to `DURATION_STEP_DEG`, with which some cam has the durations of `duration_at`.
-
-    None where no duration between two ramps has such a cam, or where none of the rows asks for a least duration. The
-    durations at a lift are taken about the middle of the event, and `waves_max` is left out.
-    """
+    """The shortest duration_deg, to `DURATION_STEP_DEG`, with which some cam has the durations of `duration_at` about
+    the middle of the event, without `waves_max`. None where no duration between two ramps has such a cam, or where none
+    of the rows asks for a least duration."""
     least = max((least for _, least, _ in design.duration_at), default=0.0)
     longest = round(longest_duration_deg(design) / DURATION_STEP_DEG)
     below = most = int(least / DURATION_STEP_DEG)  # in steps: no cam; perhaps one
@@ -248,10 +237,8 @@ def peak_angle(lift: Lift) -> float:
     return float(angles[np.argmax(lift(angles))])
 
 
-def elastic_shape(
-    design: Design, cam: FreeCam, names: Iterable[str], cost: float, size: float
-) -> tuple[ElasticProgram, np.ndarray]:
-    """The program of largest area whose limits `names` may be broken at a `cost`, by about `size`, and its right sides.
+def elastic_shape(design: Design, cam: FreeCam, names: Iterable[str], cost: float, size: float) -> ElasticProgram:
+    """The program of largest area whose limits `names` may be broken at a `cost`, by about `size`.
 
     A maximum lift that is to be reached is reached in the middle.
     """
@@ -261,7 +248,7 @@ def elastic_shape(
     for name in names:
         give[limits.rows(name)] = 1.0
     working = np.union1d(first_working(limits), np.arange(len(limits.bound), len(bound)))
-    return ElasticProgram.of(spline_rows(matrix), give, row, cost, size, working), bound
+    return ElasticProgram(spline_rows(matrix), bound, give, row, cost, size, working)
 
 
 def _rounded(value: float, up: bool) -> str:

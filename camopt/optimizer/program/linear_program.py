@@ -1,9 +1,8 @@
 """Linear programs with many dense rows and few columns: HiGHS on a working set of rows that grows as needed.
 
-Of several ten thousand limit and force rows only about as many bind as there are free coefficients. Each round solves
-on the working set and adds the rows that the answer breaks, until none is left: the optimum of the whole program. The
-rows keep their model and its basis: the dual simplex method goes on from it when rows are added, and when the program
-is solved again with other right sides (Huangfu and Hall 2018, as HiGHS has it).
+Of several ten thousand rows only about as many bind as there are columns. Each round solves on the working set and adds
+the rows that the answer breaks, until none is left. The rows keep their model and its basis, from which the dual
+simplex method goes on when rows are added and when right sides change (Huangfu and Hall 2018, as HiGHS has it).
 """
 
 from dataclasses import dataclass
@@ -80,15 +79,17 @@ class WarmModel:
 
     def keep(self, rows: np.ndarray) -> None:
         """Leave out the slack rows that are not among `rows`; a basis without them stays one."""
-        slack = [status == HighsBasisStatus.kBasic for status in self._highs.getBasis().row_status]
-        out = np.flatnonzero(slack & ~np.isin(self.held, rows)).astype(np.int32)
+        out = np.flatnonzero(self._slack() & ~np.isin(self.held, rows)).astype(np.int32)
         succeeds(self._highs.deleteRows(len(out), out))
         self.held = np.delete(self.held, out)
 
     def basis(self) -> np.ndarray:
         """Indices of the rows that hold the last solution, as many as columns at a vertex: those outside the basis."""
-        status = self._highs.getBasis().row_status
-        return self.held[[one != HighsBasisStatus.kBasic for one in status]]
+        return self.held[~self._slack()]
+
+    def _slack(self) -> np.ndarray:
+        """Whether the last solution leaves room in each row of the model."""
+        return np.array([status == HighsBasisStatus.kBasic for status in self._highs.getBasis().row_status], dtype=bool)
 
     def pose(self, cost: np.ndarray, level: np.ndarray) -> None:
         """Another objective (m) and right sides (r) on the rows in the model."""
@@ -113,9 +114,8 @@ class WarmModel:
 def maximise(objective: np.ndarray, rows: Rows, bound: np.ndarray, working: np.ndarray) -> Optimum:
     """The point z (m) with the largest objective @ z under rows.matrix @ z <= bound (r), z free in sign.
 
-    `working` (w): row indices to begin with where these rows are new to the solver; else it goes on from where it
-    stands. Both decide the time taken, not the answer. Raises Infeasible, Unbounded, and ArithmeticError where the
-    solver gives up.
+    `working` (w) are row indices to begin with where these rows are new to the solver, which decide the time taken
+    alone. Raises Infeasible, Unbounded, and ArithmeticError where the solver gives up.
     """
     level, model = bound / rows.norm, rows.model
     if level.min(initial=0.0) < -FARTHEST * len(objective):
@@ -152,42 +152,28 @@ def _optimum(objective, rows: Rows, model: WarmModel, u, multipliers, excess) ->
     return Optimum(z, float(objective @ z), duals, tightest)
 
 
-@dataclass(frozen=True)
 class ElasticProgram:
-    """A program with penalised constraint violation (elastic mode): the last entry of a point is s >= 0, by which the
-    rows that give may be broken, at a cost."""
+    """A program with penalised constraint violation (elastic mode): the last entry of a point is s >= 0, by which rows
+    (r, m) may be broken: each by what it gives for s = 1 (r), at a cost. `size` is a typical s, for the solver's
+    scaling."""
 
-    rows: Rows
-    objective: np.ndarray
-    working: np.ndarray
-
-    @classmethod
-    def of(cls, rows: Rows, give: np.ndarray, objective: np.ndarray, cost: float, size: float, working):
-        """Of rows (r, m), what each gives for s = 1 (r), an objective (m), what s costs and its typical size."""
+    def __init__(self, rows: Rows, bound: np.ndarray, give: np.ndarray, objective, cost: float, size: float, working):
         last = np.append(np.zeros(len(rows.column)), -1.0)
-        elastic = Rows(np.vstack([np.column_stack([rows.matrix, -give]), last]), np.append(rows.column, size))
-        return cls(elastic, np.append(objective, -cost), np.append(working, len(give)))
+        matrix = np.vstack([np.column_stack([rows.matrix, -give]), last])
+        self.bound, self.rows = bound, Rows(matrix, np.append(rows.column, size))
+        self.objective, self.working = np.append(objective, -cost), np.append(working, len(give))
 
-    def solve(self, bound: np.ndarray) -> Optimum:
-        """The point of largest value with these right sides (r); raises Infeasible where the other rows contradict
-        each other."""
+    def solve(self, bound: np.ndarray | None = None) -> Optimum:
+        """The point of largest value, with other right sides (r) where they are given; raises Infeasible where the rows
+        that do not give contradict each other."""
+        bound = self.bound if bound is None else bound
         return maximise(self.objective, self.rows, np.append(bound, 0.0), self.working)
-
-    def value(self, bound: np.ndarray) -> float:
-        """The largest value; minus infinity where the other rows contradict each other."""
-        try:
-            return self.solve(bound).value
-        except (Infeasible, ArithmeticError):  # of a pattern that the solver does not decide, too
-            return -np.inf
 
 
 def least_relaxation(rows: Rows, bound: np.ndarray, give: np.ndarray, size: float, working: np.ndarray) -> float | None:
-    """Smallest s >= 0 with rows.matrix @ z <= bound + give (r) * s; None where no s is enough.
-
-    `size` is a typical s, for the solver's scaling.
-    """
+    """Smallest s >= 0 with rows.matrix @ z <= bound + give (r) * s; None where no s is enough."""
     try:
-        found = ElasticProgram.of(rows, give, np.zeros(len(rows.column)), 1.0, size, working).solve(bound)
+        found = ElasticProgram(rows, bound, give, np.zeros(len(rows.column)), 1.0, size, working).solve()
     except Infeasible:
         return None
     return max(float(found.z[-1]), 0.0)

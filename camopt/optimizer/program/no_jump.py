@@ -1,8 +1,8 @@
 """Largest area whose contacts stay closed at every speed: a linear program, under the linear model of `periodic`.
 
-While the contacts stay closed, each contact force is affine in the cam's free coefficients. Rows: force at least a
-margin, in contacts between cam and valve while the valve is lifted, and in the seat while the valve is seated. A
-negative margin allows the linear model some tension, which the real contact answers with a small separation.
+Its rows keep each contact force, affine in the cam's free coefficients, at a margin at least, in contacts between cam
+and valve while the valve is lifted, and in the seat while it is seated. A negative margin allows the linear model some
+tension, which the real contact answers with a small separation.
 """
 
 from collections.abc import Sequence
@@ -10,12 +10,13 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from camopt.cam.families.free import FreeCam
 from camopt.cam.families.shape_rows import Limits
 from camopt.cam.lift import Lift
 from camopt.highs import Infeasible
-from camopt.optimizer.program.force_rows import PEAK, SEAT, Box, Margins, SpeedRows, Window, averaged, speed_rows
+from camopt.optimizer.program.force_rows import PEAK, SEAT, Box, SpeedRows, averaged, speed_rows
 from camopt.optimizer.program.kinematic import (
     SHORT_OF_FORCE,
     TYPICAL_FORCE,
@@ -27,8 +28,8 @@ from camopt.optimizer.program.kinematic import (
     with_lift_reached,
 )
 from camopt.optimizer.program.linear_program import ElasticProgram, Optimum, Rows, least_relaxation
-from camopt.optimizer.program.periodic import CamSamples, sample_cam
-from camopt.optimizer.program.phases import Angles, force_unit, static_angles
+from camopt.optimizer.program.periodic import SAMPLE, sample_cam
+from camopt.optimizer.program.phases import HELD_N, Angles, force_unit, static_angles
 from camopt.scene.design import Design
 from camopt.scene.errors import NoCamFound
 from camopt.scene.train import Train
@@ -72,11 +73,9 @@ class NoJumpOptimum:
         return prices
 
     def value_in(self, other: "NoJumpProgram") -> float | None:
-        """The largest area ratio of a program that differs little, by another train or other ramps, to first order.
-
-        By this cam and its duals (the envelope theorem; Gal 1995, Postoptimal Analyses). None where a row that binds
-        has none beside it there.
-        """
+        """The largest area ratio of a program that differs little, by another train or other ramps, to first order: by
+        this cam and its duals (the envelope theorem; Gal 1995, Postoptimal Analyses). None where a row that binds has
+        none beside it there."""
         duals, first = self.optimum.duals, len(self.program.limits.bound)
         if len(other.limits.bound) != first:
             return None
@@ -98,7 +97,7 @@ class NoJumpOptimum:
         mine, its, at = p.held[speed], other.held[speed], r - int(np.searchsorted(p.speed, speed))
         alike = np.flatnonzero((its.kind == mine.kind[at]) & (its.element == mine.element[at]))
         off = np.abs(its.angle[alike] - mine.angle[at])
-        if not len(alike) or off.min() > BESIDE * p.window.step:
+        if not len(alike) or off.min() > BESIDE * p.step:
             return None
         beside = alike[np.argmin(off)]
         force = float(its.offset[beside] + its.matrix[beside] @ self.z)
@@ -111,16 +110,18 @@ class NoJumpOptimum:
 class NoJumpProgram:
     """The no-jump linear program of a train, a design and a free cam, at the speeds of `blocks`.
 
-    Its rows hold means over so many forces on either side of each as are `averaged`.
+    Its rows hold means over so many forces on either side of each as are `averaged`. Margins are least contact forces
+    [N] on the opening flank, on the closing flank and at the seat: one number, one of each kind (3), or one of each
+    kind and speed (3, s).
     """
 
     train: Train
     design: Design
     cam: FreeCam
-    window: Window
     blocks: tuple[SpeedRows, ...]
     box: Box | None = None
     averaged: int = 0
+    step: float = SAMPLE  # the longest one between two rows [rad]
 
     @property
     def speeds(self) -> np.ndarray:
@@ -155,10 +156,15 @@ class NoJumpProgram:
         sides = [] if self.box is None else [np.eye(force.shape[1]), -np.eye(force.shape[1])]
         return spline_rows(np.concatenate([self.limits.matrix, force, *sides]))
 
-    def bound(self, margins: np.ndarray) -> np.ndarray:
-        """Right side of the program for margins (3, speeds) [N]."""
+    def margin_table(self, margins: ArrayLike) -> np.ndarray:
+        """Margins by kind and speed (3, s) [N]."""
+        rows = np.asarray(margins, dtype=float)
+        return np.broadcast_to(rows[:, None] if rows.ndim == 1 else rows, (3, len(self.blocks)))
+
+    def bound(self, margins: ArrayLike) -> np.ndarray:
+        """Right side of the program for margins."""
         offset = np.concatenate([b.offset for b in self.held])
-        least = margins[np.minimum(self.kind, SEAT), self.speed]
+        least = self.margin_table(margins)[np.minimum(self.kind, SEAT), self.speed]
         peak = self.design.contact_force_max_N or np.inf
         force = np.where(self.kind == PEAK, peak - offset, offset - least)
         box = self.box
@@ -178,14 +184,11 @@ class NoJumpProgram:
         return np.concatenate([b.offset + b.matrix @ z for b in self.blocks])
 
     def solve(
-        self, margins: Margins | None = None, explain: bool = True, working: np.ndarray | None = None
+        self, margins: ArrayLike = HELD_N, explain: bool = True, working: np.ndarray | None = None
     ) -> NoJumpOptimum:
-        """The cam of largest area with these margins (by default 20 N each); quick after the first ones.
-
-        `working` are indices of rows to begin with, where another program says which. Raises NoCamHoldsContact, which
-        says by how much the margins are too large, where no cam keeps them; without `explain`, Infeasible.
-        """
-        table = (margins or Margins()).table(len(self.blocks))
+        """The cam of largest area with these margins; `working` are indices of rows to begin with, where another
+        program says which. Raises NoCamHoldsContact where no cam keeps them; without `explain`, Infeasible."""
+        table = self.margin_table(margins)
         row, constant = area_ratio_row(self.design, self.cam)
         working = self.first_working() if working is None else working
         try:
@@ -196,26 +199,24 @@ class NoJumpProgram:
             raise self._shortfall(table) from None
         return NoJumpOptimum(self, table, optimum.z, optimum.value + constant, optimum)
 
-    def solve_below(self, margins: np.ndarray, working: np.ndarray | None = None) -> NoJumpOptimum:
-        """The same with the margins (3, s) [N] or, where no cam keeps them, with all of them lower by what it takes.
-
-        Raises NoCamHoldsContact where the other limits alone let no cam through.
-        """
+    def solve_below(self, margins: ArrayLike, working: np.ndarray | None = None) -> NoJumpOptimum:
+        """The same with the margins or, where no cam keeps them, with all of them lower by what it takes; raises
+        NoCamHoldsContact where the other limits alone let no cam through."""
         try:
-            return self.solve(Margins(*margins), working=working)
+            return self.solve(margins, working=working)
         except NoCamHoldsContact as short:
             if np.isinf(short.shortfall_N):
                 raise
-            return self.solve(Margins(*(margins - SHORTFALL * short.shortfall_N)))
+            return self.solve(np.subtract(margins, SHORTFALL * short.shortfall_N))
 
     def first_working(self) -> np.ndarray:
         """Row indices to begin with where nothing is known: the limits and every fortieth force row."""
         first = len(self.limits.bound)
         return np.union1d(first_working(self.limits), np.arange(first, first + len(self.kind), 40))
 
-    def relaxable(self, margins: np.ndarray) -> tuple[Rows, np.ndarray, np.ndarray, np.ndarray]:
+    def relaxable(self, margins: ArrayLike) -> tuple[Rows, np.ndarray, np.ndarray, np.ndarray]:
         """The rows, with a maximum lift reached in the middle, or where the box's own cam is highest, and their right
-        sides (r) for margins (3, s) [N]; what each gives where all margins fall by one (r) [1/N], and the first working
+        sides (r) for margins; what each gives where all margins fall by one (r) [1/N], and the first working
         set."""
         top = peak_angle(self.cam.lift(self.box.centre)) if self.box else 0.0
         matrix, bound = with_lift_reached(self.cam, self.design, self.rows.matrix, self.bound(margins), top)
@@ -224,12 +225,12 @@ class NoJumpProgram:
         working = np.union1d(self.first_working(), np.arange(len(self.rows.norm), len(bound)))
         return spline_rows(matrix), bound, give, working
 
-    def elastic(self, margins: np.ndarray) -> tuple[ElasticProgram, np.ndarray]:
-        """The program that may miss margins (3, s) [N] at the cost SHORT_OF_FORCE, and its right sides."""
+    def elastic(self, margins: ArrayLike) -> ElasticProgram:
+        """The program that may miss the margins at the cost SHORT_OF_FORCE."""
         rows, bound, give, working = self.relaxable(margins)
         row, _ = area_ratio_row(self.design, self.cam)
         unit = force_unit(self.train)
-        return ElasticProgram.of(rows, give, row, SHORT_OF_FORCE / unit, TYPICAL_FORCE * unit, working), bound
+        return ElasticProgram(rows, bound, give, row, SHORT_OF_FORCE / unit, TYPICAL_FORCE * unit, working)
 
     def _shortfall(self, margins: np.ndarray) -> NoCamHoldsContact:
         """Why no cam keeps margins (3, s) [N]."""
@@ -252,10 +253,8 @@ class NoJumpProgram:
         return NoCamHoldsContact(f"keeping {kept} {where} is impossible: {most}", needed)
 
     def under(self, design: Design) -> "NoJumpProgram":
-        """This program under other values of the limits: where no row's left side changes, the solver keeps its basis.
-
-        Duration, ramps and train are as they were, and so is whether the largest contact force is limited.
-        """
+        """This program under other values of the limits, with the same duration, ramps and kinds of limits: where no
+        row's left side changes, the solver keeps its basis."""
         other = replace(self, design=design)
         if np.array_equal(other.limits.matrix, self.limits.matrix):
             vars(other)["rows"] = self.rows
@@ -263,7 +262,7 @@ class NoJumpProgram:
 
     def relocated(self, angles: Sequence[Angles]) -> "NoJumpProgram":
         """The same program at other switching angles, one per block."""
-        return replace(self, blocks=_blocks(self.train, self.design, self.cam, self.speeds, angles, self.window))
+        return replace(self, blocks=_blocks(self.train, self.design, self.cam, self.speeds, angles, self.step))
 
 
 def no_jump_program(
@@ -271,20 +270,14 @@ def no_jump_program(
     design: Design,
     cam: FreeCam,
     speeds: Sequence[float] | np.ndarray,
-    angles: Sequence[Angles] | None = None,
-    window: Window | None = None,
+    step: float = SAMPLE,
 ) -> NoJumpProgram:
-    """The program at cam speeds [rad/s], with one set of switching angles per speed (default: static load transfer)."""
-    window = window or Window()
-    return NoJumpProgram(train, design, cam, window, _blocks(train, design, cam, speeds, angles, window))
+    """The program at cam speeds [rad/s], at the switching angles of static load transfer."""
+    angles = [static_angles(train, cam)] * len(speeds)
+    return NoJumpProgram(train, design, cam, _blocks(train, design, cam, speeds, angles, step), step=step)
 
 
-def _blocks(train, design, cam, speeds, angles, window) -> tuple[SpeedRows, ...]:
-    if angles is None:
-        angles = [static_angles(train, cam)] * len(speeds)
-    sampled: dict[Angles, CamSamples] = {}
-    for a in angles:
-        if a not in sampled:
-            sampled[a] = sample_cam(cam, a, window.step)
+def _blocks(train, design, cam, speeds, angles, step) -> tuple[SpeedRows, ...]:
+    sampled = {a: sample_cam(cam, a, step) for a in set(angles)}
     pairs = zip(speeds, angles, strict=True)
-    return tuple(speed_rows(train, design, sampled[a], float(w), a, window) for w, a in pairs)
+    return tuple(speed_rows(train, design, sampled[a], float(w), a) for w, a in pairs)

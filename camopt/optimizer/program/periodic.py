@@ -4,8 +4,7 @@ Within a phase (see `phases`) the same contacts stay closed and may even pull. T
 constant matrices, and its steady periodic response is affine in the cam's free coefficients. Each step is exact: the
 lift is a polynomial on it, so that the lift's derivatives are carried as further states and one matrix exponential
 moves both (Van Loan, IEEE Trans. Automatic Control 23, 1978). Steps of one kind on one piece of the cam make a block,
-over which a power of their matrix goes at once; what lies inside is read where it is asked for. Where laws are not
-linear, straight lines along a motion stand for them (see `tangents`).
+over which a power of their matrix goes at once; what lies inside is read where it is asked for.
 """
 
 from dataclasses import dataclass
@@ -46,11 +45,8 @@ class CamSamples:
 
 
 def sample_cam(cam: FreeCam, angles: Angles, step: float = SAMPLE, about: Lift | None = None) -> CamSamples:
-    """Steps of at most `step` [rad] whose edges include every knot, ramp border and switching angle.
-
-    With `about`, a cam of pieces of degree six at most, its lift stands in column 0, and the edges include every `step`
-    from -pi on.
-    """
+    """Steps of at most `step` [rad] whose edges include every knot, ramp border and switching angle. With `about`, a
+    cam of pieces of degree six at most, its lift stands in column 0, and the edges include every `step` from -pi on."""
     knot = cam.breaks[1] - cam.breaks[0]
     fine, start = (knot / np.ceil(knot / step - 1e-9), cam.breaks[0]) if about is None else (step, -np.pi)
     uniform = start + fine * np.arange(np.ceil((-np.pi - start) / fine), np.floor((np.pi - start) / fine) + 1)
@@ -64,7 +60,11 @@ def sample_cam(cam: FreeCam, angles: Angles, step: float = SAMPLE, about: Lift |
     # a derivative that steps at a knot is that of the piece on which the block lies
     piece, block = np.unique(np.searchsorted(borders, 0.5 * (low + high)) - 1, return_inverse=True)
     middle = 0.5 * (borders[piece] + borders[piece + 1])
-    taylor = np.stack([_affine(cam, middle, order, about) for order in range(LIFT_DERIVATIVES)], axis=1)
+    taylor = np.empty((len(middle), LIFT_DERIVATIVES, 1 + cam.Z.shape[1]))
+    for order in range(LIFT_DERIVATIVES):
+        matrix, offset = cam.basis(middle, order)
+        taylor[:, order, 0] = offset + matrix @ cam.x_p if about is None else about(middle, order)
+        taylor[:, order, 1:] = matrix @ cam.Z
     begin = np.zeros((len(first), LIFT_DERIVATIVES + 1, 1 + cam.Z.shape[1]))
     np.matmul(_shift(low - middle[block]), taylor[block], out=begin[:, :-1])
     begin[:, -1, 0] = 1.0
@@ -92,12 +92,6 @@ def _first_edges(edges: np.ndarray, borders: np.ndarray, angles: Angles) -> np.n
 def _rounded_widths(edges: np.ndarray) -> np.ndarray:
     """Widths of the steps [rad], the same number for those that are equal to round-off."""
     return np.round(np.diff(edges), 12)
-
-
-def _affine(cam: FreeCam, theta: np.ndarray, order: int, about: Lift | None) -> np.ndarray:
-    """Lift derivative at z = 0, or that of the cam `about`, (column 0) and per free coefficient, shape (k, 1 + m)."""
-    matrix, offset = cam.basis(theta, order)
-    return np.column_stack([offset + matrix @ cam.x_p if about is None else about(theta, order), matrix @ cam.Z])
 
 
 @dataclass(frozen=True)
@@ -239,13 +233,12 @@ def _generator(
     g[:n, n : 2 * n] = np.eye(n) * omega
     g[n : 2 * n, :n] = -per_mass * (d.T * k @ d) / omega
     g[n : 2 * n, n : 2 * n] = -per_mass * (d.T * c @ d + np.diag(train.mass_damping))
-    push = [-d.T @ (k * drive), -cam_speed * d.T @ (c * drive)]
-    rest = train.mass_force - d.T @ (train.preload[closed] - k * train.gap[closed])
-    for column, force in zip((2 * n, 2 * n + 1), push, strict=True):
-        g[n : 2 * n, column] = force / train.mass / omega
+    g[n : 2 * n, 2 * n] = -d.T @ (k * drive) / train.mass / omega
+    g[n : 2 * n, 2 * n + 1] = -cam_speed * d.T @ (c * drive) / train.mass / omega
     if further:
         g[n : 2 * n, -n:] = np.diag(1.0 / train.mass) / omega
     else:
+        rest = train.mass_force - d.T @ (train.preload[closed] - k * train.gap[closed])
         g[n : 2 * n, -1] = rest / train.mass / omega
     g[: 2 * n] /= cam_speed
     chain = np.arange(2 * n, 2 * n + LIFT_DERIVATIVES - 1)
@@ -258,7 +251,6 @@ class ExactSteps:
     """Exact steps of (x, v / velocity_scale, lift, lift', ..., 1): `whole[kind[j]]` moves edge j to edge j + 1."""
 
     generator: np.ndarray  # (kinds, 2 n + 8, 2 n + 8) per rad
-    width: np.ndarray  # (kinds) rad
     whole: np.ndarray  # (kinds, 2 n + 8, 2 n + 8)
     kind: np.ndarray  # (k) int
     load: np.ndarray  # (k, n) N, constant forces on the masses in every step; of tangents alone
@@ -287,5 +279,4 @@ def exact_steps(train: Train, edges: np.ndarray, cam_speed: float, angles: Angle
     kinds, kind = np.unique(kinds, axis=0, return_inverse=True)
     of = [(contacts[int(row[0])], row[2:] if tangents is not None else None) for row in kinds]
     generator = np.stack([_generator(train, scaled, closed, cam_speed, stiffness) for closed, stiffness in of])
-    width = kinds[:, 1]
-    return ExactSteps(generator, width, expm(generator * width[:, None, None]), kind, load)
+    return ExactSteps(generator, expm(generator * kinds[:, 1, None, None]), kind, load)

@@ -1,10 +1,9 @@
 """The phases of a motion whose contacts switch at given cam angles: seated, shared (seat and cam side both loaded) and
 lifted; which contacts act in each, and the angles of the quasi-static load transfer between them.
 
-Where laws are not linear, straight lines stand for them. Along a motion every element is on one piece of its law, and
-its force there is a straight line of its compression, the tangent of a curve. With these lines, and the forces that
-repeat with the cam angle, the periodic motion is affine in the cam again, as long as the pieces are met at the same
-angles: the program is solved again until it stands.
+Where laws are not linear, the tangents along a motion stand for them. With these, and the forces that repeat with the
+cam angle, the periodic motion is affine in the cam again, as long as the pieces of the laws are met at the same angles:
+the program is solved again until it stands.
 """
 
 from dataclasses import dataclass
@@ -92,9 +91,7 @@ def _lines(train: Train, response: Response, e: int, d: np.ndarray) -> tuple[np.
     if laws.kind[e] in OF_CONTACTS:  # it has no stiffness where it only just touches
         law = laws.contact_law(e)
         stiffness = np.maximum(stiffness, law.slope(law.depth(usual_margin(train))))
-    if (
-        laws.dissipation[e] > 0.0
-    ):  # what the law damps is a load along this motion; where the program stands, it is exact
+    if laws.dissipation[e] > 0.0:  # what the law damps is a load along this motion, exact where the program stands
         force = response.force[:, e]
     if laws.kind[e] in CURVED:
         stiffness = np.exp(np.round(np.log(stiffness) * LEVELS) / LEVELS)
@@ -106,10 +103,8 @@ SEATED, SHARED, LIFTED = range(3)
 
 @dataclass(frozen=True)
 class Angles:
-    """Cam angles [rad] at which the phases change: the lash closes, the seat opens, the seat closes, the lash opens.
-
-    Where laws are not linear, `tangents` stand for them; without any, their tangents at rest do.
-    """
+    """Cam angles [rad] at which the phases change: the lash closes, the seat opens, the seat closes, the lash opens;
+    and what stands for laws that are not linear, without `tangents` those at rest."""
 
     lash_closes: float
     seat_opens: float
@@ -130,11 +125,8 @@ class Angles:
 
 
 def phase_contacts(train: Train) -> np.ndarray:
-    """Elements that act in each phase, shape (3, e) bool: seated, shared, lifted.
-
-    In the seated phase the set closed at rest acts. Raises NoCamFound where more than one contact between cam and valve
-    is open at rest.
-    """
+    """Elements that act in each phase, shape (3, e) bool: seated, as at rest, shared, lifted. Raises NoCamFound where
+    more than one contact between cam and valve is open at rest."""
     train = linearised_at_rest(train)
     x = rest_position(train)
     margin = train.compression(x, 0.0) - train.touch_compression

@@ -1,18 +1,18 @@
 """The free cam on which the programs work, with the limits that are not linear taken where they allow most area.
 
-A duration at a lift is held about a centre, and for a given centre it is linear. The centres are searched one after
-another, about each by bounded scalar minimisation (Brent 1973, ch. 5), on a coarse spline. A centre leaves the middle
-of the event only where that brings area, so that a symmetric design stays symmetric.
+A duration at a lift is linear about a given centre. The centres are searched one after another, each by bounded scalar
+minimisation (Brent 1973, ch. 5), on a coarse spline. A centre leaves the middle of the event only where that brings
+area, so that a symmetric design stays symmetric.
 
-With given angles at which the jerk changes its sign, the limit on how often it does is linear. The pattern of the cam
-without that limit loses its smallest ripples until it has few enough changes; then one angle after another is moved by
-steps that shrink, as long as that helps (Hooke and Jeeves 1961, without their pattern moves).
+The limit on how often the jerk changes its sign is linear at given angles of change. The pattern of the cam without
+that limit loses its smallest ripples until it has few enough changes; then one angle after another is moved by steps
+that shrink, as long as that helps (Hooke and Jeeves 1961, without their pattern moves).
 
-Near a cam linear limits stand for the radii under a roller or pad that are a little stricter
-(`camopt.cam.families.radius_planes`). A program may break them at a price, so that it has a solution from whichever cam
-it starts. Once they hold, its neighbourhood is half as wide as the last one's, down to a width at which the limits are
-as good as the radii themselves (sequential linear programs in a trust region: Nocedal and Wright, Numerical
-Optimization, 2006, ch. 18). Where contacts must keep margins too, the programs may be short of these at a price.
+The radii under a roller or pad are replaced near a cam by linear limits that are a little stricter
+(`camopt.cam.families.radius_planes`). A program may break them, or be short of margins, at a price, so that it has a
+solution from any cam. Once they hold, its neighbourhood is halved, down to a width at which the limits are as good as
+the radii themselves (sequential linear programs in a trust region: Nocedal and Wright, Numerical Optimization, 2006,
+ch. 18).
 
 What a search finds holds its limit at every angle, and is no proof that no cam is larger; the bound leaves these limits
 out.
@@ -33,15 +33,7 @@ from camopt.cam.geometry import sign_changes
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import radii_held_near
 from camopt.highs import Infeasible
-from camopt.optimizer.program.force_rows import Margins
-from camopt.optimizer.program.kinematic import (
-    area_ratio_row,
-    elastic_shape,
-    first_working,
-    kinematic_optimum,
-    solve_over_peak_angles,
-    spline_rows,
-)
+from camopt.optimizer.program.kinematic import elastic_shape, kinematic_optimum
 from camopt.optimizer.program.linear_program import ElasticProgram
 from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.scene.design import RADII, Design
@@ -68,11 +60,8 @@ def near(cam: FreeCam, lift: Lift, share: float = WIDTHS[-1]) -> FreeCam:
 
 
 def near_its_best(design: Design, cam: FreeCam) -> FreeCam:
-    """The free cam with its radii held near the cam of largest area that holds them.
-
-    A design without such radii gives the cam back as it is, and so do limits that contradict each other even without
-    them. Where no cam was found that holds them, it is near the one that misses least.
-    """
+    """The free cam with its radii held near the cam of largest area that holds them, or misses them least; as it is for
+    a design without such radii and for limits that contradict each other even without them."""
     if not radii_held_near(design):
         return cam
     try:
@@ -84,26 +73,22 @@ def near_its_best(design: Design, cam: FreeCam) -> FreeCam:
 
 
 def with_radii(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
-    """The program with its radii held near the cam of largest area that keeps a common margin or misses it least.
-
-    A program that holds no radii so is given back as it is.
-    """
+    """The program with its radii, if it holds any, near the cam of largest area that keeps a common margin or misses it
+    least."""
     held = program.cam.about.near
     if held is None:
         return program
-    margins = Margins(margin_N, margin_N, margin_N).table(len(program.blocks))
-    cam = _narrowed(lambda cam: replace(program, cam=cam).elastic(margins), program.cam, held.lift)
+    cam = _narrowed(lambda cam: replace(program, cam=cam).elastic(margin_N), program.cam, held.lift)
     return replace(program, cam=cam)
 
 
-def _narrowed(program_of: Callable[[FreeCam], tuple[ElasticProgram, np.ndarray]], cam: FreeCam, lift: Lift) -> FreeCam:
+def _narrowed(program_of: Callable[[FreeCam], ElasticProgram], cam: FreeCam, lift: Lift) -> FreeCam:
     """The free cam with its radii held near a cam that is the best one near itself, the one that the programs reach
-    from `lift` on; `program_of` gives the program of a free cam and its right sides."""
+    from `lift` on."""
     width, reached, missed = 0, -np.inf, np.inf
     for _ in range(MOST_NARROWINGS):
         try:
-            program, bound = program_of(near(cam, lift, WIDTHS[width]))
-            found = program.solve(bound)
+            found = program_of(near(cam, lift, WIDTHS[width])).solve()
         except (Infeasible, ArithmeticError):  # of a program that the solver does not decide, too
             break
         lift, short = cam.lift(found.z[:-1]), float(found.z[-1])
@@ -119,8 +104,8 @@ FEW = 5
 """Sign changes of a cam with one ripple, from which the search starts too: with many it may stop at a lesser cam."""
 STEPS = (6, 3, 1)
 """Cells by which an angle is moved, one after another."""
-ANGLE_WORTH = 1e-6
-"""Gain in area ratio below which an angle stays."""
+WORTH = 1e-6
+"""Gain in area ratio below which an angle, or a centre, stays."""
 SHORT_OF_JERK = 10.0 / (1e-3 * MM_PER_DEG3)
 """Area ratio that a jerk of the wrong sign costs in the search [1/(m/rad^3)]: more than any cam gains by it."""
 
@@ -128,10 +113,8 @@ Switches = tuple[float, ...]
 
 
 def kinematic_switches(design: Design, cam: FreeCam) -> Switches:
-    """The angles [rad] at which the jerk changes its sign with the largest area that the limits on the shape allow.
-
-    Empty where these limits contradict each other even without a limit on the changes.
-    """
+    """The angles [rad] at which the jerk changes its sign with the largest area that the limits on the shape allow;
+    none where these contradict each other even without a limit on the changes."""
     assert design.waves_max is not None, "only such designs have switches"
     try:
         unlimited = kinematic_optimum(design, _with_switches(cam, ()), explain=False).lift
@@ -140,40 +123,37 @@ def kinematic_switches(design: Design, cam: FreeCam) -> Switches:
     starts = {_fewer(unlimited, cam, most) for most in (design.waves_max, min(design.waves_max, FEW))}
     first = _with_switches(cam, next(iter(starts)))
     jerk = (design.jerk_max_mm_per_deg3 or 1e-3) * MM_PER_DEG3
-    value = _value(
-        *elastic_shape(design, first, ["waves_max"], SHORT_OF_JERK, jerk), cam, first.limits(design).rows("waves_max")
-    )
+    program = elastic_shape(design, first, ["waves_max"], SHORT_OF_JERK, jerk)
+    value = _value(program, cam, first.limits(design).rows("waves_max"))
     return max((_climbed(value, start, cells(cam)) for start in sorted(starts)), key=value)
 
 
 def with_switches(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
-    """The program with the angles at which the jerk changes its sign with the largest area for a common margin.
-
-    The margins may fall where no cam keeps them with as few changes. Raises NoCamHoldsContact where the limits on the
-    shape allow no cam. A program whose design does not limit the changes is given back as it is.
-    """
+    """The program with the angles at which the jerk changes its sign, if their number is limited, with the largest area
+    for a common margin, which may fall where no cam keeps it with as few changes."""
     design, cam = program.design, program.cam
     if design.waves_max is None or not cam.about.switches:
         return program
-    margins = Margins(margin_N, margin_N, margin_N)
-    elastic, bound = program.elastic(margins.table(len(program.blocks)))
-    value = _value(elastic, bound, cam, program.limits.rows("waves_max"))
+    value = _value(program.elastic(margin_N), cam, program.limits.rows("waves_max"))
     starts = [cam.about.switches]
     try:
-        unlimited = replace(program, cam=_with_switches(cam, ())).solve(margins, explain=False)
+        unlimited = replace(program, cam=_with_switches(cam, ())).solve(margin_N, explain=False)
         starts.append(_fewer(unlimited.lift, cam, design.waves_max))
     except Infeasible:
         pass
     return replace(program, cam=_with_switches(cam, _climbed(value, max(starts, key=value), cells(cam))))
 
 
-def _value(program: ElasticProgram, bound: np.ndarray, cam: FreeCam, signed: np.ndarray) -> Callable[[Switches], float]:
+def _value(program: ElasticProgram, cam: FreeCam, signed: np.ndarray) -> Callable[[Switches], float]:
     """The program's value as a function of the switches, which change the right sides of the rows `signed`."""
 
     def value(switches: Switches) -> float:
-        other = bound.copy()
-        other[signed] = sign_rows(cam, switches)[1]
-        return program.value(other)
+        bound = program.bound.copy()
+        bound[signed] = sign_rows(cam, switches)[1]
+        try:
+            return program.solve(bound).value
+        except (Infeasible, ArithmeticError):  # of a pattern that the solver does not decide, too
+            return -np.inf
 
     return value
 
@@ -207,7 +187,7 @@ def _climbed(value: Callable[[Switches], float], start: Switches, marks: np.ndar
                     if np.any(np.diff(np.concatenate([[0], trial, [len(marks) - 1]])) < 1):
                         continue
                     reached = value(tuple(marks[trial]))
-                    if reached > best + ANGLE_WORTH:
+                    if reached > best + WORTH:
                         at, best, moving = trial, reached, True
     return tuple(float(x) for x in marks[at])
 
@@ -217,8 +197,6 @@ COARSE_DEG = 4.0
 FARTHEST_DEG = 12.0
 """Farthest centre from the middle that is tried: valve events lean by less."""
 RESOLUTION_DEG = 0.05
-WORTH = 1e-6
-"""Gain in area ratio below which a centre stays."""
 ROUNDS = 2
 
 
@@ -246,12 +224,8 @@ def centres(design: Design) -> tuple[float, ...]:
     cam, count = free_cam(design, COARSE_DEG), len(design.duration_at)
 
     def area(at: tuple[float, ...]) -> float:
-        tried = replace(cam, about=LinearisationPoint(at))
-        limits, (row, _) = tried.limits(design), area_ratio_row(design, tried)
         try:
-            return solve_over_peak_angles(
-                tried, design, row, spline_rows(limits.matrix), limits.bound, first_working(limits)
-            ).value
+            return kinematic_optimum(design, replace(cam, about=LinearisationPoint(at)), explain=False).optimum.value
         except Infeasible:
             return -1.0
 

@@ -32,8 +32,8 @@ def located_angles(response: Response) -> Angles:
 
     The seat opens for the last time before the middle, and it closes for the first time after the greatest valve lift.
     The lash closes for the last time before the seat opens, and it opens for the first time after the seat closes.
-    The tangents along the motion go with them where the train is not linear.
-    Crossings between samples are interpolated linearly. Raises NoLoadTransfer where one of the four is missing.
+    Crossings between samples are interpolated linearly; tangents along the motion go with them where the train is not
+    linear. Raises NoLoadTransfer where one of the four is missing.
     """
     train, theta = response.train, response.angle
     margin = train.compression(response.x, response.lift) - train.touch_compression
@@ -70,16 +70,13 @@ def settled_revolution(train: Train, lift: Lift, cam_speed: float, revolutions: 
     return response
 
 
-def relocate(program: NoJumpProgram, lift: Lift, revolutions: int = REVOLUTIONS) -> NoJumpProgram:
-    """The program at the switching angles that event-exact finds on `lift` at each speed.
-
-    A speed at which the motion has no clear load transfer keeps the angles it had. Radii under a roller or pad are held
-    near that cam.
-    """
+def relocate(program: NoJumpProgram, lift: Lift) -> NoJumpProgram:
+    """The program at the switching angles that event-exact finds on `lift` at each speed, with radii under a roller or
+    pad held near that cam. A speed at which the motion has no clear load transfer keeps the angles it had."""
     angles = []
     for block in program.blocks:
         try:
-            angles.append(located_angles(settled_revolution(program.train, lift, block.cam_speed, revolutions)))
+            angles.append(located_angles(settled_revolution(program.train, lift, block.cam_speed)))
         except NoLoadTransfer:
             angles.append(block.angles)
     moved = program.relocated(angles)
@@ -87,12 +84,11 @@ def relocate(program: NoJumpProgram, lift: Lift, revolutions: int = REVOLUTIONS)
 
 
 def converge_tangents(program: NoJumpProgram, margin_N: float | None = None, quick: bool = False) -> NoJumpProgram:
-    """The program linearised about the motions of its own cam, and again about the next one, until its area converges.
+    """The program linearised about the motions of its own cam, and again about the next one, until its area converges;
+    of a linear train, with `with_switches` and `with_radii` alone, which come first.
 
-    Before that come the angles at which the jerk changes its sign, for a design that limits how often it does, and the
-    cam near which the radii under a roller or pad are held. The margin on all contact forces, by default the usual
-    one, falls by as much as no cam can hold. With `quick` it ends once the tangents stand roughly, or once NONE_HOLDS
-    programs have shown that no cam holds the margin. A program whose train is linear is given back with these. Raises
+    The margin on all contact forces, by default the usual one, falls by as much as no cam can hold. With `quick` it
+    ends once the tangents stand roughly, or once NONE_HOLDS programs have shown that no cam holds the margin. Raises
     NoCamHoldsContact where the limits on the shape allow no cam.
     """
     margin_N = usual_margin(program.train) if margin_N is None else margin_N
@@ -101,7 +97,7 @@ def converge_tangents(program: NoJumpProgram, margin_N: float | None = None, qui
         return program
     area, short = -np.inf, 0
     for _ in range(MOST_SOLUTIONS):
-        found = program.solve_below(np.full((3, len(program.blocks)), margin_N))
+        found = program.solve_below(margin_N)
         short = short + 1 if found.margins.min() < margin_N else 0
         change = abs(found.area_ratio - area)
         if change < STANDS or (quick and (change < STANDS_ROUGHLY or short == NONE_HOLDS)):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from camopt.highs import Infeasible
-from camopt.optimizer.program.force_rows import Box, Margins
+from camopt.optimizer.program.force_rows import Box
 from camopt.optimizer.program.no_jump import SHORTFALL, NoJumpOptimum, NoJumpProgram, no_jump_program
 from camopt.optimizer.program.phases import force_unit
 from camopt.optimizer.program.relocation import converge_tangents, relocate
@@ -126,13 +126,13 @@ def solve_priced(program: NoJumpProgram, margins: np.ndarray) -> NoJumpOptimum:
     through.
     """
     try:
-        return program.solve(Margins(*margins), explain=False)
+        return program.solve(margins, explain=False)
     except Infeasible:
-        elastic, bound = program.elastic(margins)
+        elastic = program.elastic(margins)
     try:
-        fall = SHORTFALL * float(elastic.solve(bound).z[-1])
+        fall = SHORTFALL * float(elastic.solve().z[-1])
     except Infeasible:
-        return program.solve(Margins(*margins))  # which says why there is none
+        return program.solve(margins)  # which says why there is none
     if fall > RINGS * force_unit(program.train) and program.averaged < MOST_AVERAGED:
         return solve_priced(replace(program, averaged=max(1, 2 * program.averaged)), margins)
-    return program.solve(Margins(*(margins - fall)))
+    return program.solve(margins - fall)

@@ -17,7 +17,7 @@ from camopt.cam.lift import Lift
 from camopt.measure.limits import MOTION_LIMITS, MotionLimit
 from camopt.optimizer.accuracy import Accuracy, design_speeds
 from camopt.optimizer.ascent.projection import ShapeLimits
-from camopt.optimizer.program.force_rows import Margins, SpeedRows, Window
+from camopt.optimizer.program.force_rows import SpeedRows
 from camopt.optimizer.program.kinematic import area_ratio_row
 from camopt.optimizer.program.no_jump import NoCamHoldsContact, NoJumpProgram
 from camopt.optimizer.program.phases import Angles, force_unit
@@ -117,7 +117,7 @@ def without_rows(train: Train, design: Design, cam: FreeCam, speeds: Sequence[fl
     angles = Angles(-top, -top, top, top)
     nothing = np.zeros((0, cam.Z.shape[1])), np.zeros(0), np.zeros(0, int), np.zeros(0, int), np.zeros(0)
     blocks = tuple(SpeedRows(float(speed), angles, *nothing) for speed in speeds)
-    return NoJumpProgram(train, design, cam, Window(), blocks)
+    return NoJumpProgram(train, design, cam, blocks)
 
 
 def _source(smooth: bool, program: NoJumpProgram, smoothing: Smoothing) -> ExactRows:
@@ -234,7 +234,7 @@ def _most_force(program: NoJumpProgram, design: Design) -> str:
     if asked is None:
         return ""
     try:
-        program.solve(Margins(asked, asked, -asked))  # the limit leaves the seat out
+        program.solve((asked, asked, -asked))  # the limit leaves the seat out
     except NoCamHoldsContact as short:
         most = asked - short.shortfall_N
         if not np.isfinite(most):

@@ -13,7 +13,7 @@ import numpy as np
 
 from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
-from camopt.optimizer.program.force_rows import CLOSING, OPENING, PEAK, SEAT, SpeedRows, Window
+from camopt.optimizer.program.force_rows import AFTER_TOP, BEFORE_SEAT, CLOSING, OPENING, PEAK, SEAT, SpeedRows
 from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.optimizer.program.phases import force_unit, static_angles, usual_margin
 from camopt.optimizer.program.program_cam import near, with_radii, with_switches
@@ -61,7 +61,7 @@ class SmoothRows(ExactRows):
         self._theta = path_angles(smoothing.steps)
         self._basis, self._offset = cam.samples(equal_grid(smoothing.steps))
         self._unit = force_unit(train)
-        self._tied_in = -float(cam.breaks[-1]), end_of_contact(train, cam, program.window)
+        self._tied_in = -float(cam.breaks[-1]), end_of_contact(train, cam)
         self._motions = TiedMotions(train, program.speeds, self._tied_in, smoothing)
         self._known: _Known | None = None  # about which the rows are
         self._paths: TiedPaths | None = None  # of the cam that was asked for last
@@ -177,17 +177,17 @@ class SmoothRows(ExactRows):
 
     def _event(self, program: NoJumpProgram) -> np.ndarray:
         """Indices of the angles at which the contacts between cam and valve are to push."""
-        return np.flatnonzero(in_event(self._theta, self._tied_in, program.window.after_top))
+        return np.flatnonzero(in_event(self._theta, self._tied_in))
 
     def _seated(self, program: NoJumpProgram, z: np.ndarray, gap: np.ndarray) -> np.ndarray:
         """Indices of the angles at which the valve is to be on its seat."""
         return np.flatnonzero(on_seat(program.cam.lift(z), program.train.lash, gap))[::SEAT_EVERY]
 
 
-def in_event(theta: Any, event: Any, after_top: float) -> Any:
+def in_event(theta: Any, event: Any) -> Any:
     """Whether the contacts between cam and valve are to push at `theta` (k) [rad], where they are tied over the `event`
     from one angle to another [rad]; arrays of NumPy or JAX."""
-    return (theta >= event[0] + after_top) & (theta <= event[1] - 1e-9)
+    return (theta >= event[0] + AFTER_TOP) & (theta <= event[1] - 1e-9)
 
 
 def on_seat(lift: Lift, lash: float, gap: np.ndarray) -> np.ndarray:
@@ -200,12 +200,12 @@ def on_seat(lift: Lift, lash: float, gap: np.ndarray) -> np.ndarray:
     return (theta >= begin) | (theta <= lift.opening_foot)
 
 
-def end_of_contact(train: Train, cam: FreeCam, window: Window) -> float:
+def end_of_contact(train: Train, cam: FreeCam) -> float:
     """Angle [rad] up to which the contacts between cam and valve are to push: a little before the seat takes the load
     over, or the ramp top where the ramp is too low to say."""
     top = float(cam.breaks[-1])
     try:
-        return max(top, static_angles(train, cam).seat_closes - window.before_seat)
+        return max(top, static_angles(train, cam).seat_closes - BEFORE_SEAT)
     except NoCamFound:
         return top
 

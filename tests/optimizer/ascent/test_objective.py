@@ -11,7 +11,7 @@ from camopt.exact import settled_metrics
 from camopt.exact.adjoint.motion import value_and_gradient
 from camopt.measure.as_built import trains_as_built
 from camopt.optimizer.ascent.objective import AIM, REPRESENTATIVE
-from camopt.optimizer.ascent.train_variables import TrainVariables
+from camopt.optimizer.ascent.variables import TrainVariables
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.scene import InputError, build_train, load_scene
 from camopt.scene.schema import Tolerance

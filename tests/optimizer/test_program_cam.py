@@ -1,7 +1,8 @@
-"""The search for the angles at which the jerk changes its sign, on known functions and against single steps."""
+"""Where limits that are not linear are taken: centres of durations, sign changes of the jerk, radii near a cam."""
 
 from dataclasses import replace
 from itertools import pairwise
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,13 +11,43 @@ from camopt.cam.families.free import free_cam
 from camopt.cam.families.shape_rows import cells
 from camopt.cam.geometry import sign_changes
 from camopt.highs import Infeasible
+from camopt.optimizer.program import program_cam as module
 from camopt.optimizer.program.kinematic import first_working, kinematic_optimum, spline_rows
 from camopt.optimizer.program.linear_program import least_relaxation
-from camopt.optimizer.program.program_cam import _climbed, _fewer, kinematic_switches
-from camopt.scene import load_scene
+from camopt.optimizer.program.no_jump import NoCamHoldsContact, no_jump_program
+from camopt.optimizer.program.program_cam import (
+    WIDTHS,
+    _climbed,
+    _fewer,
+    centres,
+    kinematic_switches,
+    near,
+    with_radii,
+)
+from camopt.scene import build_train, load_scene
+from camopt.scene.geometry import Geometry
 from camopt.scene.units import MM_PER_DEG3
 
-DESIGN = load_scene("kodama").design
+KODAMA = load_scene("kodama")
+DESIGN = KODAMA.design
+TWO = DESIGN.model_copy(update={"duration_at": ((1.0, 90.0, 140.0), (4.0, 60.0, 100.0))})
+
+
+@pytest.mark.parametrize("top", [(3.0, -4.0), (-5.2, 7.7)])
+def test_two_rounds_leave_a_sixteenth_of_what_pulls_the_centres_together(monkeypatch, top):
+    """The area falls by p^2 + q^2 + p q with the distances p and q from its top: each round moves p to -q / 2, and then
+    q to -p / 2."""
+
+    def known(design, cam, explain):
+        p, q = np.degrees(cam.about.centres) - top
+        return SimpleNamespace(optimum=SimpleNamespace(value=-(p**2 + q**2 + p * q)))
+
+    monkeypatch.setattr(module, "kinematic_optimum", known)
+    q = -top[1]
+    expected = top[0] - q / 8, top[1] + q / 16
+    assert np.degrees(centres(TWO)) == pytest.approx(expected, abs=2 * module.RESOLUTION_DEG)
+
+
 FEW = DESIGN.model_copy(update={"waves_max": 3})
 CAM = free_cam(DESIGN, 8.0)
 MARKS = np.linspace(0.0, 10.0, 101)
@@ -85,3 +116,29 @@ def test_where_no_cam_has_so_few_changes_the_jerk_is_least_wrong():
 def test_limits_that_contradict_each_other_have_no_switches():
     short = FEW.model_copy(update={"max_lift_mm": 60.0, "reach_max_lift": True})
     assert kinematic_switches(short, CAM) == ()
+
+
+ROLLER = Geometry(follower="roller", base_radius_mm=18.0, roller_radius_mm=9.0)
+ROLLED = DESIGN.model_copy(update={"nose_radius_min_mm": 5.0}).within(ROLLER, KODAMA.operation)
+
+
+@pytest.mark.parametrize("margin_N", [0.0, 2000.0])
+def test_a_program_is_short_by_what_no_cam_near_holds(monkeypatch, margin_N):
+    free = free_cam(ROLLED, 8.0)
+    cam = near(free, kinematic_optimum(DESIGN, free).lift)
+    program = no_jump_program(build_train(KODAMA), ROLLED, cam, [KODAMA.cam_speed(5000.0)])
+    looked = []
+
+    def narrowed(program_of, cam, lift):
+        looked.append(program_of(near(cam, lift, WIDTHS[-1])))
+        return near(cam, lift)
+
+    monkeypatch.setattr(module, "_narrowed", narrowed)
+    assert with_radii(program, margin_N).cam.about.near.lift(0.0) == pytest.approx(cam.about.near.lift(0.0))
+    short = looked[0].solve().z[-1]
+    try:
+        program.solve(margin_N)
+        assert short == pytest.approx(0.0, abs=1e-6)
+    except NoCamHoldsContact as refused:
+        assert short == pytest.approx(refused.shortfall_N, rel=1e-3)
+    assert (short > 1.0) == (margin_N > 0.0) and np.isfinite(short)
