@@ -94,6 +94,11 @@ class SpeedVerdict:
         """The answer of the method whose metrics are reported."""
         return next(iter(self.methods.values()))
 
+    @property
+    def bounce_range_mm(self) -> tuple[float, float]:
+        """Smallest and largest bounce over measured revolutions and neighbours."""
+        return self.ranges["bounce_mm"]
+
     def __repr__(self) -> str:
         return f"SpeedVerdict({self.speed_rpm:g} r/min: {self.verdict}, by {', '.join(self.methods)})"
 
