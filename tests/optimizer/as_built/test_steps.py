@@ -18,6 +18,8 @@ SCENE = parse_scene(EXAMPLE, "mine.toml")
 class Priced:
     """A program whose cams are the larger the lower the price, and of whose trains the more fail the larger the cam."""
 
+    plain = SimpleNamespace(train=SimpleNamespace(memory=()))
+
     def __init__(self, trains: int, error: Exception | None = None):
         self.drawn, self.prices, self.farther, self._error = Failing(trains), [], [], error
 
