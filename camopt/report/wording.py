@@ -43,11 +43,10 @@ def share_kind(share: float | None) -> str:
 
 def used(share: float | None, bad: bool = False) -> str:
     """A used share of a limit in words, crossed out where it is too much; infinite where no motion counts."""
-    if share is None:
-        return "?"
-    if math.isinf(share):
-        return "no motion that counts"
-    return ("✗ " if bad else "") + (f"{100 * share:.0f} %" if share < 10 else f"{share:.0f} times")
+    words = "?" if share is None else f"{100 * share:.0f} %" if share < 10 else f"{share:.0f} times"
+    if share is not None and math.isinf(share):
+        words = "no motion that counts"
+    return ("✗ " if bad else "") + words
 
 
 def as_number(text: str) -> float | None:
