@@ -47,7 +47,8 @@ class ValveEvent:
 
 @dataclass(frozen=True)
 class CrankTiming:
-    """How a cam stands to the crank: `centre_deg` is the crank angle after top dead centre of the cam's angle zero."""
+    """How a cam stands to the crank: `centre_deg` is the crank angle after top dead centre of the cam's angle zero.
+    The cam turns at `cam_per_crank` of the crank."""
 
     centre_deg: float
     cam_per_crank: float = 0.5
@@ -74,8 +75,9 @@ class CrankTiming:
 class CamCard:
     """A cam's events at stated lifts; `str(card)` is the card as text, `rows()` as a table.
 
-    `max_lift_deg` is the cam angle of the largest lift (middle of a dwell there), `tdc_lift_mm` the lift at top dead
-    centre, and `overlaps` are crank degrees of overlap with another cam's card, one for each event.
+    `timing` is None where the cam's place on the crank is not known. `max_lift_deg` is the cam angle of the largest
+    lift (middle of a dwell there), `tdc_lift_mm` the lift at top dead centre, and `overlaps` are crank degrees of
+    overlap with another cam's card, one for each event.
     """
 
     name: str

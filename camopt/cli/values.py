@@ -87,6 +87,7 @@ def list_of(one: Callable[[str], float]) -> Callable[[str], tuple[float, ...]]:
 
 
 lifts, angles = list_of(positive), list_of(angle)
+"""Lifts [mm], as in 0.1,1,1.27, and angles [deg], as in 0,90,180,270."""
 
 
 def named_range(text: str) -> tuple[str, tuple[float, float]]:

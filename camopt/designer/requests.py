@@ -165,7 +165,6 @@ def save_run(folder: Path, name: object, design: Edited, verification: dict[str,
     path, lift = folder / _named(name), as_written(cam.lift)
     with run_folder(path, run_identity("design", scene, program=cam.program)):
         bound = float(area_ratio_bound(scene.required_design).bound)
-        write_text(path / "scene.toml", scene_toml(scene))
         write_design(
             path / "design.json",
             cam.lift,
@@ -176,6 +175,7 @@ def save_run(folder: Path, name: object, design: Edited, verification: dict[str,
             gradient_gain=0.0,
             limit_worth=cam.worth,
         )
+        write_text(path / "scene.toml", scene_toml(scene))
         write_lift_table(path / "lift.csv", lift)
         if verification is not None:
             write_json(path / "verification.json", verification)

@@ -32,7 +32,7 @@ class TrainAsBuilt:
     draws: dict[str, np.ndarray]
     """By tolerance the draws (k) that made it, in units of what the tolerance states; those of the grinding error are
     the cosine and sine parts of its harmonics."""
-    errors: dict[tuple[float, float, float], Lift] = field(default_factory=dict)
+    errors: dict[tuple[float, float, float], Lift] = field(default_factory=dict, init=False, compare=False)
     """The grinding error of the last cam, by foot, half duration and end of its lobe: the cams that a search judges on
     one train have the same ones."""
 
@@ -43,10 +43,12 @@ class TrainAsBuilt:
         if grinding is None:
             return lift
         lobe, seed = lobe_of(lift), key_of(self.seed, self.number, GRINDING)
-        if lobe not in self.errors:
+        error = self.errors.get(lobe)
+        if error is None:
+            error = grinding_error(lobe, seed, grinding.error_um * UM, grinding.harmonics)
             self.errors.clear()
-            self.errors[lobe] = grinding_error(lobe, seed, grinding.error_um * UM, grinding.harmonics)
-        return lift.shifted(self.errors[lobe])
+            self.errors[lobe] = error
+        return lift.shifted(error)
 
     def __repr__(self) -> str:
         return f"TrainAsBuilt({self.scene.name}, train {self.number} of seed {self.seed})"
@@ -56,7 +58,8 @@ def trains_as_built(scene: Scene, count: int, *, seed: int = 0, first: int = 0) 
     """The trains of the numbers `first` to `first` + `count` - 1, drawn within the scene's tolerances.
 
     Train i depends on the seed and on i alone, so that a longer list begins with the shorter one; a tolerance that is
-    made narrower or left out moves no other draw (common random numbers). Raises InputError for a count below 1 or a
+    made narrower or left out moves no other draw (common random numbers). `train.train` has the SI arrays, and
+    `train.cam(lift)` is the cam as it is ground for it. Raises InputError for a count below 1 or a
     negative seed.
     """
     if count < 1 or seed < 0 or first < 0:

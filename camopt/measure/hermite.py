@@ -12,7 +12,7 @@ class Hermite:
     """Cubic Hermite interpolant of values `y` with slopes `slope` (per rad) at ascending angles [rad].
 
     Of two samples at one angle one is dropped, because position and velocity are continuous where a force jumps.
-    SciPy's CubicHermiteSpline is the same curve without extremes, and its `roots` do not tell rises from falls.
+    SciPy's CubicHermiteSpline is the same curve, but finds no extremes, and its `roots` do not tell rises from falls.
     """
 
     def __init__(self, angle: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"], slope: Float[np.ndarray, " k"]):

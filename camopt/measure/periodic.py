@@ -54,7 +54,8 @@ class PeriodicState:
 
 
 class _Cycle:
-    """The cycle map of states in UNIT, which counts its revolutions; it raises MotionRefused where one has no bound."""
+    """The cycle map of states in UNIT, which counts its revolutions; it raises MotionRefused where one does not end
+    in finite numbers."""
 
     def __init__(self, revolve: Revolve, n: int, memories: int):
         self.revolve, self.count = revolve, 0

@@ -172,7 +172,7 @@ class _Way:
         """The next revolutions, one after the other."""
         self._start = self._distances[1]
         for _ in range(turns):
-            response = _finite(self._revolve(self.state))
+            response = within_bound(self._revolve(self.state))
             self._note(end_state(response), len(response.train.memory))
             yield response
 
@@ -232,8 +232,9 @@ def decay_per_revolution(train: Train, cam_speed: float) -> float:
 
 
 def first_revolution(revolve: Revolve, state: State) -> Settled:
-    """The revolution that begins in `state`, measured without settling first. Raises MotionRefused without bound."""
-    return Settled(record_of(lambda begin: _finite(revolve(begin)), state, 2), 0, True)
+    """The revolution that begins in `state`, measured without settling first. Raises MotionRefused where it
+    has no bound."""
+    return Settled(record_of(lambda begin: within_bound(revolve(begin)), state, 2), 0, True)
 
 
 def _bounded(state: State, memories: int) -> State:
@@ -243,8 +244,8 @@ def _bounded(state: State, memories: int) -> State:
     return state
 
 
-def _finite(response: Response) -> Response:
-    """The response, unless it has left all bounds on the way or at its end."""
+def within_bound(response: Response) -> Response:
+    """The response. Raises MotionRefused where it has left all bounds on the way or at its end."""
     _bounded(end_state(response), len(response.train.memory))
     _bounded(np.tile([response.x.min(), response.x.max()], 2), 0)
     return response

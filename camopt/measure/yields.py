@@ -196,7 +196,8 @@ def _ranks(values: np.ndarray) -> np.ndarray:
 
 
 def _chances(trains: int, p: float) -> np.ndarray:
-    """How likely 0 to n of n trains hold (n + 1), each with a chance of p; SciPy's statistics take long to load."""
+    """How likely 0 to n of n trains hold (n + 1), each with a chance of p, by logarithms of
+    factorials: SciPy's statistics take long to load."""
     k = np.arange(trains + 1)
     ways = gammaln(trains + 1) - gammaln(k + 1) - gammaln(trains - k + 1)
     return np.exp(ways + xlogy(k, p) + xlog1py(trains - k, -p))

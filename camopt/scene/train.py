@@ -151,10 +151,9 @@ def kept_with_train(of_train: Callable[[Train], Computed]) -> Callable[[Train], 
 
     @wraps(of_train)
     def computed(train: Train) -> Computed:
-        try:
-            return kept[train]
-        except KeyError:
-            return kept.setdefault(train, of_train(train))
+        if train not in kept:
+            kept[train] = of_train(train)
+        return kept[train]
 
     return computed
 

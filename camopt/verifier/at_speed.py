@@ -35,7 +35,8 @@ from camopt.verifier.convergence import (
 from camopt.verifier.record import HALVED, ONE_STEP, method_record, metrics_record
 
 FAR = 3.0
-"""By how many error estimates a limit that is broken far beyond them is exceeded."""
+"""A limit is broken far beyond every error estimate where it is exceeded by this many times the first method's estimate
+and the distance of the two methods."""
 SPEED_NEIGHBOUR = 1e-3
 LIFT_NEIGHBOUR = 1e-7  # m, at the largest lift
 OTHER_STARTS = (2, 5)
@@ -160,9 +161,10 @@ def plainly_broken(
     """A rejection for which the first two methods need not have converged, or None.
 
     Both must exceed one limit by FAR times the first method's error estimate plus their distance, and agree on whether
-    the valve seats. `look` is the first method's answer; the second one takes its first step, with at most
-    WANDERING_REVOLUTIONS to settle: a motion far beyond its limits seldom does. `near` holds the metrics of the
-    neighbourhood where they are known. Raises MotionRefused where a motion of the neighbourhood is refused.
+    the valve seats; the motions of the neighbourhood must exceed it too. `look` is the first method's answer; the
+    second one takes its first step, with at most WANDERING_REVOLUTIONS to settle: a motion far beyond its limits seldom
+    does. `near` holds the metrics of the neighbourhood where they are known. Raises MotionRefused where a motion of the
+    neighbourhood is refused.
     """
     if len(case.methods) < 2 or not violates_by_margin(case.scene, [look.worst], look.error):
         return None

@@ -4,7 +4,16 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.polydyne import polydyne
-from camopt.scene import InputError, Response, build_train, load_scene, rest_position
+from camopt.scene import (
+    InputError,
+    MotionRefused,
+    Response,
+    build_train,
+    load_scene,
+    parse_scene,
+    rest_position,
+    scene_text,
+)
 from camopt.scene.quantities import QUANTITIES
 from camopt.study.simulate import motion
 from camopt.study.simulate.dataset import motion_table, resampled
@@ -177,3 +186,14 @@ def test_every_motion_has_its_metrics(method):
 def test_scene_without_valve():
     with pytest.raises(InputError, match="needs valve"):
         simulate(load_scene("ohv-3dof"), POLYDYNE, 6000.0)
+
+
+def test_a_motion_that_leaves_all_bounds_is_refused_in_a_sentence():
+    """So large a dissipation makes a law that no step follows."""
+    text = scene_text("kodama-hertz")
+    for damping in ("200.0", "114.0"):  # of the contacts with this law
+        text = text.replace(f"damping_N_s_per_m = {damping}\n", "")
+    text = text.replace('law = "hertz"', 'law = "hunt-crossley"\ndissipation_s_per_m = 1000.0')
+    scene = parse_scene(text, "mine.toml")
+    with pytest.raises(MotionRefused, match="has no bound: the step is past"):
+        simulate(scene, polydyne(scene), 7000.0, "rkg")

@@ -42,8 +42,8 @@ TABLE = SectionTable(
     closed_by=("v12",),
 )
 STARTS = ((0.338, 0.343, 0.319),)
-"""Section angles, in shares of half the duration, of the member with the largest area under the paper's Table 4. The
-search of experiments/cam_families.py finds them without any start; a jerk limit of 0.003 mm/deg^3 does not bind there.
+"""Section angles, in shares of half the duration, of the member with the largest area under the paper's Table 4. A
+jerk limit of 0.003 mm/deg^3 does not bind there.
 """
 
 

@@ -28,7 +28,7 @@ STARTS = (
     (0.069, 0.150, 0.092, 0.689),
 )
 """Section angles, in shares of half the duration, of the members with the largest area under the paper's Table 4,
-without and with a jerk limit of 0.003 mm/deg^3. The search of experiments/cam_families.py finds them without any start.
+without and with a jerk limit of 0.003 mm/deg^3.
 """
 
 

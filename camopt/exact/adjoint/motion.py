@@ -210,7 +210,7 @@ class TracedMotion:
 def metric_numbers(train: Train, metrics: Sequence[str]) -> np.ndarray:
     """The numbers by which `measure` knows the metrics of these names.
 
-    Raises InputError for an unknown metric or a train without valve and seat.
+    Raises InputError for an unknown metric or a train without valve, seat or contact between cam and valve.
     """
     unknown = [name for name in metrics if name not in METRICS]
     if unknown:

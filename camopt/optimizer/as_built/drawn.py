@@ -3,7 +3,8 @@
 Every train has its own numbers, its own ground cam and its own speeds, which are staggered from train to train, so that
 the ensemble samples the band more finely than each train alone. A train remembers what it used and where
 it settled, so that of the next cam, which differs little, only what matters need be judged, and settles sooner. A train
-with an adjuster begins with every cam where the train as designed settles with it.
+with an adjuster is judged from where the train as designed settles with the cam, if that holds its limits, else from
+rest.
 """
 
 from collections.abc import Mapping
@@ -131,7 +132,7 @@ class TrainEnsemble:
 
     def _one(self, lift: Lift, t: int, at: np.ndarray) -> None:
         one, speeds, rough = self.trains[t], self.speeds(t)[at], first_look(self.limits)
-        if one.train.memory:  # as the statement does: what the cam before has left in an adjuster decides its motion
+        if one.train.memory:  # what the cam before left in an adjuster would decide its motion, unlike the statement's
             starts, looks = self._nominal[t % STAGGER, at], (rough, {})
         else:
             how = {"decay": np.inf, "most": most_to_settle(one.train, speeds.max()), "measured": MEASURES}

@@ -144,11 +144,11 @@ class YieldSearch:
         """Judges a cam, keeps it if it is the largest that enough trains hold, reports the step, and returns how many
         trains fail, at the top of the band alone where too many do there."""
         drawn, step = self.unseen, self.steps + 1
-        if not drawn.trains or self.slopes.plain.train.memory:
+        stored = self.journal.stored(step, cam.z, MET)
+        if not drawn.trains or (stored is None and self.slopes.plain.train.memory):
             drawn.settle(cam.lift)
         if not drawn.trains:
             drawn.draw(self.unseen_count, self.slopes.drawn.matters(1.0 - self.wanted))
-        stored = self.journal.stored(step, cam.z, MET)
         if stored is not None:
             drawn.take(stored)
             speeds = stored["at"][1]

@@ -58,7 +58,8 @@ class AscentHistory:
     what it limits), `gradient_norm`, `judged`, `holds`, `largest_share`, and the variables `cam` and, where numbers of
     the train vary, `train`. `best` is the cam of the largest objective among those that hold every limit by event-exact
     at the objective's speeds, None where none does; `nearest` the judged cam whose largest used share of a limit is
-    least. Their scenes have the factors of these cams, and attributes of the dataset by their names have the steps.
+    least. `best_scene` and `nearest_scene` have the factors of these cams, and the dataset's attributes `best` and
+    `nearest` are their steps.
     """
 
     dataset: xr.Dataset

@@ -105,8 +105,8 @@ class FreeVariables:
     """The coefficients of the free cam nearest to a given cam, of a free one with its own knots.
 
     `start` (m) belongs to `cam`. `parameters` of a vector (m) are those of `camopt.differentiable(scene, cam)`, in JAX;
-    `limits` have its nearest vector whose cam holds the design's limits on the shape, with the derivative, and the
-    projectors onto the directions along which these limits still hold.
+    `limits` gives the vector nearest to another one whose cam holds the design's limits on the shape, its derivative,
+    and the projectors onto the directions along which these limits still hold.
     """
 
     def __init__(self, scene: Scene, cam: Lift, knot_deg: float):

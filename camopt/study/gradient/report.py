@@ -146,7 +146,7 @@ def verdict(relative_error: float, cosine: float, repeated: float | None = None)
 
 def relative_errors(gradient: np.ndarray, differences: np.ndarray) -> np.ndarray:
     """Relative errors (h) of a gradient (m) against the differences (h, m) at every height; infinite where these are
-    zero and the gradient is not, NaN where they are."""
+    zero and the gradient is not, NaN where one of them is NaN."""
     off, size = np.linalg.norm(gradient - differences, axis=1), np.linalg.norm(differences, axis=1)
     return np.where(size > 0.0, off / np.where(size > 0.0, size, 1.0), np.where(off > 0.0, np.inf, off))
 

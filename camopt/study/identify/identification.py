@@ -47,7 +47,8 @@ class Identification:
     `table` has coordinate `parameter` (p) with `start`, `estimate`, `low`, `high` (in the units of the names; infinite
     where not identified), `relative_error` (standard error of the logarithm) and `identified`: nothing where a remark
     speaks against the fit. `correlation` is that of the estimates (p, p), NaN where unknown. `directions`: combinations
-    of the parameters, weakest first, with their `relative_error`.
+    of the parameters, weakest first, with their `relative_error`: the noise over the singular value of the Jacobian by
+    the logarithms.
     """
 
     scene: Scene  # with the estimates

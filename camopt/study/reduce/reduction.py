@@ -110,10 +110,10 @@ def reduce(
     """Smaller models of a scene, from all its masses down to one, against the full model with a cam.
 
     `cam` is by default the plain Polydyne, `speeds_rpm` (k) [crankshaft r/min] the scene's. A model is within the
-    tolerance [mm] where bounce, jump and lift at every angle of the settled motion differ by no more at any speed: of
-    event-exact, or of Runge-Kutta-Gill under nonlinear laws. Contacts that never switch in the full model, other than
-    the seat and those between cam and valve, are left out and watched. Raises InputError for a scene without valve or
-    operation, or unusable numbers.
+    tolerance [mm] where bounce, jump and lift at every angle of the settled motion differ by no more at any speed, in
+    event-exact motion, or by Runge-Kutta-Gill under nonlinear laws. Contacts that never switch in the full model, other
+    than the seat and those between cam and valve, are left out and watched. Raises InputError for a scene without valve
+    or operation, or unusable numbers.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name}: reduce needs valve, seat and [operation]")

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from camopt.cam.lift import Lift, lift_with
+from camopt.measure.settling import within_bound
 from camopt.scene import InputError, Response, Scene, Train, build_train, state_at_rest
 from camopt.scene.response import record_of
 from camopt.scene.smoothing import NAMES, Smoothing, smoothing
@@ -168,8 +169,8 @@ def delivered(
 def dialled(train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int) -> "Run":
     """The motion from rest as a function of the method's dial: step times highest rate [rad], or layer width [m].
 
-    The chords that event-exact has in place of curved laws grow with the inverse root of the dial, so that their error
-    falls as the dial does, and so do its steps, which are samples alone there.
+    Event-exact has chords in place of curved laws. Their number grows with the inverse root of the dial, so that their
+    error falls as the dial does; the number of steps, which are samples alone there, grows likewise.
     """
     rate, chorded = highest_rate(train), method == "event" and not train.straight
 
@@ -249,4 +250,4 @@ def _motion(
         revolve = import_module(SMOOTH).prepare(train, cam, cam_speed, **layer)
     else:
         revolve = method_named(method)(train, cam, cam_speed, steps)
-    return record_of(revolve, state, revolutions)
+    return record_of(lambda begin: within_bound(revolve(begin)), state, revolutions)
