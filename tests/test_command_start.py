@@ -48,6 +48,11 @@ def test_answers_at_once(answer, tmp_path, monkeypatch):
     assert pairs[-1][0] < pairs[-1][1], pairs
 
 
+def test_help_into_a_pipe_has_no_escape():
+    done = subprocess.run([sys.executable, "-m", "camopt", "--help"], capture_output=True, check=True, timeout=60)
+    assert done.stdout and b"\x1b" not in done.stdout
+
+
 FREED = """
 import numpy as np
 

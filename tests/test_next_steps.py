@@ -91,6 +91,20 @@ def test_nobody_is_told_to_write_a_table_over_the_one_that_was_given(capsys, mon
     assert "--csv lift.csv --digits 5" in run(capsys, verb, "kodama", *CAM)[2]
 
 
+def test_hints_lead_on_and_never_back(capsys, monkeypatch, tmp_path):
+    """From a design to its table, the table's verdict, its yield, what spoils it, and a design for a yield."""
+    (tmp_path / "lift.csv").write_text("0,0")
+    for words, follows in (
+        (("verify", "kodama", "--cam", "runs/first"), "cam kodama --cam runs/first --csv lift.csv"),
+        (("cam", "kodama", "--cam", "runs/first", "--csv", "lift.csv"), "verify kodama --cam lift.csv`"),
+        (("verify", "kodama", "--cam", "lift.csv"), "yield kodama --cam lift.csv --trains 200"),
+        (("yield", "kodama", "--cam", "lift.csv", "--out", "run"), "yield kodama --cam lift.csv --trains 1000"),
+        (("yield", "kodama", "--cam", "lift.csv", "--out", "run", "--halve"), "optimize kodama --yield 0.95`"),
+    ):
+        stand_in(monkeypatch, tmp_path, words[0], lambda args: 0)
+        assert f"`camopt {follows}" in run(capsys, *words)[2]
+
+
 @pytest.mark.parametrize("option", ["--csv", "--contour", "--dxf", "--card-csv"])
 def test_a_command_does_not_write_over_what_it_reads(capsys, monkeypatch, tmp_path, option):
     stand_in(monkeypatch, tmp_path, "cam", lambda args: 0)

@@ -10,6 +10,16 @@ import pytest
 from camopt.optimizer.baselines import comparison
 
 NOTEBOOKS = sorted((Path(__file__).parents[1] / "notebooks").glob("*.py"))
+EXPECTED = {
+    "bring your own valve train": "own_valve_train",
+    "a thousand valve trains": "thousand_trains",
+    "compare": "compare_families",
+    "an experiment of your own": "own_experiment",
+    "first design": "first_design",
+    "robust band": "robust_band",
+    "speed against accuracy": "speed_against_accuracy",
+    "trust in gradients": "trust_in_gradients",
+}
 REPRESENTATIONS = ("_repr_html_", "_repr_png_", "_repr_mimebundle_")
 LONGEST_S = 40.0
 """Processor time of one notebook at small size; a third of that where everything is compiled already."""
@@ -34,6 +44,13 @@ def shows_itself(value: object) -> bool:
     if hasattr(type(value), "savefig"):
         return len(value.axes) > 0  # an empty figure shows nothing
     return value is None or isinstance(value, dict | str) or any(hasattr(value, r) for r in REPRESENTATIONS)
+
+
+def test_all_are_there():
+    assert {path.stem for path in NOTEBOOKS} == set(EXPECTED.values())
+    for path in NOTEBOOKS:
+        title = re.search(r"^# # (.*)$", path.read_text(encoding="utf-8"), re.MULTILINE)
+        assert title and any(EXPECTED[key] == path.stem for key in EXPECTED if title[1].lower().startswith(key))
 
 
 @pytest.mark.parametrize("path", NOTEBOOKS, ids=lambda p: p.stem)

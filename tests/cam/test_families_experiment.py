@@ -7,9 +7,11 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.new_design import new_design
+from camopt.cam.read import read_cam
+from camopt.scene.units import DEG, MM
 from experiments import cam_families
 from experiments.cam_families import orders_of_continuity
-from tests.cam.cams import KODAMA, MULTI_POL
+from tests.cam.cams import CAMS, KODAMA, MULTI_POL, with_design
 
 STORED = json.loads((cam_families.RESULTS / "cam_families.json").read_text())["cams"]
 
@@ -39,3 +41,19 @@ class TestContinuity:
         nose, pieces = int(np.argmin(np.abs(MULTI_POL.borders))), MULTI_POL.coefficients.copy()
         pieces[nose, 1] += 1e-5 * np.abs(MULTI_POL.extremes(1)).max()
         assert orders_of_continuity(replace(MULTI_POL, coefficients=pieces))["nose"] == [0]
+
+
+def step(lift, angle, k):
+    """The step of the k-th derivative [mm/deg^k] at a border of the lift's pieces [rad]."""
+    i = int(np.argmin(np.abs(lift.borders - angle)))
+    one, other = (np.polynomial.Polynomial(c).deriv(k) for c in lift.coefficients[i - 1 : i + 1])
+    return abs(other(0.0) - one(lift.borders[i] - lift.borders[i - 1])) / MM * DEG**k
+
+
+def test_steps_are_rounding_and_the_polydynes_jerk_is_known():
+    for lift in (CAMS[name] for name in ("polydyne", "exponent", "trapezoid")):
+        half = lift.half_duration
+        assert max(step(lift, angle, k) for angle in (-half, half) for k in (1, 2)) < 1e-12
+        assert all(step(lift, border, 1) < 1e-12 for border in lift.borders[1:-1] if abs(border) < half - 1e-9)
+    lift = read_cam("polydyne", with_design(jerk_max_mm_per_deg3=None, nose_deg=None))
+    assert step(lift, -lift.half_duration, 3) == pytest.approx(0.00323, abs=1e-5)

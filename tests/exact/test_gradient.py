@@ -7,18 +7,29 @@ import pytest
 
 from camopt.exact import prepare
 from camopt.exact.adjoint.metrics import METRICS
-from camopt.exact.adjoint.motion import TracedMotion, value_and_gradient
+from camopt.exact.adjoint.motion import Samples, TracedMotion, value_and_gradient
 from camopt.measure.metrics import measure
 from camopt.scene import InputError
 from camopt.scene.response import end_state, joined
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG
-from tests.exact.gradient_problems import assert_slopes, by_train, cam_with_bumps, differences, from_rest, kodama, moved
+from tests.exact.gradient_problems import (
+    assert_slopes,
+    by_train,
+    cam_with_bumps,
+    differences,
+    from_rest,
+    kodama,
+    least_error,
+    moved,
+)
 
 SHORT = [("polydyne", 6500), ("design", 6000)]
 EVERY = [(cam, rpm) for cam in ("polydyne", "design") for rpm in (5000, 6000, 6500)]
 CASES = [case if case in SHORT else pytest.param(*case, marks=pytest.mark.long) for case in EVERY]
 COEFFICIENT_STEPS = 1e-5, 1e-6, 1e-7, 1e-8  # mm/deg^2, beside 0.015
+FLOORS = 1e-5, 1e-2, 1e-5, 1e-2, 10.0, 1e-5
+"""Smallest size of positions [m], velocities [m/s], lift, its velocity and forces [N] that samples are weighed by."""
 PARAMETER_STEPS = 10.0 ** np.arange(-2.5, -7.0, -0.5)  # relative
 
 
@@ -111,6 +122,33 @@ def test_one_sweep_of_a_cotangent_is_the_sum_of_the_single_ones():
         assert getattr(together.by_train, field.name)[0] == pytest.approx(expected, rel=1e-8), field.name
     expected = np.tensordot(weights, single.by_coefficients, 1)
     assert np.abs(together.by_coefficients[0] - expected).max() < 1e-9 * np.abs(expected).max()
+
+
+def test_any_function_of_samples_and_of_the_end():
+    scene, train = kodama()
+    lift, bumps = cam_with_bumps("polydyne", 20)
+    speed, angles, random = scene.cam_speed(5000), np.linspace(-1.2, 3.0, 40), np.random.default_rng(2)
+    start, change = state_at_rest(train), np.tensordot(np.cos(np.arange(20.0)), bumps, 1)
+    motion = TracedMotion(train, lift, speed, start, mechanical=True)
+    scale = Samples(
+        *(
+            1.0 / np.maximum(np.abs(part).max(axis=0), floor)
+            for part, floor in zip(vars(motion.at(angles)).values(), FLOORS, strict=True)
+        )
+    )
+    bars = Samples(*(random.normal(size=(1, 40, *np.shape(s))) * s for s in vars(scale).values()))
+    ends = random.normal(size=(1, 20)) / np.repeat([1e-4, 1.0], 10)
+
+    def number(change, train=train):
+        moving = TracedMotion(train, moved(lift, change), speed, start)
+        parts = zip(vars(moving.at(angles)).values(), vars(bars).values(), strict=True)
+        return np.array([sum(np.sum(a * b[0]) for a, b in parts) + ends[0] @ moving.end])
+
+    slopes = motion.pull_back(angles, bars, ends)
+    exact = np.sum(slopes.by_coefficients[0] * change)
+    assert least_error(np.array([exact]), differences(lambda h: number(h * change), COEFFICIENT_STEPS)) < 1e-6
+    stiffer = differences(lambda h: number(0.0, replace(train, stiffness=train.stiffness * (1 + h))), PARAMETER_STEPS)
+    assert least_error(by_train(slopes).stiffness @ train.stiffness, stiffer) < 1e-5
 
 
 @pytest.mark.parametrize("cotangent", [None, np.array([2.0, -3.0])])

@@ -22,6 +22,12 @@ def baselines(content):
     assert 0.4 < row["area_ratio"] < 0.65082
 
 
+def best_polydyne(content):
+    least, largest = content["least_bounce"], content["largest_area_within_limit"]
+    assert 0 < least["area_ratio"] < 0.618 and least["bounce_mm"] >= 0
+    assert largest is None or (largest["bounce_mm"] <= 0.05 and largest["area_ratio"] >= 0.5)
+
+
 def cam_families(content):
     for row in content["cams"]:
         assert 0.5 < row["area_ratio"] < 0.65082  # the bang-bang bound without a jerk limit

@@ -12,6 +12,7 @@ from camopt.verifier.outside.forces import LAWS_OF_CONTACT
 from experiments.accuracy_promise import DRAWS
 from experiments.cam_follower import TIP
 from experiments.fixed_problems import PROBLEMS
+from experiments.linear_cost import SCENES
 from experiments.wandering import ABOUT
 from tests.experiments import stored_results
 
@@ -174,6 +175,22 @@ def identification(content):
     # six correlated intervals of 95 %: two that miss would be a surprise
     assert content["motori-1"]["covered"] >= 5
     assert abs(rows["valve.mass_kg"]["estimate"] / 0.24 - 1) < 0.08 < abs(rows["valve.mass_kg"]["start"] / 0.24 - 1)
+
+
+def jacobian_cost(content):
+    counts = {(row["source"], row["by"]): [] for row in content["rows"]}
+    for row in content["rows"]:
+        counts[row["source"], row["by"]].append(row["count"])
+    for source in {source for source, _ in counts}:
+        assert counts[source, "masses"] == [10, 1]
+        assert counts[source, "speeds"] == counts[source, "trains"] == [1, 2]
+        assert counts[source, "coefficients"] == [23, 47]  # of an event of 162 deg, less four conditions
+
+
+def linear_cost(content):
+    assert len(content["rows"]) == 3 * len(SCENES)
+    assert all(row["before_us"] > 1.0 for row in content["rows"].values())
+    assert content["largest_ratio"] == max(row["ratio"] for row in content["rows"].values())
 
 
 def modes(content):

@@ -11,11 +11,12 @@ from camopt.measure.as_built import trains_as_built
 from camopt.measure.sweep import at_speeds
 from camopt.scene import InputError, build_train, load_scene, parse_scene, rest_position
 from camopt.scene.as_built import scatter_labels, with_scatter
+from camopt.study.extremes.classification import REFUSED, WITHIN
 from camopt.study.modes import modes
 from camopt.verifier.convergence import first_steps
 from experiments import architectures, cost_scaling, linear_programs, outside_judges
 from experiments.never_nothing import drawn_design, scaled
-from experiments.random_scenes import LARGEST, REAL_BASES, SPEED_RPM, chain, drawn
+from experiments.random_scenes import LARGEST, REAL, REAL_BASES, SPEED_RPM, chain, drawn, judged
 from experiments.support.near_limit_scenes import KINDS, drawn_scene
 from experiments.support.outside_changes import CHANGES
 
@@ -111,6 +112,10 @@ def test_draws_of_real_trains_move_every_kind_of_number():
     assert all(len(values) > 4 for values in of.values())
     assert len({s.force[0].table for s in scenes if s.force}) > 2
     assert len({e.force_table for s in scenes for e in s.element if e.force_table}) > 2
+
+
+def test_nothing_of_real_trains_is_wrong_without_a_warning():
+    assert [judged(REAL + i, cams=1)["verdict"] for i in (9, 10, 13)] == [WITHIN, WITHIN, REFUSED]
 
 
 def test_every_change_changes_what_the_judge_is_given():

@@ -1,7 +1,6 @@
 """Every experiment has its page and its stored result, and its small size says what it must.
 
-`small_motions`, `small_cams` and `stored_results` have, under the name of an experiment, what its content must say;
-a few are held to their fields alone.
+`small_motions`, `small_cams` and `stored_results` have, under the name of an experiment, what its content must say.
 """
 
 import ast
@@ -36,16 +35,7 @@ STORED_ALONE = {
     "yield_price": {"beside"},  # of an older tree
     "measured_tables": {"generated.acceleration_estimated_percent"},  # the script states other errors since
     "optimiser": {"rows.area_ratio_no_jump"},
-    "motori": {"extremes"},  # told by no page
-    "work_precision": {"parts", "times_slower_by_round.CVODE Adams"},  # told by no page; of the extra `peers`
-    "cam_families": {
-        "long_search",
-        *(
-            f"cams.{at}_step_{of}"
-            for at in ("ramp", "section")
-            for of in ("velocity_mm_per_deg", "acceleration_mm_per_deg2", "jerk_mm_per_deg3")
-        ),
-    },  # told by no page, or by the order of continuity
+    "work_precision": {"times_slower_by_round.CVODE Adams"},  # of the extra `peers`
 }
 """Fields that a stored result has and a small size has not."""
 DRAWN = {
@@ -71,6 +61,10 @@ def question(name: str) -> str:
     """The first paragraph of a script's docstring."""
     docstring = ast.get_docstring(ast.parse((FOLDER / f"{name}.py").read_text(encoding="utf-8"))) or ""
     return " ".join(docstring.partition("\n\n")[0].split())
+
+
+def test_every_script_has_a_judge():
+    assert {name for name in SMALL if name in SCRIPTS} == set(SCRIPTS) - ELSEWHERE
 
 
 @pytest.mark.parametrize("name", SCRIPTS)
@@ -120,7 +114,7 @@ def test_small_size(name, tmp_path, monkeypatch):
     assert fields(stored(name), tables) - fields(written, tables) <= STORED_ALONE.get(name, set())
     drawn = [figure.stat().st_size for figure in tmp_path.glob(f"{name}*.png")]
     assert all(size > 10_000 for size in drawn) and (drawn or name not in DRAWN)
-    SMALL.get(name, dict)(content)
+    SMALL[name](content)
     if name in RESUMED:
         monkeypatch.setattr(module, RESUMED[name], None)
         assert module.main("small", tmp_path)["rows"] == content["rows"], "kept rows are not computed again"

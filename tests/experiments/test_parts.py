@@ -11,9 +11,10 @@ from camopt.exact import prepare
 from camopt.highs import FEASIBILITY
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.scene import build_train, load_scene
+from camopt.scene.parameters import matching, with_numbers
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM
-from experiments import chords, drawing_limits, modes, sweep_scaling, table5
+from experiments import chords, drawing_limits, modes, motori, sweep_scaling, table5
 from experiments.linear_programs import decided, programs
 from experiments.near_limit import scene_of
 from experiments.support.dormand_prince import dormand_prince, right_hand_side
@@ -113,3 +114,21 @@ def test_surge_is_that_of_a_uniform_chain_between_fixed_ends():
     # five masses between six springs: omega_n = 2 sqrt(k / m) sin(n pi / 12)
     expected = 2 * np.sqrt(152000.0 / 0.00833) * np.sin(np.arange(1, 6) * np.pi / 12) / (2 * np.pi)
     np.testing.assert_allclose(found, expected, rtol=1e-9)
+
+
+@pytest.mark.parametrize("name", motori.ENGINES)
+def test_extreme_conditions_do_what_they_must(name):
+    scene = load_scene(name)
+
+    def at(rpm=motori.SPEED, spring=1.0, **new):
+        keys = "spring.preload_N", "spring.stiffness_N_per_m", "seat.preload_N"
+        values = {number: spring * number.of(scene) for key in keys for number in matching(scene, key)}
+        values |= {number: value for key, value in new.items() for number in matching(scene, f"train.{key}")}
+        return motori.figures_of(with_numbers(scene, values), motori.cam_of(scene), rpm)
+
+    fast, calm, wide = at(4000.0), at(300.0), at(gap_mm=0.4)
+    assert min(fast["jump_mm"], fast["bounce_mm"]) > 1 and fast["clash_force_max_N"] > 1000
+    assert calm["jump_mm"] == 0 and calm["ripple_N"] < 5 and wide["jump_mm"] > 0.1
+    assert wide["contact_force_max_N"] > 1.3 * calm["contact_force_max_N"]
+    soft, own, hard = (at(spring=factor)["contact_force_min_N"] for factor in (0.5, 1.0, 2.0))
+    assert soft < own - 50 and own < hard - 200  # of a preload of 125, 250 and 500 N

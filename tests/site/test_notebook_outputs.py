@@ -1,5 +1,8 @@
 """Each notebook is in step with its script, its outputs are of one run, and nothing in them is of one machine."""
 
+import os
+import subprocess
+import sys
 from pathlib import Path
 
 import pytest
@@ -45,3 +48,16 @@ def test_the_outputs_are_those_of_its_code(path):
 def test_other_code_has_no_outputs():
     with pytest.raises(ValueError, match=r"docs\.record_notebooks"):
         notebook(SCRIPTS[0].read_text(encoding="utf-8") + "\n# %%\n1 + 1\n")
+
+
+@pytest.mark.long
+@pytest.mark.timeout(900)
+@pytest.mark.parametrize("path", SCRIPTS, ids=lambda p: p.stem)
+def test_nbconvert_executes_it(path, tmp_path):
+    pytest.importorskip("nbconvert")
+    command = [sys.executable, "-m", "nbconvert", "--to", "notebook", "--execute", "--output-dir", str(tmp_path)]
+    environment = os.environ | {"CAMOPT_NOTEBOOK_SIZE": "small", "PYTHONPATH": str(NOTEBOOKS.parent)}
+    subprocess.run([*command, str(path.with_suffix(".ipynb"))], cwd=tmp_path, env=environment, check=True)
+    cells = code_cells(nbformat.read(tmp_path / f"{path.stem}.ipynb", as_version=4))
+    assert all(cell.execution_count for cell in cells)
+    assert not any(output.output_type == "error" for cell in cells for output in cell.outputs)

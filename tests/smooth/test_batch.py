@@ -7,6 +7,7 @@ import pytest
 
 from camopt.scene.units import RPM
 from camopt.smooth.laws import Layer
+from camopt.smooth.metrics import revolution_metrics
 from camopt.smooth.rest import rest_state
 from camopt.smooth.scan import DrivenSystem
 from camopt.smooth.simulate import compiled_response, lift_samples
@@ -34,3 +35,24 @@ def test_each_of_a_batch_is_what_it_is_alone(dtype):
         if dtype == jnp.float64:
             np.testing.assert_allclose(many.force[i], alone.force, atol=5.0)
     assert np.max(np.abs(many.x[0] - many.x[2])) > 1e-6
+
+
+def test_the_taylor_remainder_falls_with_the_square_of_the_step():
+    """The lift grows in height, and each step is half the one before."""
+    _, train, lift = motori()
+    system, y0, layer = build_system(train), rest_state(train), Layer(EPS)
+    samples, speed = jnp.asarray(lift_samples(lift)), SPEEDS[1]
+    names = "seating_velocity_m_per_s", "dynamic_area_mm_deg", "contact_force_max_N"
+
+    def values(h):
+        driven = DrivenSystem(system, (1 + h) * samples, speed)
+        motion = compiled_response(driven, y0, layer, steps=STEPS, refine=False)
+        event = lift.half_duration, lift.opening_foot
+        found = revolution_metrics(system, motion, speed, *event, layer=layer.half_width)
+        return jnp.stack([found[name] for name in names])
+
+    (start, slope), steps = jax.jvp(values, (0.0,), (1.0,)), np.array([4e-4, 2e-4, 1e-4])
+    change = np.array([values(h) - start for h in steps])
+    rest = np.abs(change - np.outer(steps, slope))
+    rate = np.log2(rest[:-1] / rest[1:]).mean(axis=0)
+    assert np.all(slope != 0) and np.all(rate > 1.7)
