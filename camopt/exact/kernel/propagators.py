@@ -9,7 +9,7 @@ slopes and power series are rows of matrices.
 from collections import OrderedDict
 from collections.abc import Iterator
 from contextlib import contextmanager
-from threading import Lock
+from threading import Lock, local
 from typing import Any
 
 import numpy as np
@@ -48,16 +48,19 @@ def highest_frequency(train: Train) -> float:
     return float(np.abs(np.linalg.eigvals(motion[:, : len(motion)])).max())
 
 
+_ROOM = local()
+"""The room for traces of every thread."""
+
+
 class Propagators:
-    """The tables of one train for one step [s], lift width q (coefficients per piece) and number m of steps at once,
-    and room for a trace.
+    """The tables of one train for one step [s], lift width q (coefficients per piece) and number m of steps at once.
 
     The kernel adds the combinations of pieces that a motion meets, so that only one thread at a time may use them.
     """
 
     def __init__(self, train: Train, step: float, width: int, at_once: int):
         give_memory_back()
-        self.step, self.arrays, self._trace = step, train_arrays(train), NO_TRACE
+        self.step, self.arrays, self._segments = step, train_arrays(train), FIRST_SEGMENTS
         arrays, sizes = self.arrays, Sizes(len(train.mass), train.state_size, width, len(train.forcing))
         watches = np.maximum.reduceat(np.diff(arrays.watched), arrays.first[:-1])
         combinations = min(FIRST_COMBINATIONS, int(arrays.place[-1]) * int(arrays.first[-1] - arrays.first[-2]))
@@ -69,30 +72,29 @@ class Propagators:
 
     @property
     def size(self) -> int:
-        """Memory of the combinations that are written, and of the room for a trace [bytes]."""
-        written = int(self.tables.built[0]) * sum(part[0].nbytes for part in self.tables[1:-2])
-        return written + sum(part.nbytes for part in self._trace)
+        """Memory of the combinations that are written [bytes]."""
+        return int(self.tables.built[0]) * sum(part[0].nbytes for part in self.tables[1:-2])
 
     def trace(self, revolutions: int) -> Trace:
-        """Room for the trace of so many revolutions; what it held before is overwritten."""
-        if len(self._trace.length) < FIRST_SEGMENTS * revolutions:
-            self._trace = self._longer_trace(FIRST_SEGMENTS * revolutions)
-        return self._trace
+        """Room for the trace of so many revolutions, which all motions of a thread share: what it held before is
+        overwritten. New room costs as much as a short motion, because the system has to clear it."""
+        self._segments = max(self._segments, FIRST_SEGMENTS * revolutions)
+        width, kept = self.tables.steps.shape[3], vars(_ROOM).get("trace", NO_TRACE)
+        looks = self.tables.span.shape[2] - width
+        if len(kept.length) < self._segments or (kept.y.shape[1], kept.looks.shape[1]) != (width, looks):
+            kept = _ROOM.trace = empty_trace(self._segments, width, looks)
+        return kept
 
     def grow(self, code: int) -> None:
         """Makes room for what `camopt.exact.kernel.revolution` says is full: combinations, or segments of the trace."""
         if code != TABLES_FULL:
-            self._trace = self._longer_trace(GROWTH * len(self._trace.length))
+            self._segments *= GROWTH
             return
         built, *parts, leap, sizes = self.tables
         longer = [np.empty((GROWTH * len(part), *part.shape[1:]), part.dtype) for part in parts]
         for new, part in zip(longer, parts, strict=True):
             new[: len(part)] = part
         self.tables = Tables._make([built, *longer, leap, sizes])
-
-    def _longer_trace(self, segments: int) -> Trace:
-        width = self.tables.steps.shape[3]
-        return empty_trace(segments, width, self.tables.span.shape[2] - width)
 
 
 class Lending:
