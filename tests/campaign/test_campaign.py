@@ -1,7 +1,6 @@
 """The campaign at a small size; its full size is `python -m tests.campaign inputs --cases 100000` and `kills`."""
 
 import os
-import resource
 import shutil
 import signal
 import subprocess
@@ -29,20 +28,17 @@ class TestInputs:
         assert cases == [drawn(seed) for seed in range(300)]
 
     def test_a_sample_ends_in_a_sentence(self):
-        found = outcomes(range(80), workers=1)
+        found = outcomes(range(80), workers=2)  # in processes of their own, whose limit slows the clock
         assert {one["kind"] for one in found} >= {"scene", "cam", "table", "design", "command"}
         assert not [one for one in found if one["wrong"]]
 
-    def test_a_case_that_takes_too_long_or_too_much_ends_or_is_wrong(self, monkeypatch):
-        """Where its processor time is spent the process ends, and of one that holds much memory it is said."""
-        monkeypatch.setattr(fuzz, "BYTES", 1)
+    def test_a_case_that_takes_too_long_or_too_much_ends_or_is_wrong(self):
+        """Where its processor time is spent the process ends, and of one that holds much memory it is said. A process
+        with a limit on processor time has a clock of coarse ticks: no test shares it."""
         code = "from tests.campaign import fuzz\nfuzz.SECONDS = 0.0\nfuzz.answer(0)\nwhile True: pass"
         assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == -signal.SIGXCPU
-        limits = resource.getrlimit(resource.RLIMIT_CPU)
-        try:
-            assert fuzz.answer(0)["wrong"] == "over 2 GB"
-        finally:
-            resource.setrlimit(resource.RLIMIT_CPU, limits)
+        code = "from tests.campaign import fuzz\nfuzz.BYTES = 1\nassert fuzz.answer(0)['wrong'] == 'over 2 GB'"
+        assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == 0
         assert fuzz.lost(0, "3 workers died")["kind"] == drawn(0).kind
 
     @pytest.mark.parametrize(
