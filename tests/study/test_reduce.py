@@ -1,6 +1,8 @@
 """Smaller models against the whole one: what they keep exactly, what they get wrong, and contacts that are left out."""
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -242,3 +244,15 @@ class TestReduce:
         assert any(line.startswith(f"proposed: {content['proposed']} (") for line in lines)
         assert (content["tolerance_mm"], content["speeds_rpm"], content["cam"]) == (0.05, [3000.0], "polydyne")
         assert len(content["models"][1]["ms_per_revolution"]) == 3
+
+    def test_times_are_told_where_processor_time_is_limited(self):
+        """As by `ulimit -t`: the clock of the process then has ticks longer than a revolution takes."""
+        code = (
+            "import resource, sys\n"
+            "resource.setrlimit(resource.RLIMIT_CPU, (600, resource.RLIM_INFINITY))\n"
+            "from camopt.cli.parser import main\n"
+            "sys.exit(main(['reduce', 'pushrod-5mass', '--speeds', '3000', '--tolerance-mm', '0.05']))"
+        )
+        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120)
+        assert done.returncode == 0, done.stderr
+        assert "proposed: " in done.stdout
