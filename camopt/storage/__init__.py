@@ -261,8 +261,13 @@ def _read_run(folder: Path) -> dict | None:
 
 
 def create_run_folder(folder: str | Path) -> Path:
-    """The new folder, made with its parents. Raises InputError as `check_run_folder`."""
+    """The new folder, made with its parents. Raises InputError as `check_run_folder`, and where another process has
+    made it in the meantime."""
     folder = Path(folder)
     check_run_folder(folder)
-    folder.mkdir(parents=True, exist_ok=True)
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        folder.mkdir()
+    except FileExistsError as error:
+        raise InputError(f"{folder}: another run began in this folder just now: give another --out") from error
     return folder

@@ -221,7 +221,7 @@ def memory_is_flat(many):
 
 
 def yield_price(content):
-    assert list(content["rows"]) == ["1", "70 % asked"]
+    assert list(content["rows"]) == ["1", "motori-1, 70 % asked"]
     for row in content["rows"].values():
         assert 0.0 < row["area_ratio"] < 1.0 and row["low"] < row["share"] <= row["high"]
     assert content["prices"]["halved"] and content["prices"]["processor_s"] > 0.0

@@ -1,6 +1,8 @@
 """A mutant is asked the tests that run its line, and is caught where one of them fails."""
 
 import json
+from concurrent.futures import ProcessPoolExecutor
+from multiprocessing import get_context
 
 import pytest
 
@@ -103,8 +105,15 @@ def test_tests_take_a_time_that_is_limited():
     assert within(7.0, tests) == tests[:2] and within(1.0, tests) == tests[:1] and within(9.0, []) == []
 
 
-def test_a_fault_is_caught_by_the_test_that_runs_it_and_not_by_one_that_fails_anyway(tree):
-    seen = watched(tree, "tests/measure/test_a.py", True)
+@pytest.fixture
+def alone():
+    """Calls a function in a process of its own: trials fork, which a worker that has started JAX must not."""
+    with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
+        yield lambda function, *arguments: process.submit(function, *arguments).result()
+
+
+def test_a_fault_is_caught_by_the_test_that_runs_it_and_not_by_one_that_fails_anyway(tree, alone):
+    seen = alone(watched, tree, "tests/measure/test_a.py", True)
     name = "tests/measure/test_a.py::test_"
     assert {test: one["lines"].get(FILE) for test, one in seen.items()} == {
         name + "limit": [7, 8],
@@ -112,14 +121,14 @@ def test_a_fault_is_caught_by_the_test_that_runs_it_and_not_by_one_that_fails_an
     }
     asked = [Timed(name + part, 1.0) for part in ("that_fails_without_a_fault", "limit", "double")]
     fault = SOURCE.replace("2.0\n", "5.0\n")
-    found, seconds = outcome(FILE, fault, [(True, asked)], tree)
+    found, seconds = alone(outcome, FILE, fault, [(True, asked)], tree)
     assert found == f"caught by {name}double as plain Python" and seconds > 0.0
-    assert outcome(FILE, fault, [(True, asked[1:2])], tree)[0] == "survived"
-    assert outcome(FILE, "import nothing_of_the_kind\n", [(True, asked[1:2])], tree)[0].startswith(
-        "caught by its import"
-    )
-    endless = SOURCE.replace("return LIMIT", "import os; os.abort()")
-    assert outcome(FILE, endless, [(True, asked[1:2])], tree)[0].startswith("caught by time or a crash")
+    assert alone(outcome, FILE, fault, [(True, asked[1:2])], tree)[0] == "survived"
+    for wrong, kind in (
+        ("import nothing_of_the_kind\n", "its import"),
+        (SOURCE.replace("return LIMIT", "import os; os.abort()"), "time or a crash"),
+    ):
+        assert alone(outcome, FILE, wrong, [(True, asked[1:2])], tree)[0].startswith(f"caught by {kind}")
     assert (tree / FILE).read_text() == SOURCE
 
 
