@@ -117,10 +117,10 @@ class Lift:
 
     def closing_angle(self, height: float) -> float:
         """Angle on the closing side at which the lift has fallen to `height` [m] (the lash: nominal closing)."""
-        roots = self.roots(0, height)
         if height <= 0.0 and np.any(self.coefficients):
             last = np.flatnonzero(np.any(self.coefficients != 0, axis=1))[-1]
             return float(self.borders[last + 1])
+        roots = self.roots(0, height)
         if len(roots) == 0:
             raise ValueError(f"the lift never reaches {height / MM:g} mm")
         return float(np.max(roots))

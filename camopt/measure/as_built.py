@@ -5,9 +5,11 @@ The error of a ground contour consists of waves over a revolution, of no more th
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import lru_cache
+from math import factorial
 
 import numpy as np
-from scipy.interpolate import PPoly, make_interp_spline
+from scipy.interpolate import make_interp_spline
 
 from camopt.cam.lift import Lift
 from camopt.scene.as_built import GRINDING, deviates, key_of, scene_as_built
@@ -109,20 +111,27 @@ def grinding_error(lobe: tuple[float, float, float], seed: Seed, peak: float, ha
     The error fades out over the ramps, or over its shortest wave where that is longer, so that the base circle stays
     the base circle. Its harmonics go from the lowest to the highest.
     """
+    borders, pieces, waves = _waves(lobe, harmonics)
+    parts = drawn_waves(seed, harmonics)
+    return Lift(borders, pieces @ (peak / np.abs(waves @ parts).max() * parts), lobe[1])
+
+
+@lru_cache(maxsize=4)
+def _waves(lobe: tuple[float, float, float], harmonics: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Borders (p + 1) [rad] and pieces (p, 6, 2 h) of the waves of a `lobe`, in the order of `drawn_waves` and each of
+    height one before it fades out, and the waves where their splines are interpolated (k, 2 h)."""
     foot, half, end = lobe
     knot = 2 * np.pi / (WAVE_KNOTS * harmonics[1])
     angle = np.linspace(foot, end, max(int(np.ceil((end - foot) / knot)), WAVE_KNOTS) + 1)
     phases = np.arange(harmonics[0], harmonics[1] + 1) * angle[:, None]
-    wave = np.concatenate([np.cos(phases), np.sin(phases)], axis=1) @ drawn_waves(seed, harmonics)
     opening, closing = (max(ramp, 2 * np.pi / harmonics[1]) for ramp in (-half - foot, end - half))
     inside = np.clip((angle - foot) / opening, 0, 1) * np.clip((end - angle) / closing, 0, 1)
-    wave *= inside**3 * (10 - 15 * inside + 6 * inside**2)
-    clamped = [(1, 0.0), (2, 0.0)]
-    spline = PPoly.from_spline(
-        make_interp_spline(angle, peak / np.abs(wave).max() * wave, 5, bc_type=(clamped, clamped))
-    )
-    keep = np.flatnonzero(np.diff(spline.x) > 0)
-    pieces = np.zeros((len(keep) + 2, 6))
-    pieces[1:-1] = spline.c[::-1, keep].T
-    borders = np.concatenate([[-np.pi], spline.x[keep], [end, np.pi]])
-    return Lift(borders, pieces, half)
+    faded = inside**3 * (10 - 15 * inside + 6 * inside**2)
+    waves = np.concatenate([np.cos(phases), np.sin(phases)], axis=1) * faded[:, None]
+    clamped = [(k, np.zeros(waves.shape[1])) for k in (1, 2)]
+    spline = make_interp_spline(angle, waves, 5, bc_type=(clamped, clamped))
+    starts = np.unique(spline.t)[:-1]
+    pieces = np.zeros((len(starts) + 2, 6, waves.shape[1]))
+    for k in range(6):
+        pieces[1:-1, k] = spline(starts, nu=k) / factorial(k)
+    return np.concatenate([[-np.pi], starts, [end, np.pi]]), pieces, waves

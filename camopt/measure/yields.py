@@ -3,10 +3,11 @@
 Everything here is arithmetic on how much of each limit the trains use.
 
 The share is looked at several times, and counting ends where a look decides. Early looks decide only where an interval
-of 99.9 % leaves the wanted share out (Haybittle 1971, British Journal of Radiology 44; Peto et al. 1976, British
-Journal of Cancer 34). The interval that is stated at the end is made of the exact distribution of where counting ends,
-with the ends ordered by their share (Armitage 1958, Biometrika 45). With one look it is that of Clopper and Pearson
-(1934), Biometrika 26. Like theirs, it holds the true share in at least 95 of 100 repetitions, whatever that share is.
+of 99 % leaves the wanted share out, in the manner of Haybittle (1971), British Journal of Radiology 44, and Peto et al.
+(1976), British Journal of Cancer 34, whose intervals are wider. The interval that is stated at the end is made of the
+exact distribution of where counting ends, with the ends ordered by their share (Armitage 1958, Biometrika 45). With one
+look it is that of Clopper and Pearson (1934), Biometrika 26. Like theirs, it holds the true share in at least 95 of 100
+repetitions, whatever that share is.
 """
 
 from collections import Counter, defaultdict
@@ -21,7 +22,7 @@ from scipy.special import bdtr, bdtrc, gammaln, xlog1py, xlogy
 from camopt.measure.yield_words import CONFIDENCE
 from camopt.scene.errors import InputError
 
-EARLY = 1e-3
+EARLY = 1e-2
 """Chance, to both sides together, that one early look decides against a share that is exactly the wanted one."""
 TIE = 1e-12
 """Two shares that differ by less are the same."""

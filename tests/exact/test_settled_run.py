@@ -35,13 +35,18 @@ def test_every_motion_has_the_borders_and_pieces_of_its_own_cam():
         assert one.opening_foot == cams.foot[j]
 
 
+@pytest.mark.parametrize("watched", [False, True])
 @pytest.mark.parametrize("missing", [0, 1])
-def test_measured_revolutions_follow_each_other_in_a_trace_without_room_to_spare(monkeypatch, missing):
+def test_measured_revolutions_follow_each_other_in_a_trace_without_room_to_spare(monkeypatch, missing, watched):
+    """What is not watched ends where the valve opens again, and its state is that of the last whole revolution."""
     segments, turns, seen = 3, 2, []
     trace = empty_trace(segments * (turns + 1 - missing), 2, 0)
     trace.angle[:] = np.nan
 
-    def revolve(s, state, regular, rest):
+    angles = []
+
+    def revolve(s, state, regular, rest, angle):
+        angles.append(angle)
         rest.angle[: segments + 1] = np.linspace(-np.pi, np.pi, segments + 1)
         state += 1.0
         rest.y[segments] = state
@@ -59,12 +64,15 @@ def test_measured_revolutions_follow_each_other_in_a_trace_without_room_to_spare
         within=np.zeros(1, dtype=int), most=np.zeros(1), revolutions=np.zeros(1), apart=np.zeros((1, 3)),
         turns=np.zeros(1, dtype=int),
     )  # fmt: skip
-    plan = SimpleNamespace(measured=turns, watched=False, position=1e-6, velocity=1e-3)
-    s = SimpleNamespace(train=SimpleNamespace(mass=np.ones(1)))
+    plan = SimpleNamespace(measured=turns, watched=watched, position=1e-6, velocity=1e-3)
+    s = SimpleNamespace(train=SimpleNamespace(mass=np.ones(1)), opening_foot=-1.0)
+    if watched:  # and seen to settle
+        monkeypatch.setattr(stages, "shrinks", lambda *_: True)
     assert measured(s, plan, motions, trace, 0) == (TRACE_FULL if missing else DONE)
     if missing:
         return
-    for turn, angles in enumerate(seen):
-        assert angles == pytest.approx(2.0 * np.pi * turn + np.linspace(-np.pi, 3.0 * np.pi, 2 * segments + 1))
+    assert angles == [2.0 * np.pi] * turns + [2.0 * np.pi if watched else np.pi - 1.0]
+    for turn, shown in enumerate(seen):
+        assert shown == pytest.approx(2.0 * np.pi * turn + np.linspace(-np.pi, 3.0 * np.pi, 2 * segments + 1))
     assert np.all(motions.lowest == 0.0) and np.all(motions.highest == turns - 1.0)
-    assert np.all(motions.state == turns + 1.0) and len(seen) == turns
+    assert np.all(motions.state == turns + watched) and len(seen) == turns

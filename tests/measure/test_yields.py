@@ -177,6 +177,7 @@ def test_few_trains_decide_what_is_far_from_the_wanted_share():
 
 
 def test_a_share_of_99_per_cent_is_known_by_4000_trains():
-    assert PLANS["standard 0.99"].trains == (600, 2000, 4000) and PLANS["standard None"].trains == (150, 500, 1000)
+    assert PLANS["standard 0.99"].trains == (600, 2000, 2500, 3000, 3500, 4000)
+    assert PLANS["standard None"].trains == (150, 500, 625, 750, 875, 1000)
     low, high = PLANS["standard 0.99"].interval(3960, 4000)
     assert high - low < 0.0066

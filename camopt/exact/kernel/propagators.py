@@ -19,7 +19,7 @@ from camopt.exact.kernel.arrays import train_arrays
 from camopt.exact.kernel.building import linear_system
 from camopt.exact.kernel.leap import leap_of
 from camopt.exact.kernel.revolution import TABLES_FULL
-from camopt.exact.kernel.tables import Sizes, Tables, empty_tables
+from camopt.exact.kernel.tables import Leap, Sizes, Tables, empty_tables, no_leap
 from camopt.exact.kernel.trace import NO_TRACE, Trace, empty_trace
 from camopt.memory import give_memory_back, trim_heaps
 from camopt.scene.errors import InputError
@@ -48,6 +48,15 @@ def highest_frequency(train: Train) -> float:
     return float(np.abs(np.linalg.eigvals(motion[:, : len(motion)])).max())
 
 
+@kept_with_train
+def _leap(train: Train) -> Leap:
+    """The leap of a train; none where nothing holds it at rest."""
+    try:
+        return leap_of(train_arrays(train), rest_position(with_chords(train)))
+    except InputError:
+        return no_leap(len(train.mass))
+
+
 _ROOM = local()
 """The room for traces of every thread."""
 
@@ -65,10 +74,7 @@ class Propagators:
         watches = np.maximum.reduceat(np.diff(arrays.watched), arrays.first[:-1])
         combinations = min(FIRST_COMBINATIONS, int(arrays.place[-1]) * int(arrays.first[-1] - arrays.first[-2]))
         self.tables = empty_tables(sizes, len(train.a), int(watches.sum()), at_once, combinations)
-        try:
-            self.tables = self.tables._replace(leap=leap_of(arrays, rest_position(with_chords(train))))
-        except InputError:
-            pass  # nothing holds the train at rest
+        self.tables = self.tables._replace(leap=_leap(train))
 
     @property
     def size(self) -> int:

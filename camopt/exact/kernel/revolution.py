@@ -16,6 +16,8 @@ from camopt.programs import compiled, inner, njit_no_refcount
 from camopt.scene.settled import UNBOUND
 
 DONE, TABLES_FULL, TRACE_FULL = range(3)
+WHOLE = 2.0 * np.pi
+"""A whole revolution [rad]."""
 CHATTER, NO_BOUND = -1, -2
 """Why a revolution ended: codes below zero refuse the motion."""
 MOST_SWITCHINGS = 20_000
@@ -105,12 +107,13 @@ def cross(tables, slot, h, columns, remaining, work):
 @compiled
 def follow(s, state, starts, regular, trace):
     """`follow_inside` for Python."""
-    return follow_inside(s, state, starts, regular, trace)
+    return follow_inside(s, state, starts, regular, trace, WHOLE)
 
 
 @inner
-def follow_inside(s, state, starts, regular, trace):
-    """Runs whole revolutions from `state` (2n + r), which it changes in place, one after the other in the trace.
+def follow_inside(s, state, starts, regular, trace, last):
+    """Runs revolutions from `state` (2n + r), which it changes in place, one after the other in the trace: whole ones,
+    the last by the angle `last` [rad].
 
     `starts` (revolutions + 1) receives the segments at which they begin and where the last one ends. Returns (code,
     number of switchings of the last revolution); `regular` and `trace` are those of `revolve`.
@@ -120,7 +123,8 @@ def follow_inside(s, state, starts, regular, trace):
         if len(trace.length) > 0 and starts[turn] == len(trace.length):
             return TRACE_FULL, switchings  # a rest without room would not be traced
         rest = cut(trace, starts[turn], len(trace.length))
-        code, count, switchings = revolve(s, state, regular, rest)
+        angle = last if turn == len(starts) - 2 else WHOLE
+        code, count, switchings = revolve(s, state, regular, rest, angle)
         if code != DONE:
             return code, switchings
         if len(trace.length) > 0:
@@ -131,8 +135,9 @@ def follow_inside(s, state, starts, regular, trace):
 
 
 @inner
-def revolve(s, state, regular, trace):
-    """Runs one revolution from `state` (2n + r), which it changes in place.
+def revolve(s, state, regular, trace, angle):
+    """Runs one revolution, or an `angle` [rad] of it to a piece's border, from `state` (2n + r), which it changes in
+    place.
 
     Returns (code, number of segments, number of switchings). Where `trace` has room, every segment is written there.
     Spans end `regular`ly, at whole multiples of their length, or they begin anew at every switching.
@@ -147,7 +152,7 @@ def revolve(s, state, regular, trace):
     y[:at] = state
     inputs_at(s.cam.pieces[0], tables.sizes.forces, 0.0, s.cam.speed * s.step, y[at:])
     classify(s.train, s.step, y, status)
-    code, count, switchings = turn(s, work, regular, trace)
+    code, count, switchings = turn(s, work, regular, trace, angle)
     if code == DONE:
         state[:] = y[:at]
         if not np.all(np.isfinite(state)) or np.abs(state[: tables.sizes.masses]).max() > UNBOUND:
@@ -156,10 +161,10 @@ def revolve(s, state, regular, trace):
 
 
 @njit_no_refcount
-def turn(s, work, regular, trace):
+def turn(s, work, regular, trace, angle):
     """The revolution of `revolve`, with everything made ready in `work`."""
     train, cam, h, tables = s.train, s.cam, s.step, s.tables
-    at, forces, period, scale = tables.sizes.state, tables.sizes.forces, 2.0 * np.pi / cam.speed, cam.speed * h
+    at, forces, period, scale = tables.sizes.state, tables.sizes.forces, angle / cam.speed, cam.speed * h
     traced, span = len(trace.length) > 0, (tables.steps.shape[1] - 1) * h
     y, out = work.y, work.out
     t, piece, step, count, switchings = 0.0, 0, 0, 0, 0
@@ -182,8 +187,8 @@ def turn(s, work, regular, trace):
         if traced:
             if count >= len(trace.length):
                 return TRACE_FULL, count, switchings
-            angle, offset = t * cam.speed + cam.borders[0], t * cam.speed + cam.borders[0] - cam.borders[piece]
-            begin_segment(trace, count, angle, offset, slot, piece, y, out[len(y) :])
+            at_cam, offset = t * cam.speed + cam.borders[0], t * cam.speed + cam.borders[0] - cam.borders[piece]
+            begin_segment(trace, count, at_cam, offset, slot, piece, y, out[len(y) :])
         length, watch, whole = cross(tables, slot, h, columns, (end - t) / h, work)
         t = t + length * h if watch >= 0 else end
         if watch < 0 and end >= border and piece + 2 < len(cam.borders):

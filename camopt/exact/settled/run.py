@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 
 from camopt.exact.kernel.arrays import CamArrays
-from camopt.exact.kernel.revolution import DONE, Setting, follow_inside, revolve
+from camopt.exact.kernel.revolution import DONE, WHOLE, Setting, follow_inside, revolve
 from camopt.exact.kernel.trace import cut
 from camopt.exact.settled.figures import NAMES, figures
 from camopt.programs import compiled, inner
@@ -113,7 +113,7 @@ def settle(s, plan, motions, trace, i):
     """Revolutions until the way that is left is short enough, or there have been the most: the code."""
     after, untraced = motions.state[i].copy(), cut(trace, 0, 0)
     while goes_on(motions.revolutions[i], motions.most[i], motions.within[i]):
-        code = revolve(s, after, False, untraced)[0]
+        code = revolve(s, after, False, untraced, WHOLE)[0]
         if code != DONE:
             return code
         motions.revolutions[i] += 1
@@ -129,15 +129,17 @@ def measured(s, plan, motions, trace, i):
     """The metrics of measured revolutions and one more for the last bounce window: the code.
 
     The revolutions show whether a motion that stands settles, and one that wanders after all; it else goes on settling.
+    Of a motion that stands and is not watched the last revolution ends with the window, where the valve opens again.
     """
     periodic = motions.stage[i] == PERIODIC
     turns = plan.measured if periodic else plan.block
     starts, state, row = np.zeros(turns + 2, dtype=np.int64), motions.state[i].copy(), np.empty(len(NAMES))
-    code = follow_inside(s, state, starts, False, trace)[0]
+    last = WHOLE if plan.watched or not periodic else s.opening_foot + np.pi
+    code = follow_inside(s, state, starts, False, trace, last)[0]
     if code != DONE:
         return code
     apart, start = motions.apart[i], motions.apart[i, 2] if periodic else 0.0
-    for turn in range(turns + 1):
+    for turn in range(turns + (last == WHOLE)):
         note(s, plan, motions, i, trace.y[starts[turn + 1], : len(state)])
     settles = shrinks(apart[0], start, apart[1], apart[2], motions.within[i] - 2)
     late = motions.revolutions[i] + motions.turns[i] - motions.most[i]

@@ -27,9 +27,10 @@ CHUNK = 20
 """Trains that are measured between two entries in the journal."""
 WORKERS = 2
 """Threads, each with a train of its own."""
-ROUGH, PART = 10.0, 0.2
+ROUGH, PART = 20.0, 1.0 - 1.0 / IRREGULAR
 """A train is judged first by short motions, since most are far from its limits, on either side: they settle to ROUGH
-times the tolerances of others, or to less where that may change what is used of a limit by more than PART of it."""
+times the tolerances of others, or to less where that may change what is used of a limit by more than PART of it, and a
+train that keeps as much as that of every limit is judged by them alone."""
 
 
 def first_look(limits: Iterable[MotionLimit]) -> dict[str, Any]:
