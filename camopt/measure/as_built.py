@@ -116,7 +116,7 @@ def grinding_error(lobe: tuple[float, float, float], seed: Seed, peak: float, ha
     return Lift(borders, pieces @ (peak / np.abs(waves @ parts).max() * parts), lobe[1])
 
 
-@lru_cache(maxsize=4)
+@lru_cache(maxsize=1)
 def _waves(lobe: tuple[float, float, float], harmonics: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Borders (p + 1) [rad] and pieces (p, 6, 2 h) of the waves of a `lobe`, in the order of `drawn_waves` and each of
     height one before it fades out, and the waves where their splines are interpolated (k, 2 h)."""

@@ -18,6 +18,7 @@ from camopt.scene.quantities import QUANTITIES
 from camopt.scene.response import end_state
 from camopt.scene.rest import state_at_rest
 from camopt.scene.settled import SETTLED_POSITION, SETTLED_VELOCITY
+from camopt.scene.units import MM
 from experiments.drawn_trains import drawn_trains
 
 FINE = 14_400
@@ -69,6 +70,17 @@ def test_drawn_trains_agree_from_the_state_of_the_train_as_given():
         slow = settled_from_rest(prepare, trains[t], lift, speeds[1], FINE)
         if slow.periodic and found.periodic[t, 0, 1]:
             assert_same(found, (t, 0, 1), slow, lift)
+
+
+@pytest.mark.parametrize("raised_mm", [0.0, 0.12])
+def test_one_measured_revolution_says_what_four_say(raised_mm):
+    """Also of a cam without a base circle, which has no opening foot."""
+    scene = load_scene("motori-1")
+    train, lift = build_train(scene), polydyne(scene)
+    lift = replace(lift, coefficients=lift.coefficients + raised_mm * MM * np.eye(1, lift.coefficients.shape[1]))
+    few, many = (settled_metrics([train], [lift], [scene.cam_speed(3000.0)], measured=count) for count in (1, 4))
+    for name, error in ERRORS.items():
+        assert few.worst(name) == pytest.approx(many.worst(name), abs=error, nan_ok=True), name
 
 
 def test_cams_and_speeds_side_by_side_are_the_single_ones():

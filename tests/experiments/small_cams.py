@@ -221,8 +221,8 @@ def memory_is_flat(many):
 
 
 def yield_price(content):
-    assert list(content["rows"]) == ["1", "motori-1, 70 % asked"]
-    for row in content["rows"].values():
+    assert (list(content["rows"]), list(content["shares"])) == (["1"], ["motori-1, 70 %", "motori-1, 80 %"])
+    for row in (content["rows"] | content["shares"]).values():
         assert 0.0 < row["area_ratio"] < 1.0 and row["low"] < row["share"] <= row["high"]
     assert content["prices"]["halved"] and content["prices"]["processor_s"] > 0.0
     assert content["literature"] and all(one["uses"] > 0.0 for one in content["literature"].values())

@@ -136,7 +136,7 @@ def yield_price(content):
     rows, prices, literature = content["rows"], content["prices"], content["literature"]
     areas = [rows[f"{width:g}"]["area_ratio"] for width in priced.WIDTHS["full"]]
     assert areas == sorted(areas, reverse=True)
-    for row in rows.values():
+    for row in (rows | content["shares"]).values():
         assert row["low"] >= 1 - 2 * (1 - row["wanted"]) and row["high"] >= row["wanted"] and row["agrees"]
     assert max(prices["left_out"], key=prices["left_out"].get) == "spring rate"
     for label, gained in prices["left_out"].items():

@@ -136,8 +136,8 @@ def follow_inside(s, state, starts, regular, trace, last):
 
 @inner
 def revolve(s, state, regular, trace, angle):
-    """Runs one revolution, or an `angle` [rad] of it to a piece's border, from `state` (2n + r), which it changes in
-    place.
+    """Runs one revolution, or its first `angle` [rad], which ends at a border of the pieces, from `state` (2n + r),
+    which it changes in place.
 
     Returns (code, number of segments, number of switchings). Where `trace` has room, every segment is written there.
     Spans end `regular`ly, at whole multiples of their length, or they begin anew at every switching.

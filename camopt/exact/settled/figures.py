@@ -19,7 +19,7 @@ HALVINGS = 40
 
 @inner
 def figures(s, trace, turn, row):
-    """Writes the metrics (9) of revolution `turn` to row; the trace reaches to the end of the next one."""
+    """Writes the metrics (9) of revolution `turn` to row; the trace reaches to the next opening foot."""
     for metric in range(len(METRICS)):
         row[metric] = measure(metric, s, trace, None, turn)[0]
     row[len(METRICS)] = excess_lift(s, trace, turn)

@@ -1,9 +1,10 @@
 """Settled metrics of many trains, cams and speeds: one compiled path from each of them to its numbers.
 
 Every motion settles revolution by revolution until it stands (`camopt.scene.settled`) and is then measured, as
-`camopt.measure.settling` does it on sampled motions, without Python between its revolutions. Three things differ, all
-within `ERRORS`: the lift on few pieces, metrics at located extremes in place of those of cubics through samples, and
-where the slowest mode needs more than 40 revolutions, these are run and not looked for by a search.
+`camopt.measure.settling` does it on sampled motions, without Python between its revolutions. Four things differ, all
+within `ERRORS`: the lift on few pieces, metrics at located extremes in place of those of cubics through samples; where
+the slowest mode needs more than 40 revolutions, these are run and not looked for by a search; and a periodic motion of
+which few revolutions are measured is followed to the next opening foot, and not a whole revolution further.
 """
 
 from collections.abc import Iterator, Sequence

@@ -129,12 +129,12 @@ def measured(s, plan, motions, trace, i):
     """The metrics of measured revolutions and one more for the last bounce window: the code.
 
     The revolutions show whether a motion that stands settles, and one that wanders after all; it else goes on settling.
-    Of a motion that stands and is not watched the last revolution ends with the window, where the valve opens again.
+    Of a motion that stands and is not watched the last revolution ends with the window, at the next opening foot.
     """
     periodic = motions.stage[i] == PERIODIC
     turns = plan.measured if periodic else plan.block
     starts, state, row = np.zeros(turns + 2, dtype=np.int64), motions.state[i].copy(), np.empty(len(NAMES))
-    last = WHOLE if plan.watched or not periodic else s.opening_foot + np.pi
+    last = s.opening_foot + np.pi if periodic and not plan.watched and s.opening_foot > -np.pi else WHOLE
     code = follow_inside(s, state, starts, False, trace, last)[0]
     if code != DONE:
         return code

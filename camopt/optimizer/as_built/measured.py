@@ -30,7 +30,7 @@ WORKERS = 2
 ROUGH, PART = 20.0, 1.0 - 1.0 / IRREGULAR
 """A train is judged first by short motions, since most are far from its limits, on either side: they settle to ROUGH
 times the tolerances of others, or to less where that may change what is used of a limit by more than PART of it, and a
-train that keeps as much as that of every limit is judged by them alone."""
+train is judged by them alone where it keeps as much as that of every limit, or uses IRREGULAR times one."""
 
 
 def first_look(limits: Iterable[MotionLimit]) -> dict[str, Any]:
