@@ -28,8 +28,9 @@ def no_seeds(segments, width):
     return Seeds(one, weight, head, *chain, *by_segment, np.zeros((1, 4)), np.zeros(1))
 
 
-def on_its_seat(constant, states, positions):
-    """(setting, trace) of a valve on a seat of 1e6 N/m, at positions [m] and in states of its seat by segment."""
+def on_its_seat(constant, states, positions, next_foot=2.0):
+    """(setting, trace) of a valve on a seat of 1e6 N/m, at positions [m] and in states of its seat by segment, from
+    -1 to 1 rad, and that opens again at `next_foot` [rad]."""
     train = SimpleNamespace(
         seat=0,
         a=np.array([-1]), b=np.array([0]), gap=np.zeros(1), mass=np.ones(1), touch=np.zeros(1, dtype=int),
@@ -42,7 +43,7 @@ def on_its_seat(constant, states, positions):
         slot=np.array([0 if state == SEPARATED else 1 for state in states]),
         y=np.array([[x, 0.0] for x in (*positions, positions[-1])]),
     )  # fmt: skip
-    return SimpleNamespace(train=train, tables=tables, step=STEP), trace
+    return SimpleNamespace(train=train, tables=tables, step=STEP, opening_foot=next_foot - 2 * np.pi), trace
 
 
 def test_a_valve_that_never_leaves_its_seat_has_not_opened():
@@ -52,6 +53,13 @@ def test_a_valve_that_never_leaves_its_seat_has_not_opened():
 def test_a_valve_opens_where_it_leaves_the_touch_of_its_seat_though_this_lies_below_its_zero():
     """A law of -10 N at compression zero touches 10 um deep; the valve lifts off to 5 um below zero."""
     assert touch(*on_its_seat(-10.0, [ACTING, SEPARATED, ACTING], [-2e-5, -5e-6, -2e-5]), 0) == (1, True)
+
+
+@pytest.mark.parametrize(("next_foot", "touched"), [(0.0, -1), (0.4, 1)])
+def test_a_valve_that_touches_after_it_should_open_again_has_not_touched(next_foot, touched):
+    """The second of three segments, in which the valve is off its seat, ends at a third of a radian."""
+    states, positions = [ACTING, SEPARATED, ACTING], [-1e-5, 1e-5, -1e-5]
+    assert touch(*on_its_seat(0.0, states, positions, next_foot), 0) == (touched, True)
 
 
 @pytest.mark.parametrize("turn", [0, 1])

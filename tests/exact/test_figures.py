@@ -1,10 +1,14 @@
 """The highest point of a cubic on a part of its interval, against the roots of its slope."""
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from camopt.exact.settled.figures import top, value
+from camopt.exact.settled import figures
+from camopt.exact.settled.figures import excess_lift, top, value
+from camopt.scene.units import MM
 from tests.exact.interpreted import interpret
 
 
@@ -35,3 +39,20 @@ def test_the_top_of_a_parabola_is_its_vertex(bend):
     cubic = power(0.0), power.deriv()(0.0), power(1.0), power.deriv()(1.0)
     wanted = power(0.4) if bend < 0.0 else power(1.0)
     assert top(cubic, 0.0, 1.0, -np.inf) == pytest.approx(wanted, abs=1e-15)
+
+
+@pytest.mark.parametrize("length", [0.4, 1.4, 2.0, 2.4])
+def test_the_valve_is_highest_in_the_last_part_of_a_segment_whether_that_is_a_whole_step_or_not(monkeypatch, length):
+    """The distance is a parabola in steps, whose vertex lies a tenth of a step before the segment's end."""
+    distance = Polynomial([1.0, 0.0, -1.0])(Polynomial([0.1 - length, 1.0]))
+
+    def sampled(operator, state, size, count, seen):
+        for i in range(count // 2):
+            seen[2 * i : 2 * i + 2] = distance(float(i)), distance.deriv()(float(i))
+
+    monkeypatch.setattr(figures, "apply", sampled)
+    monkeypatch.setattr(figures, "seat_distance", lambda s, state: (distance(length), distance.deriv()(length)))
+    tables = SimpleNamespace(steps=np.zeros((1, 4)), sizes=SimpleNamespace(state=0, lift=2), distance=[None])
+    s = SimpleNamespace(train=SimpleNamespace(cam_side=[0], gap=[0.0]), tables=tables)
+    trace = SimpleNamespace(length=[length], angle=[-0.1, 0.1], slot=[0], y=np.zeros((2, 2)))
+    assert excess_lift(s, trace, 0) == pytest.approx(1.0 / MM, rel=1e-12)

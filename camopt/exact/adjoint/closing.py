@@ -30,8 +30,15 @@ def seat_distance(s, y):
 
 
 @njit_no_refcount
+def next_foot(s, turn):
+    """The angle [rad] at which the valve opens again after a revolution, where its bounce window ends."""
+    return 2 * np.pi * (turn + 1) + s.opening_foot
+
+
+@njit_no_refcount
 def touch(s, trace, turn):
-    """(the segment that ends with the touch of a revolution, -1 for no touch; whether the valve opened)."""
+    """(the segment that ends with the touch of a revolution, -1 for no touch by the next opening foot; whether the
+    valve opened)."""
     top, peak, e, states = 0.0, -1, s.train.seat, s.tables.states
     for k in range(len(trace.length)):
         if abs(trace.angle[k] - 2 * np.pi * turn) <= np.pi and states[trace.slot[k], e] == SEPARATED:
@@ -41,6 +48,8 @@ def touch(s, trace, turn):
     if peak < 0:
         return -1, False
     for k in range(peak, len(trace.length)):
+        if trace.angle[k + 1] > next_foot(s, turn):
+            break
         if closes(s, trace, k, s.train.seat):
             return k, True
     return -1, True
@@ -90,7 +99,7 @@ def closed_window(s, trace, turn):
     the window starts there and -1 otherwise, its length [steps]).
     """
     k, opened = touch(s, trace, turn)
-    end = 2 * np.pi * (turn + 1) + s.opening_foot
+    end = next_foot(s, turn)
     if k < 0:
         return k, opened, 0.0, end, -1, 0.0
     start = trace.angle[k + 1]
