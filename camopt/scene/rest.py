@@ -116,15 +116,16 @@ def _balanced(train: Train, x: np.ndarray) -> tuple[np.ndarray, bool]:
         return train.mass_force - rows.T @ np.where(open_, 0.0, p), np.where(open_, 0.0, tangent)
 
     slack = FORCE_SLACK * max(np.abs(train.preload).max(), np.abs(train.mass_force).max(), 1.0)
+    force, tangent = unbalanced(x)
     for _ in range(MOST_NEWTON_STEPS):
-        force, tangent = unbalanced(x)
         if np.abs(force).max() <= slack:
             return x, True
         stiffness = rows.T @ (tangent[:, None] * rows) + np.eye(len(x)) * GROUNDING * train.stiffness.max()
         step = np.linalg.solve(stiffness, force)
-        while unbalanced(x + step)[0] @ step < -0.1 * abs(force @ step):
+        most = -0.1 * abs(force @ step)
+        while (force := (at := unbalanced(x + step))[0]) @ step < most:
             step = step / 2
-        x = x + step
+        x, tangent = x + step, at[1]
     return x, False
 
 
