@@ -15,6 +15,7 @@ from camopt.measure.limits import (
     drawing_excess,
     duration_words,
     motion_limits,
+    reached_by_shape,
 )
 from camopt.scene import load_scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
@@ -56,6 +57,7 @@ def test_no_positive_acceleration_on_the_nose():
     first = angle[np.argmax(LIFT(angle, 2) > 0)] / DEG
     assert broken_by_shape(LIFT, design(nose_deg=first - 0.02)) == []
     assert broken_by_shape(LIFT, design(nose_deg=first + 0.02)) == ["nose_deg"]
+    assert broken_by_shape(raised(-30.0, 0.0, 0.02 * MM_PER_DEG2), design(nose_deg=first - 0.02)) == ["nose_deg"]
 
 
 GENEROUS = {
@@ -209,3 +211,8 @@ def test_a_duration_at_a_lift_is_the_angle_for_which_the_cam_is_higher(height_mm
 def test_a_cam_has_no_duration_above_its_lift():
     over = drawing_excess(LIFT, design(duration_at=((LIFT.max_lift / MM + 0.1, 10.0, 360.0),)))["duration_at"]
     assert over == pytest.approx(10.0 / SCENE.design.duration_deg)
+
+
+def test_a_lift_at_an_angle_is_reached_there():
+    rows = reached_by_shape(LIFT, design(lift_at=((-30.0, 2.0, 9.0),)))
+    assert [row.where for row in rows if row.key == "lift_at"] == 2 * ["at -30 deg"]

@@ -112,10 +112,12 @@ def broken_beyond_rounding(key, lift, max_lift=1.0, error=1e-9, **limits):
     return violated_beyond_rounding([key], rows, KODAMA.design.model_copy(update=limits)) == [key]
 
 
-@pytest.mark.parametrize(("half_deg", "changes"), [(89.0, 0), (89.9, 0), (95.0, 2)])
+@pytest.mark.parametrize(("half_deg", "changes"), [(89.0, 0), (89.9, 0), (91.9, 2)])
 def test_only_changes_of_sign_between_the_ends_count_as_waves(half_deg, changes):
     """The jerk of the sine changes its sign at -90 and at 90 degrees."""
-    assert RoundedRows(Law(np.sin), 1e-9, 0.1 * DEG).waves(half_deg * DEG) == changes
+    for most in (changes - 1, changes):
+        broken = broken_beyond_rounding("waves_max", np.sin, duration_deg=2 * half_deg, waves_max=most)
+        assert broken == (most < changes)
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -127,10 +129,12 @@ def test_the_jerk_is_limited_to_both_sides(sign, limit, broken):
     assert broken_beyond_rounding(key, lambda x: sign * (np.sin(x) + np.sin(2 * x) / 8), **limits) == broken
 
 
+@pytest.mark.parametrize("side", [-1.0, 1.0])
 @pytest.mark.parametrize(("part", "broken"), [(0.5, False), (1.5, True)])
-def test_a_ramp_may_be_faster_by_the_stated_share(part, broken):
+def test_a_ramp_may_be_faster_by_the_stated_share(part, broken, side):
     velocity = KODAMA.design.ramp_velocity_mm_per_deg * MM_PER_DEG * (1 + part * RAMP_VELOCITY)
-    assert broken_beyond_rounding("ramp_velocity_mm_per_deg", lambda x: velocity * (np.pi - np.abs(x))) == broken
+    key = "ramp_velocity_mm_per_deg"
+    assert broken_beyond_rounding(key, lambda x: velocity * (np.pi - np.abs(x)) * (side * x > 0)) == broken
 
 
 @pytest.mark.parametrize(("roundings", "broken"), [(1.0, False), (3.0, True)])

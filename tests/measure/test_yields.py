@@ -11,6 +11,7 @@ import pytest
 from scipy.stats import binomtest, norm
 
 import camopt
+from camopt.measure.as_built import drawn_waves
 from camopt.measure.yields import EARLY, Looks, UsedLimits, counted, rank_correlation_shares, share_of
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.as_built.statement import looks_of
@@ -45,6 +46,12 @@ def test_the_ground_cam_is_off_by_the_stated_error_and_half_of_it():
     np.testing.assert_allclose(half.cam(lift)(angle) - lift(angle), 0.5 * error, atol=1e-12)
     (without,) = camopt.trains_as_built(scene(MASS), 1)
     assert without.cam(lift) is lift and list(without.draws) == ["valve.mass_kg"]
+
+
+def test_waves_of_grinding_have_one_expected_size_and_any_phase():
+    """A hundredth is three standard deviations of these means."""
+    parts = drawn_waves(3, (1, 100_000)).reshape(2, -1)
+    np.testing.assert_allclose(parts @ parts.T / 100_000, 0.5 * np.eye(2), atol=0.01)
 
 
 def test_bad_counts_are_refused():

@@ -1,5 +1,6 @@
 """The no-jump program: its linear motion against brute force and event-exact, its rows, prices and known areas."""
 
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -7,8 +8,8 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from camopt.cam.families.free import free_cam
-from camopt.optimizer.program import periodic
-from camopt.optimizer.program.force_rows import NEXT, OPENING, PEAK, SEAT, Box, SpeedRows, averaged
+from camopt.optimizer.program import no_jump, periodic
+from camopt.optimizer.program.force_rows import OPENING, PEAK, SEAT, Box, SpeedRows, averaged
 from camopt.optimizer.program.kinematic import (
     PEAK_STEP,
     area_ratio_row,
@@ -122,10 +123,13 @@ def test_blocks_of_steps_give_what_single_steps_give(scene_name, monkeypatch):
     monkeypatch.setattr(periodic, "LONGEST", 1)
     singly = periodic_response(train, sample_cam(cam, angles), speed, angles)
     assert len(at_once.samples.first) < len(singly.samples.first) / 8 == (len(singly.samples.edges) - 1) / 8
+    assert np.diff(singly.samples.edges).max() < periodic.SAMPLE + 1e-12
     at = np.sort(np.random.default_rng(1).choice(len(singly.samples.edges), 300, replace=False))
     for e in (train.seat, *train.cam_side):
         forces = singly.force(e, at)
-        np.testing.assert_allclose(at_once.force(e, at), forces, rtol=0, atol=1e-10 * np.abs(forces).max())
+        for count in (np.searchsorted(at, at_once.samples.first[2]), 300):  # edges of the first two blocks, and all
+            found = at_once.force(e, at[:count])
+            np.testing.assert_allclose(found, forces[:count], rtol=0, atol=1e-10 * np.abs(forces).max())
     np.testing.assert_allclose(at_once.map, singly.map, rtol=0, atol=1e-10 * np.abs(singly.map).max())
 
 
@@ -209,7 +213,10 @@ def test_impossible_margins_say_by_how_much():
         program().solve(fall + 0.01 * shortfall)
 
 
-def test_one_margin_for_all_says_how_much_may_be_kept():
+@pytest.mark.parametrize("unit", [1.0, 100.0])
+def test_one_margin_for_all_says_how_much_may_be_kept(monkeypatch, unit):
+    """Whatever the order of magnitude in which the solver looks for it."""
+    monkeypatch.setattr(no_jump, "force_unit", lambda train: unit)
     with pytest.raises(NoCamHoldsContact, match="keeping 500 N in the contacts at all") as error:
         program().solve(500.0)
     most = 500.0 - error.value.shortfall_N
@@ -225,6 +232,9 @@ def test_largest_contact_force_is_limited_where_the_design_says_so():
     found = p.solve(0.0)
     assert np.max(p.forces(found.z)[p.kind == PEAK]) == pytest.approx(0.97 * largest, rel=1e-6)
     assert found.area_ratio < free.area_ratio
+    weak = replace(p, design=DESIGN.model_copy(update={"contact_force_max_N": 1.0}))
+    with pytest.raises(NoCamHoldsContact, match="whatever the margins: raise contact_force_max_N"):
+        weak.solve(0.0)
 
 
 def test_full_lift_is_reached_where_the_design_wants_it():
@@ -275,7 +285,7 @@ def test_switching_angles_must_ascend():
 
 
 def test_forces_are_averaged_within_a_contact_and_not_over_the_angles_between_its_rows():
-    first, later = np.arange(4) * 0.5 * NEXT, np.arange(3) * 0.5 * NEXT + 10 * NEXT
+    first, later = np.arange(4) * 0.5 * DEG, (np.arange(3) * 0.5 + 10) * DEG
     angle = np.concatenate([first, first, [*first[:2], *later]])
     kind = np.repeat([OPENING, PEAK, SEAT], [4, 4, 5])
     element = np.repeat([0, 0, 1], [4, 4, 5])

@@ -19,6 +19,7 @@ from camopt.optimizer.program.program_cam import (
     WIDTHS,
     _climbed,
     _fewer,
+    _narrowed,
     centres,
     kinematic_switches,
     near,
@@ -77,6 +78,11 @@ def test_the_smallest_ripple_goes_first():
     assert len(_fewer(lift, CAM, 5)) == 5
 
 
+def test_changes_at_the_ends_move_a_cell_inwards(monkeypatch):
+    monkeypatch.setattr(module, "sign_changes", lambda lift: cells(CAM)[[0, 5, -1]])
+    assert _fewer(None, CAM, 3) == pytest.approx(tuple(cells(CAM)[[1, 5, -2]]))
+
+
 def test_no_angle_of_the_search_is_better_a_cell_away():
     def area(switches):
         try:
@@ -120,6 +126,15 @@ def test_limits_that_contradict_each_other_have_no_switches():
 
 ROLLER = Geometry(follower="roller", base_radius_mm=18.0, roller_radius_mm=9.0)
 ROLLED = DESIGN.model_copy(update={"nose_radius_min_mm": 5.0}).within(ROLLER, KODAMA.operation)
+
+
+@pytest.mark.parametrize("values", [[-3.0, -2.0, -1.0, -0.5, -0.4, -0.4], [0.3, 0.4, 0.5, 0.45]])
+def test_a_cam_stands_where_the_narrowest_program_gains_no_more(values):
+    """A value is below zero where limits are missed by much."""
+    left, z = iter(values), np.append(np.zeros(CAM.Z.shape[1]), 3.0)
+    program = SimpleNamespace(solve=lambda: SimpleNamespace(z=z, value=next(left)))
+    _narrowed(lambda cam: program, CAM, CAM.lift(z[:-1]))
+    assert list(left) == []
 
 
 @pytest.mark.parametrize("margin_N", [0.0, 2000.0])

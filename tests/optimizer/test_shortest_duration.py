@@ -96,3 +96,11 @@ def test_a_conflict_with_a_duration_names_the_one_that_is_long_enough():
     with pytest.raises(InputError, match=f"lengthen duration_deg to at least {shortest_duration_deg(short):g}") as said:
         kinematic_optimum(short, program_cam(short, 3.0))
     assert "the lift at +-59 deg can reach only 0." in str(said.value) and "not 1 mm" in str(said.value)
+
+
+def test_a_conflict_without_a_longer_remedy_asks_for_no_shorter_duration():
+    design = parse_scene(left_open(), "left open", (), chosen_duration_deg).design
+    few = design.model_copy(update={"waves_max": 1})
+    with pytest.raises(InputError, match="contradict each other for") as said:
+        kinematic_optimum(few, program_cam(few, 3.0))
+    assert "lengthen" not in str(said.value)

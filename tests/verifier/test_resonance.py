@@ -7,7 +7,7 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine, settled_metrics
-from camopt.measure.resonance import _linearised, _pairs, resonances
+from camopt.measure.resonance import Resonance, _linearised, _pairs, resonances
 from camopt.measure.settling import decay_per_revolution, settle, settled_from_rest
 from camopt.measure.sweep import at_speeds
 from camopt.scene import build_train, load_scene
@@ -30,7 +30,10 @@ def test_a_lightly_damped_coil_resonates_at_harmonics_of_the_cam():
         # two crankshaft revolutions to one of the cam; 0.1 %: the valve's ends of the spring give a little
         assert r.speed_rpm == pytest.approx(120 * FREQUENCY_HZ / r.harmonic, rel=1e-3)
         assert r.half_width_rpm == pytest.approx(5e-4 * r.speed_rpm, rel=0.01)
+        assert [r.low_rpm, r.high_rpm, 120 * r.frequency_Hz / r.harmonic] == pytest.approx([r.speed_rpm] * 3, rel=1e-4)
         assert np.diff(r.speeds_rpm()).max() <= r.half_width_rpm
+    narrow = Resonance(6447.0, 6446.0, 6448.0, 0.5, 7, 376.0, 1e-3)
+    assert narrow.speeds_rpm() == pytest.approx(np.arange(6445.5, 6448.6, 0.5))
     damped = coil_scene((5000.0, 7000.0), damping_ratio=0.02)  # half widths of 100 r/min, which steps of 20 resolve
     assert resonances(damped, polydyne(damped), 20.0) == ([], 0)
     assert resonances(load_scene("kodama"), polydyne(load_scene("kodama")), 20.0) == ([], 0)
