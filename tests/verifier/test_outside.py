@@ -13,6 +13,7 @@ import pytest
 
 import camopt
 from camopt.cam.design_file import write_design
+from camopt.cam.families.exponent import exponent
 from camopt.measure.metrics import measure
 from camopt.scene import InputError, build_train, builtin_scenes, load_scene
 from camopt.scene.response import end_state, joined
@@ -23,7 +24,7 @@ from camopt.verifier import from_outside as side
 from camopt.verifier.outside import filed, forces
 from camopt.verifier.record import VerificationRecord, outside_entries, outside_entry, outside_sentence
 from camopt.verifier.verdict import event_exact
-from tests.verifier.scenes import with_elements
+from tests.verifier.scenes import REAL, with_elements
 from tests.verifier.test_independence import imported
 
 FOLDER = Path(filed.__file__).parent
@@ -75,6 +76,25 @@ def test_laws_touches_and_rest_are_those_of_the_scene(name, tmp_path):
     np.testing.assert_allclose(forces.at_rest(own), state_at_rest(train)[: len(train.mass)], rtol=0, atol=1e-12)
 
 
+def test_rest_is_found_where_a_full_step_of_newton_would_go_to_and_fro():
+    """A spring that is stiff for two millimetres and soft on either side, where it begins."""
+    rows = ((-1.0, -102.0), (0.499, -100.0), (0.501, 100.0), (2.0, 102.0))
+    spring = filed.FiledElement("s", "table", 0, -1, False, rows=rows)
+    x = forces.at_rest(filed.FiledTrain((1.0,), (0.0,), (0.0,), (spring,), (), 0, spring, 0.5))
+    assert x == pytest.approx([0.5], abs=1e-9)
+
+
+@needs_exudyn
+def test_a_valve_closes_nominally_where_the_lift_falls_to_what_has_leaked_since_the_opening_foot():
+    from camopt.verifier.outside.figures import _closed
+
+    cam = filed.FiledCam(np.array([-np.pi, -1.0, 1.0]), np.array([[0.0], [1.0], [0.0]]), 2.0)
+    angle = np.linspace(-np.pi, 3 * np.pi, 4001)
+    leaked = 0.1 * np.clip(angle + 1.0, 0.0, 2.0)  # 0.2 m: the lift falls to that at 0.8 rad, 0.7 m above the seat
+    record = np.stack([angle, 1.5 - np.abs(angle), 1.0 - np.abs(angle), leaked])
+    assert _closed(cam, 0.0, record, 1.0)[0] == pytest.approx(700.0, abs=1.0)
+
+
 def test_the_lift_is_that_of_the_cam(tmp_path):
     scene = load_scene("motori-1")
     cam = camopt.polydyne(scene)
@@ -121,10 +141,17 @@ def test_a_judge_without_an_answer_is_not_waited_for(monkeypatch):
 
 
 @needs_exudyn
-def test_exudyn_agrees_from_rest_within_a_nanometre():
-    """motori-1 with its Polydyne at 5000 r/min, whose jump stays below 0.05 mm: both revolutions count."""
-    scene = load_scene("motori-1")
-    (found,) = side.from_outside(scene, camopt.polydyne(scene), [5000.0])
+@pytest.mark.parametrize(
+    ("scene", "family", "speed_rpm"),
+    [
+        (load_scene("motori-1"), camopt.polydyne, 5000.0),
+        (load_scene("kodama"), camopt.polydyne, 5000.0),  # constant force, damping to ground
+        (REAL, exponent, 3000.0),  # oil, friction, a force by the cam angle
+    ],
+)
+def test_exudyn_agrees_from_rest_within_a_nanometre(scene, family, speed_rpm):
+    """Every jump stays below 0.05 mm: both revolutions count."""
+    (found,) = side.from_outside(scene, family(scene), [speed_rpm])
     assert found["agrees"] and found["revolutions"] == side.REVOLUTIONS
     assert found["difference_nm"] < side.AGREES_NM
 
