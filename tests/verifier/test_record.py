@@ -1,5 +1,7 @@
 """What is stated about a verification: its worst metrics, its text and its figure, of records written by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,7 +9,7 @@ from camopt.measure.sweep import Band
 from camopt.scene import QUANTITIES, load_scene
 from camopt.verifier.at_speed import SpeedVerdict
 from camopt.verifier.display import MOST_LINES
-from camopt.verifier.record import VerificationRecord, Worst, worst_case_value
+from camopt.verifier.record import VerificationRecord, Worst, outside_entry, outside_sentence, worst_case_value
 from camopt.verifier.verdict import Verdict
 from tests.verifier.answers import answer
 
@@ -61,6 +63,12 @@ def verdict(speeds, band=None):
 def swept():
     metrics = {rpm: dict.fromkeys(QUANTITIES, rpm * 1e-6) for rpm in (5000.0, 6000.0, 7000.0)}
     return Band(5000.0, 7000.0, 1000.0, metrics, dict.fromkeys(metrics, "event"))
+
+
+@pytest.mark.parametrize("difference_nm", [0.5, 1.2])
+def test_what_another_engine_says_stands_once_whether_it_agrees_or_is_the_reason(difference_nm):
+    said = outside_entry(5000.0, "Exudyn 1", 2, difference_nm, 1.1)
+    assert str(replace(verdict([5000.0]), outside=(said,))).count(outside_sentence([said])) == 1
 
 
 @pytest.mark.parametrize(("count", "more"), [(3, []), (MOST_LINES, []), (MOST_LINES + 5, ["and 5 more speeds"])])
