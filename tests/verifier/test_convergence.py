@@ -119,6 +119,7 @@ def test_what_keeps_moving_is_not_converged(answers):
     done = answers(lambda n: [0.1 * n])
     assert not done.converged and done.steps_per_revolution == steps(4)
     assert done.error["bounce_mm"] == pytest.approx(2 * 1.4)
+    assert not answers(lambda n: [0.1 * max(n, 2)]).converged  # each is held against the one before it
 
 
 def test_an_aperiodic_motion_may_move_within_its_range(answers):
