@@ -5,11 +5,11 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare as event_exact
-from camopt.scene import InputError, load_scene
+from camopt.scene import InputError, build_train, load_scene
 from camopt.scene.units import UM
 from camopt.verifier import accuracy as module
 from camopt.verifier.accuracy import EFFORTS, effort_of, stored_curves, verify
-from camopt.verifier.convergence import StepRefinement, Tolerances
+from camopt.verifier.convergence import StepRefinement, Tolerances, first_steps
 from camopt.verifier.methods import rkg
 from camopt.verifier.record import HALVED, accuracy_record, bounce_error_um, method_record
 from camopt.verifier.verdict import Verdict
@@ -85,6 +85,8 @@ class TestEffort:
         scene = load_scene("motori-1")
         found = verify(scene, polydyne(scene), (3000.0,), "event", 1e-5)
         assert found.accuracy["asked_um"] == 1e-5 and not found.accuracy["reached"]
+        first = first_steps(build_train(scene), scene.cam_speed(3000.0))
+        assert found.speeds[0].first.steps_per_revolution == 4 * first + 2  # two halvings changed nothing
         said = found.accuracy["statement"]
         assert said.startswith("accuracy asked: 1e-05 um; not reached: bounce is known to a range only, ")
         assert "0.0000 mm +- 0.01 um at 3000 r/min" in said
@@ -102,6 +104,8 @@ class TestEffort:
         assert verify(scene, polydyne(scene), (5000.0,), "event", 50.0).asked == 50.0
         assert given[0][2:] == ((5000.0,), ("event",), effort.band_step_rpm, effort.tolerances)
         assert effort.tolerances.tolerance_um == 50.0
+        verify(scene, polydyne(scene), accuracy="draft")
+        assert given[1][3] == EFFORTS["draft"].methods
 
 
 def test_the_bounce_delivered_is_within_what_was_asked():
