@@ -61,5 +61,5 @@ def test_a_touch_between_two_samples_is_found():
 
 def test_endless_switching_is_refused(monkeypatch):
     monkeypatch.setattr(dop853, "MOST_SWITCHINGS", 50)
-    with pytest.raises(MotionRefused, match="switch more than 50"):
+    with pytest.raises(MotionRefused, match="at 60 cam r/min: contacts switch more than 50"):
         dop853.prepare(ball_on_seat(1e9, 0.0), no_lift(), 2 * np.pi, 360)(np.array([1e-6, 0.0]))

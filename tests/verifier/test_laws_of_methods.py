@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from camopt.scene import InputError
-from camopt.scene.laws import HERTZ, PROGRESSIVE
+from camopt.scene.laws import HERTZ, PROGRESSIVE, TABLE
 from camopt.scene.train import GROUND
+from camopt.verifier.methods.of_dop853 import PieceLaws
 from camopt.verifier.methods.of_houbolt import PieceSets, _of_table
 from camopt.verifier.methods.rkg import _elastic, _work
-from tests.verifier.trains import train
+from tests.verifier.trains import laws, train
 
 OF_TABLE, ELASTIC, WORK = (getattr(program, "py_func", program) for program in (_of_table, _elastic, _work))
 ROWS = np.array([[-2e-3, 1e4], [1e-3, 3e4], [2e-3, 9e4]])
@@ -41,6 +42,12 @@ def test_a_force_table_goes_on_in_the_straight_lines_at_its_ends(d):
     row, force = OF_TABLE(table, 0, d)
     assert row == piece
     assert force == pytest.approx(ROWS[piece, 1] + slope[piece] * (d - ROWS[piece, 0]))
+
+
+def test_a_contact_by_a_table_touches_where_its_force_rises_through_zero():
+    rows = [[-2e-3, -60.0], [1e-3, -30.0], [2e-3, 30.0]]
+    contact = train([1.0], [(GROUND, 0, True, False, 1.0, 0.0, 0.0, 0.0)], laws=laws([TABLE], [1.0], table=rows))
+    assert PieceLaws(contact).touch[0] == pytest.approx(1.5e-3)
 
 
 @pytest.mark.parametrize(("contacts", "refused"), [(62, False), (63, True)])
