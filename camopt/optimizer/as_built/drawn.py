@@ -58,6 +58,11 @@ class TrainEnsemble:
         self.states = np.zeros((0, SPEEDS, len(rest)))
 
     @cached_property
+    def has_memory(self) -> bool:
+        """Whether an adjuster, an oil column or friction remembers how the trains moved."""
+        return bool(build_train(self.scene).memory)
+
+    @cached_property
     def limits(self) -> tuple[MotionLimit, ...]:
         """The limits on the motion (l)."""
         return tuple(motion_limits(self.scene.design).values())

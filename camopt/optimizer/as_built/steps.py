@@ -184,12 +184,15 @@ class YieldSearch:
     def _judge(self, lift: Lift) -> np.ndarray:
         """Judges a cam with the trains that are watched and with scouts, and where a scout falls short with everyone.
 
-        It begins at the top of the band, and ends as soon as too many trains fail. Returns which trains were judged at
-        which speeds (t, s: bool).
+        It begins at the top of the band, and ends as soon as too many trains fail. There every train with an adjuster
+        is judged: the adjuster of one that uses half of a limit may pump up with the next cam. Returns which trains
+        were judged at which speeds (t, s: bool).
         """
         drawn, watched, matters = self.unseen, self.unseen.watched, self.unseen.matters(MATTERING * (1.0 - self.wanted))
         turn = (np.arange(len(drawn.trains)) + self.steps)[:, None]
         scouts = ~watched & (turn % np.where(matters, SCOUTS, FAR_SCOUTS) == 0)
+        if drawn.has_memory:
+            scouts[:, -1] = ~watched[:, -1]
         judged, may_fail = np.zeros_like(watched), self.allowed(len(watched))
         for begin in (watched.shape[1] - 1, 0):
             asked = (watched | scouts) & ~judged

@@ -130,7 +130,8 @@ class Told:
 
     watched, matters = TrainEnsemble.watched, TrainEnsemble.matters
 
-    def __init__(self, trains: int, speeds: int):
+    def __init__(self, trains: int, speeds: int, has_memory: bool = False):
+        self.has_memory = has_memory
         self.trains, self.motions = [None] * trains, 0
         self.used, self.truth = np.zeros((trains, 1, speeds)), np.full((trains, 1, speeds), 0.1)
 
@@ -149,6 +150,12 @@ def test_calm_trains_that_a_cam_breaks_are_seen_at_once(speed):
     asked = search._judge(None)
     assert asked[:, speed].all() and np.all(drawn.used[:100, 0, speed] == 80.0)
     assert asked.sum() < 500
+
+
+def test_with_an_adjuster_that_may_pump_up_every_train_is_judged_at_the_top():
+    drawn = Told(200, 5, has_memory=True)
+    drawn.truth[3:6, 0, -1] = np.inf
+    assert YieldSearch(0.9, None, drawn, 0)._judge(None)[:, -1].all() and np.sum(drawn.used > 1.0) == 3
 
 
 @pytest.mark.parametrize("speed", [0, 4])
