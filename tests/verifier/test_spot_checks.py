@@ -1,13 +1,15 @@
 """Verdicts in which one method looks at every speed and the others where a limit is nearest."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact.settled import settled_metrics
 from camopt.measure.settling import Figures
-from camopt.scene import load_scene
+from camopt.scene import build_train, load_scene
 from camopt.verifier import at_speed, spot_checks, verdict
 from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.convergence import WANDERING_REVOLUTIONS
@@ -121,3 +123,37 @@ def test_bars_count_the_speeds_that_are_judged(cam, monkeypatch):
     for progress, hidden in ((False, True), (True, None)):  # None: a bar on a terminal
         verdict_on(SCENE, cam, SPEEDS[:2], BOTH, None, progress=progress)
         assert shown.pop() == (2, hidden) and not shown
+
+
+@pytest.mark.parametrize("said", ["rejected", "sensitive", "not converged"])
+def test_only_a_rejection_by_all_methods_spares_the_other_speeds(monkeypatch, said):
+    first, judged = SimpleNamespace(worst={}, error={}), SimpleNamespace(verdict=said)
+    monkeypatch.setattr(spot_checks, "violates_by_margin", lambda *_: True)
+    monkeypatch.setattr(spot_checks, "_excess", lambda *_: 0.0)
+    monkeypatch.setattr(spot_checks, "with_all_methods", lambda *_: judged)
+    alone = (SimpleNamespace(decided_after=ALONE, first=first),)
+    found = spot_checks.early_rejection(SimpleNamespace(scene=SCENE), alone)
+    assert found == ((judged,) if said == "rejected" else None)
+
+
+@pytest.mark.parametrize(
+    ("said", "after", "none"), [("rejected", HALVED, True), ("rejected", ALONE, False), ("sensitive", HALVED, False)]
+)
+def test_all_methods_judge_no_other_speed_only_where_they_have_rejected_one(monkeypatch, said, after, none):
+    monkeypatch.setattr(spot_checks, "at_every", lambda judge, case, speeds: [one])
+    one = SimpleNamespace(verdict=said, decided_after=after, speed_rpm=1.0, ranges={"contact_force_max_N": (0.0, 1.0)})
+    case = SimpleNamespace(tolerances=SimpleNamespace(limited=()))
+    assert spot_checks.spot_checked(case, (one,)) == ({} if none else {1.0: one})
+
+
+def test_neighbours_are_as_far_as_stated_to_both_sides_in_speed_lift_and_every_number_of_the_state(monkeypatch, cam):
+    monkeypatch.setattr(at_speed, "at_once", lambda many, train, *motion: motion)
+    monkeypatch.setattr(at_speed, "figures_of", lambda motion: motion)
+    train = build_train(load_scene("kodama"))
+    state = np.zeros(train.state_size)
+    case = SimpleNamespace(train=train, lift=cam, scene=SCENE, many=True)
+    motions, speed = at_speed.neighbours(case, 5000.0, SimpleNamespace(state=state)), SCENE.cam_speed(5000.0)
+    for sign, ((_, fast, _), (high, same, _), (_, _, moved)) in zip((-1, 1), (motions[:3], motions[3:]), strict=True):
+        assert fast == pytest.approx(speed * (1 + sign * at_speed.SPEED_NEIGHBOUR), rel=1e-12) and same == speed
+        assert high.max_lift - cam.max_lift == pytest.approx(sign * at_speed.LIFT_NEIGHBOUR, rel=1e-6)
+        assert np.unique(np.abs(moved)) == pytest.approx(sorted(at_speed.STATE_NEIGHBOUR))
