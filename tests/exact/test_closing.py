@@ -46,8 +46,14 @@ def on_its_seat(constant, states, positions, next_foot=2.0):
     return SimpleNamespace(train=train, tables=tables, step=STEP, opening_foot=next_foot - 2 * np.pi), trace
 
 
+def of_the_closing(s, trace):
+    """Bounce, seating velocity and impact velocity."""
+    return [metrics_of.measure(metric, s, trace, None, 0)[0] for metric in (0, 5, 6)]
+
+
 def test_a_valve_that_never_leaves_its_seat_has_not_opened():
-    assert touch(*on_its_seat(0.0, [ACTING, ACTING], [-1e-5, -1e-5]), 0) == (-1, False)
+    shut = on_its_seat(0.0, [ACTING, ACTING], [-1e-5, -1e-5])
+    assert touch(*shut, 0) == (-1, False) and of_the_closing(*shut) == [0.0, 0.0, 0.0]
 
 
 def test_a_valve_opens_where_it_leaves_the_touch_of_its_seat_though_this_lies_below_its_zero():
@@ -59,7 +65,18 @@ def test_a_valve_opens_where_it_leaves_the_touch_of_its_seat_though_this_lies_be
 def test_a_valve_that_touches_after_it_should_open_again_has_not_touched(next_foot, touched):
     """The second of three segments, in which the valve is off its seat, ends at a third of a radian."""
     states, positions = [ACTING, SEPARATED, ACTING], [-1e-5, 1e-5, -1e-5]
-    assert touch(*on_its_seat(0.0, states, positions, next_foot), 0) == (touched, True)
+    moved = on_its_seat(0.0, states, positions, next_foot)
+    assert touch(*moved, 0) == (touched, True) and (touched >= 0 or np.all(np.isnan(of_the_closing(*moved))))
+
+
+@pytest.mark.parametrize(("half", "force"), [(0.3, 7.0), (0.4, 0.0)])
+@pytest.mark.parametrize("apart", [0, 2])
+def test_a_contact_that_is_apart_at_an_end_of_the_event_has_no_force_there(monkeypatch, apart, half, force):
+    """Three segments, which meet a third of a radian before and after the nose."""
+    s, trace = on_its_seat(0.0, [SEPARATED if k == apart else ACTING for k in range(3)], [0.0, 0.0, 0.0])
+    s.train.cam_side, s.half_duration = [0], half
+    monkeypatch.setattr(metrics_of, "largest", lambda *_: (-7.0, 1, 0.5, 0.0, -np.inf))
+    assert metrics_of.contact_force(s, trace, None, 0, -1.0)[0] == force
 
 
 @pytest.mark.parametrize("turn", [0, 1])
@@ -79,23 +96,25 @@ def test_the_lift_falls_to_the_lash_where_its_parabola_says_in_the_revolution_as
     k, length = nominal_closing(s, trace, turn, 0)
     assert k == 2 + 4 * turn
     assert begin[k] + length * per_step == pytest.approx(2.0 * np.pi * turn + np.sqrt(1.0 - lash), abs=1e-9)
+    s.train.gap[:] = 1.1  # above the nose
+    assert nominal_closing(s, trace, turn, 0)[0] == -1
 
 
-def test_what_adjusters_have_leaked_changes_with_both_states_and_with_the_time_of_the_touch():
+@pytest.mark.parametrize("turn", [0, 1])
+def test_what_adjusters_have_leaked_changes_with_both_states_and_with_the_time_of_the_touch(turn):
     """Two memories of one mass; the rates of the state are a matrix of which the last two columns are theirs."""
     sizes, random, weight, touched = Sizes(1, 4, 2, 0), np.random.default_rng(0), 0.7, 2
     motion = random.normal(size=(1, 7, 3))
     y = random.normal(size=(4, 6)) + np.arange(4.0)[:, None]
-    trace = SimpleNamespace(
-        angle=np.array([-3.0, -1.0, 0.0, 1.0]), length=np.array([20.0, 10.0, 10.0]), slot=np.zeros(3, dtype=int), y=y
-    )
+    angle = np.array([-3.0, -1.0, 0.0, 1.0]) + 2.0 * np.pi * turn
+    trace = SimpleNamespace(angle=angle, length=np.array([20.0, 10.0, 10.0]), slot=np.zeros(3, dtype=int), y=y)
     train = SimpleNamespace(adjusters=np.array([2, 3]), mass=np.ones(1))
     tables = SimpleNamespace(sizes=sizes, motion=motion)
     s = SimpleNamespace(train=train, tables=tables, opening_foot=-1.0, step=STEP)
     total = (y[3] - y[1])[2:4].sum()
-    assert leaked(s, trace, 0, touched) == (pytest.approx(total), 1) and total > 0.0
+    assert leaked(s, trace, turn, touched) == (pytest.approx(total), 1) and total > 0.0
     seeds = no_seeds(3, 6)
-    seed_leaked(s, trace, seeds, 0, touched, weight)
+    seed_leaked(s, trace, seeds, turn, touched, weight)
     assert seeds.head.tolist() == [-1, 0, 1] and seeds.length[:2].tolist() == [0.0, 10.0]
     assert seeds.bar[0].tolist() == [0, 0, -weight, -weight, 0, 0]
     assert seeds.bar[1].tolist() == [0, 0, weight, weight, 0, 0]
@@ -125,3 +144,5 @@ def test_where_a_value_and_its_runner_up_are_one_there_is_no_gradient(monkeypatc
         assert seeds.used[0] == (0 if slopes or weight == 0.0 else 1)
         if seeds.used[0]:
             assert seeds.head[2] == 0 and seeds.length[0] == 1.0 and np.all(np.isnan(seeds.bar[0]))
+            metrics_of.evaluate(None, trace, seeds, np.array([0]), np.ones(1), 0, values)
+            assert np.all(seeds.head == -1), "what was observed for one metric counts for the next"

@@ -7,7 +7,7 @@ import pytest
 from numpy.polynomial import Polynomial
 
 from camopt.exact.settled import figures
-from camopt.exact.settled.figures import excess_lift, top, value
+from camopt.exact.settled.figures import excess, excess_lift, top, value
 from camopt.scene.units import MM
 from tests.exact.interpreted import interpret
 
@@ -27,7 +27,8 @@ def test_the_top_of_a_cubic_is_its_highest_turn_or_end():
         turns = turns.real[(np.abs(turns.imag) < 1e-12) & (turns.real > low) & (turns.real < high)]
         assert value(cubic, high) == pytest.approx(power(high), abs=1e-12)
         highest = np.max(power(np.array([low, high, *turns])))
-        assert top(cubic, low, high, -np.inf) == pytest.approx(highest, abs=1e-12)
+        for best in (-np.inf, highest - 1e-9):
+            assert top(cubic, low, high, best) == pytest.approx(highest, abs=1e-12)
         inner += highest > max(power(low), power(high)) + 1e-4
     assert inner > 10
 
@@ -39,6 +40,12 @@ def test_the_top_of_a_parabola_is_its_vertex(bend):
     cubic = power(0.0), power.deriv()(0.0), power(1.0), power.deriv()(1.0)
     wanted = power(0.4) if bend < 0.0 else power(1.0)
     assert top(cubic, 0.0, 1.0, -np.inf) == pytest.approx(wanted, abs=1e-15)
+
+
+@pytest.mark.parametrize(("lift", "wanted"), [((0.3, -1.0, -0.7, -1.0), 1.0), ((-0.7, 1.0, 0.3, 1.0), 0.7)])
+def test_lift_below_the_lash_does_not_add_to_the_excess(lift, wanted):
+    """The distance rises from 0 to 1."""
+    assert excess((0.0, 1.0, 1.0, 1.0), lift, -np.inf) == pytest.approx(wanted, abs=1e-9)
 
 
 @pytest.mark.parametrize("length", [0.4, 1.4, 2.0, 2.4])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from numpy.polynomial import Polynomial
 
-from camopt.exact.kernel.instants import TIE, crest, largest, nearest_miss
+from camopt.exact.kernel.instants import TIE, _summit, crest, largest, nearest_miss
 from camopt.exact.kernel.tables import SEPARATED, TERMS
 from tests.exact.interpreted import interpret
 
@@ -52,10 +52,11 @@ def turns(polynomial, low, high):
     return np.sort(roots.real[(np.abs(roots.imag) < 1e-9) & (roots.real > low) & (roots.real < high)])
 
 
-def test_the_crest_of_a_polynomial_is_its_highest_turn_or_end():
+@pytest.mark.parametrize("size", [1.0, 1e-4])
+def test_the_crest_of_a_polynomial_is_its_highest_turn_or_end(size):
     random, inner = np.random.default_rng(0), 0
     for _ in range(60):
-        polynomial, sign = Polynomial.fromroots(random.uniform(-0.2, 1.2, 2)).integ(), random.choice([-1.0, 1.0])
+        polynomial, sign = size * Polynomial.fromroots(random.uniform(-0.2, 1.2, 2)).integ(), random.choice([-1.0, 1.0])
         low, high = np.sort(random.uniform(0.0, 1.0, 2))
         places = np.array([low, high, *turns(polynomial, low, high)])
         wanted = places[np.argmax(sign * polynomial(places))]
@@ -66,6 +67,13 @@ def test_the_crest_of_a_polynomial_is_its_highest_turn_or_end():
         assert inside == (low < wanted < high)
         inner += inside
     assert 10 < inner < 50
+
+
+def test_a_crest_is_sought_between_its_ends_though_newton_leads_beyond_another():
+    """From the middle, where the slope hardly falls, the first step ends at 2.6."""
+    slope = -Polynomial.fromroots([0.7, 2.0, 3.0]) * (Polynomial([-0.4, 1.0]) ** 2 + 0.0257)
+    w = np.pad(slope.integ().coef, (0, TERMS - 6))
+    assert _summit(w, 1.0, 0.0, 1.0) == pytest.approx(0.7, abs=1e-12)
 
 
 HUMPS = 2.0 - 0.01 * Polynomial.fromroots([1.3, 1.3, 6.6, 6.6])

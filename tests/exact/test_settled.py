@@ -88,7 +88,7 @@ def test_cams_and_speeds_side_by_side_are_the_single_ones():
     train, lift = build_train(scene), polydyne(scene)
     other = replace(lift, coefficients=0.99 * lift.coefficients)
     speeds = [scene.cam_speed(s) for s in (3000.0, 4000.0)]
-    many = settled_metrics([train], [lift, other], speeds, workers=2)
+    many = settled_metrics([train], [lift, other], speeds, workers=5)
     for c, cam in enumerate((lift, other)):
         for s, speed in enumerate(speeds):
             one = settled_metrics([train], [cam], [speed], workers=1)

@@ -41,6 +41,13 @@ def test_a_dip_between_two_samples_is_entered_where_its_polynomial_says(depth, s
         assert first(dip + 1.01 * shallow) == -1.0
 
 
+@pytest.mark.parametrize("inside", [Polynomial([0.0, SAMPLES]), Polynomial([1.0, -SAMPLES])])
+def test_a_dip_that_only_the_tangent_at_one_sample_foretells_is_found(inside):
+    """The slope is small at the other one, beyond which the polynomial turns again."""
+    dip = 30.0 * (0.07 - Polynomial.fromroots([0.4, 1.02]).integ())(inside)
+    assert first(dip) == pytest.approx(falls(dip)[0], abs=1e-9) and first(dip) < 1.0 / SAMPLES
+
+
 def test_the_first_fall_of_a_polynomial_is_found():
     random, found = np.random.default_rng(1), 0
     for _ in range(200):
