@@ -10,7 +10,8 @@ import pytest
 
 from camopt.cam.families.exponent import exponent
 from camopt.exact import prepare, settled_metrics
-from camopt.exact.adjoint.motion import Samples, TracedMotion, value_and_gradient
+from camopt.exact.adjoint.metrics import evaluate
+from camopt.exact.adjoint.motion import OBSERVATIONS, Samples, TracedMotion, metric_numbers, value_and_gradient
 from camopt.measure.metrics import measure
 from camopt.scene import build_train, parse_scene
 from camopt.scene.response import end_state, joined
@@ -190,6 +191,10 @@ def test_the_nominal_closing_counts_what_has_leaked():
     assert leaked > 5e-6 and touch > lift.closing_angle(leaked) + 0.03
     assert found.values[0] * MM == pytest.approx(np.interp(lift.closing_angle(leaked), first.angle, s), rel=1e-3)
     assert measure(record, lift)["bounce_mm"][0] == pytest.approx(found.values[0], rel=1e-5)
+    motion, numbers = TracedMotion(train, lift, speed, state_at_rest(train)), metric_numbers(train, ["bounce_mm"])
+    seeds = motion._seeds(OBSERVATIONS)
+    evaluate(motion.setting, motion.trace, seeds, numbers, np.ones(1), 0, np.empty((1, 2)))
+    assert seeds.used[0] == OBSERVATIONS - 1, "there is room for these instants and that of a kink"
 
 
 @pytest.mark.parametrize("name", ["mass", "stiffness", "leak", "gap", "forcing"])

@@ -129,12 +129,12 @@ def test_what_wanders_below_the_tolerance_is_called_wandering_by_both_paths(fami
 def test_the_range_of_a_wandering_motion_is_that_of_its_revolutions():
     """However many are measured together, and from whatever block on tables are missing."""
     scene = load_scene("motori-1")
-    train, lift, speed = build_train(scene), polydyne(scene), scene.cam_speed(9000.0)
+    train, lift, speed = build_train(scene), polydyne(scene), scene.cam_speed(10000.0)
     short, long = (settled_metrics([replace(train)], [lift], [speed], aperiodic=n) for n in (8, 200))
     assert not short.periodic.any() and not long.periodic.any()
     for name in ERRORS:
         assert long.lowest[name] <= short.lowest[name] and long.highest[name] >= short.highest[name], name
-    assert long.highest["bounce_mm"] - long.lowest["bounce_mm"] > 0.0
+    assert long.highest["bounce_mm"] > short.highest["bounce_mm"], "else more revolutions say no more"
     again = settled_metrics([train], [lift], [speed], starts=short.states, most=0, aperiodic=192)
     for name in ERRORS:
         assert long.lowest[name] == min(short.lowest[name], again.lowest[name]), name

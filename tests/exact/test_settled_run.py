@@ -10,7 +10,7 @@ from camopt.exact.kernel.revolution import DONE, TRACE_FULL
 from camopt.exact.kernel.trace import empty_trace
 from camopt.exact.settled import run as stages
 from camopt.exact.settled.figures import NAMES
-from camopt.exact.settled.run import PERIODIC, Cams, measured, setting_for
+from camopt.exact.settled.run import APERIODIC, PERIODIC, SETTLING, Cams, measured, setting_for
 from tests.exact.interpreted import interpret
 
 
@@ -64,7 +64,7 @@ def test_measured_revolutions_follow_each_other_in_a_trace_without_room_to_spare
         within=np.zeros(1, dtype=int), most=np.zeros(1), revolutions=np.zeros(1), apart=np.zeros((1, 3)),
         turns=np.zeros(1, dtype=int),
     )  # fmt: skip
-    plan = SimpleNamespace(measured=turns, watched=watched, position=1e-6, velocity=1e-3)
+    plan = SimpleNamespace(measured=turns, block=turns, watched=watched, position=1e-6, velocity=1e-3)
     s = SimpleNamespace(train=SimpleNamespace(mass=np.ones(1)), opening_foot=-1.0)
     if watched:  # and seen to settle
         monkeypatch.setattr(stages, "shrinks", lambda *_: True)
@@ -76,3 +76,18 @@ def test_measured_revolutions_follow_each_other_in_a_trace_without_room_to_spare
         assert shown == pytest.approx(2.0 * np.pi * turn + np.linspace(-np.pi, 3.0 * np.pi, 2 * segments + 1))
     assert np.all(motions.lowest == 0.0) and np.all(motions.highest == turns - 1.0)
     assert np.all(motions.state == turns + watched) and len(seen) == turns
+    if watched:  # and all that was run of a motion that goes back has run to settle: of each block one more
+        motions.stage[0], motions.turns[0] = APERIODIC, 3 * turns
+        monkeypatch.setattr(stages, "goes_back", lambda *_: True)
+        assert measured(s, plan, motions, trace, 0) == DONE and motions.stage[0] == SETTLING
+        assert motions.revolutions[0] == 4 * (turns + 1) and motions.turns[0] == 0
+
+
+@pytest.mark.parametrize(("share", "within"), [(0.4, 4), (0.6, 0)])
+def test_the_way_that_is_left_is_counted_in_shares_of_the_tolerances(share, within):
+    """Twice the last change, of two positions, two velocities and a memory."""
+    after, s = share * np.array([1e-6, 1e-6, 1e-3, 1e-3, 1e-6]), SimpleNamespace(train=SimpleNamespace(mass=np.ones(2)))
+    plan = SimpleNamespace(position=1e-6, velocity=1e-3)
+    motions = SimpleNamespace(state=np.zeros((1, 5)), apart=np.zeros((1, 3)), left=[2.0], within=[3])
+    stages.note(s, plan, motions, 0, after)
+    assert motions.apart[0, 2] == pytest.approx(share) and motions.within == [within]
