@@ -6,7 +6,8 @@ import numpy as np
 import pytest
 
 from camopt.exact.kernel import revolution
-from camopt.exact.kernel.revolution import DONE, TRACE_FULL
+from camopt.exact.kernel.arrays import CamArrays
+from camopt.exact.kernel.revolution import DONE, TRACE_FULL, next_stop
 from camopt.exact.kernel.trace import empty_trace
 from camopt.exact.settled import run as stages
 from camopt.exact.settled.figures import NAMES
@@ -91,3 +92,9 @@ def test_the_way_that_is_left_is_counted_in_shares_of_the_tolerances(share, with
     motions = SimpleNamespace(state=np.zeros((1, 5)), apart=np.zeros((1, 3)), left=[2.0], within=[3])
     stages.note(s, plan, motions, 0, after)
     assert motions.apart[0, 2] == pytest.approx(share) and motions.within == [within]
+
+
+def test_the_last_border_is_the_end_of_the_revolution_where_rounding_puts_it_before():
+    """A span of no length would follow there for ever."""
+    cam = CamArrays(np.array([-np.pi, 1.0, np.pi - 1e-13]), np.zeros((2, 1)), 7.0)
+    assert next_stop(cam, 1, 0.8, 2.0, 1e-3) == (2.0 * np.pi / 7.0, 2.0, 2.0 * np.pi / 7.0)

@@ -8,9 +8,7 @@ import pytest
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import prepare
 from camopt.exact.engine import FEWEST_STEPS, LONGEST_SPAN, MOST_AT_ONCE, free_step, step_on_borders
-from camopt.exact.kernel.arrays import CamArrays
 from camopt.exact.kernel.propagators import default_step
-from camopt.exact.kernel.revolution import next_stop
 from camopt.scene import build_train, load_scene
 
 ROUNDING = 1e-9
@@ -60,9 +58,3 @@ def test_whole_spans_reach_from_sample_to_sample(samples):
     assert motion.step <= default * (1 + ROUNDING) and motion._per_sample <= MOST_AT_ONCE
     assert taken == spans * motion._per_sample and needed <= taken < needed + spans
     assert (prepare(train, lift, 300.0).step, prepare(train, lift, 300.0)._per_sample) == (default, 1)
-
-
-def test_the_last_border_is_the_end_of_the_revolution_where_rounding_puts_it_before():
-    """A span of no length would follow there for ever."""
-    cam = CamArrays(np.array([-np.pi, 1.0, np.pi - 1e-13]), np.zeros((2, 1)), 7.0)
-    assert next_stop.py_func(cam, 1, 0.8, 2.0, 1e-3) == (2.0 * np.pi / 7.0, 2.0, 2.0 * np.pi / 7.0)
