@@ -172,10 +172,11 @@ def test_run_folder_is_made_once(tmp_path):
 
 
 def test_of_two_processes_that_begin_at_once_one_makes_the_folder(tmp_path, monkeypatch):
-    checked = lambda folder: (tmp_path / "run").mkdir()  # noqa: E731 - by another, after this one has looked
-    monkeypatch.setattr("camopt.storage.check_run_folder", checked)
-    with pytest.raises(InputError, match="run: another run began in this folder just now: give another --out"):
-        create_run_folder(tmp_path / "run")
+    for made, begin in {"a": create_run_folder, "b": begun}.items():
+        checked = lambda folder, resume=False: folder.mkdir(exist_ok=True)  # noqa: E731 - by another, after this looked
+        monkeypatch.setattr("camopt.storage.check_run_folder", checked)
+        with pytest.raises(InputError, match=f"{made}: another run began in this folder just now: give another --out"):
+            begin(tmp_path / made)
 
 
 def test_a_finished_run_is_resumed_only_as_itself_and_no_byte_changes(tmp_path):

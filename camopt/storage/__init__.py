@@ -199,7 +199,7 @@ def run_folder(
     """
     folder = Path(folder)
     check_run_folder(folder, resume)
-    if made := not folder.is_dir():
+    if made := not (resume and folder.is_dir()):  # what is there now may be another's, made since it was checked
         create_run_folder(folder)
     else:
         _same_run(folder, plain(identity))
