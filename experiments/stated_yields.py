@@ -58,7 +58,7 @@ def judged(scene: Scene, lift: Lift, size: str) -> dict:
     """
     stated = statement_of_run(scene, lift, {"accuracy": ACCURACY[size], "speeds": "band", "seed": 0}, None)
     assert stated is not None, "the scenes say how trains differ"
-    drawn = trains_as_built(scene, count := JUDGED[size])
+    drawn = trains_as_built(scene, JUDGED[size])
     entries = [by_independent_methods(one, lift, stated.used, t) for t, one in enumerate(drawn)]
     decided = [entry for entry in entries if entry["verdict"] in ("confirmed", "rejected")]
     wrong = [entry for entry in decided if (entry["verdict"] == "confirmed") != (entry["used"] <= 1.0)]
@@ -67,9 +67,9 @@ def judged(scene: Scene, lift: Lift, size: str) -> dict:
         "low": stated.share.low,
         "high": stated.share.high,
         "trains": stated.share.trains,
-        "judged": count,
+        "judged": len(drawn),
         "holding": sum(entry["used"] <= 1.0 for entry in entries),
-        "open": count - len(decided),
+        "open": len(drawn) - len(decided),
         "differs": len(wrong),
         "entries": entries,
     }

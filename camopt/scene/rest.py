@@ -123,9 +123,11 @@ def _balanced(train: Train, x: np.ndarray) -> tuple[np.ndarray, bool]:
         stiffness = rows.T @ (tangent[:, None] * rows) + np.eye(len(x)) * GROUNDING * train.stiffness.max()
         step = np.linalg.solve(stiffness, force)
         most = -0.1 * abs(force @ step)
-        while (force := (at := unbalanced(x + step))[0]) @ step < most:
+        force, tangent = unbalanced(x + step)
+        while force @ step < most:
             step = step / 2
-        x, tangent = x + step, at[1]
+            force, tangent = unbalanced(x + step)
+        x = x + step
     return x, False
 
 

@@ -201,7 +201,6 @@ def evaluate(s, trace, seeds, metrics, weights, turn, values):
         values[i, 0], values[i, 1] = value, second
         if weights[i] != 0.0 and abs(value - second) <= TIED * abs(value):
             observe(seeds, last, trace.length[last])[:] = np.nan
-    seeds.weight[0] = 1.0
 
 
 @compiled

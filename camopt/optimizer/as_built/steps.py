@@ -145,7 +145,7 @@ class YieldSearch:
         trains fail, at the top of the band alone where too many do there."""
         drawn, step = self.unseen, self.steps + 1
         stored = self.journal.stored(step, cam.z, MET)
-        if not drawn.trains or (stored is None and self.slopes.plain.train.memory):
+        if not drawn.trains or (stored is None and drawn.has_memory):
             drawn.settle(cam.lift)
         if not drawn.trains:
             drawn.draw(self.unseen_count, self.slopes.drawn.matters(1.0 - self.wanted))

@@ -18,8 +18,6 @@ SCENE = parse_scene(EXAMPLE, "mine.toml")
 class Priced:
     """A program whose cams are the larger the lower the price, and of whose trains the more fail the larger the cam."""
 
-    plain = SimpleNamespace(train=SimpleNamespace(memory=()))
-
     def __init__(self, trains: int, error: Exception | None = None):
         self.drawn, self.prices, self.farther, self._error = Failing(trains), [], [], error
 
@@ -38,6 +36,8 @@ class Priced:
 
 class Failing:
     """Trains of which a tenth fail with an area ratio of 0.52, and a tenth more with every hundredth."""
+
+    has_memory = False
 
     def __init__(self, trains: int):
         self.trains, self.used = [None] * trains, np.zeros((trains, 1, 2))
