@@ -7,11 +7,13 @@ from camopt.scene import InputError
 from camopt.scene.laws import HERTZ, PROGRESSIVE, TABLE
 from camopt.scene.train import GROUND
 from camopt.verifier.methods.of_dop853 import PieceLaws
-from camopt.verifier.methods.of_houbolt import PieceSets, _of_table
+from camopt.verifier.methods.of_houbolt import PieceSets, _of_table, elements_of, forces
 from camopt.verifier.methods.rkg import _elastic, _work
 from tests.verifier.trains import laws, train
 
-OF_TABLE, ELASTIC, WORK = (getattr(program, "py_func", program) for program in (_of_table, _elastic, _work))
+OF_TABLE, ELASTIC, WORK, FORCES = (
+    getattr(program, "py_func", program) for program in (_of_table, _elastic, _work, forces)
+)
 ROWS = np.array([[-2e-3, 1e4], [1e-3, 3e4], [2e-3, 9e4]])
 COMPRESSIONS = (-3e-3, -2e-3, -1e-3, 0.0, 1.5e-3, 2e-3, 5e-3)
 
@@ -59,3 +61,16 @@ def test_more_sets_of_pieces_than_64_bits_number_are_refused(contacts, refused):
             PieceSets(many, 1.0, 1.0, 1e-3)
     else:
         assert PieceSets(many, 1.0, 1.0, 1e-3).build(2**contacts - 1) == 0
+
+
+@pytest.mark.parametrize(("d", "rate", "expected"), [
+    (0.0, 0.5, 60.0),  # pressed and closing
+    (0.0, -0.5, 0.0),  # pressed, but its damper would pull
+    (-2e-5, 0.5, 0.0),  # apart, though its damper alone would push
+    (-1e-5, 0.5, 0.0),  # at the touch
+])  # fmt: skip
+def test_a_contact_of_houbolts_method_pushes_only_while_it_is_pressed(d, rate, expected):
+    contact = train([1.0], [(0, GROUND, True, False, 1e6, 100.0, 10.0, 0.0)])
+    force, none = np.full(1, np.nan), np.zeros(0)
+    key = FORCES(np.array([d]), np.array([rate]), np.zeros(2), elements_of(contact, 0.0), none, force, none)
+    assert force[0] == pytest.approx(expected, abs=1e-9) and key == (expected > 0.0)
