@@ -55,13 +55,12 @@ class EventExact:
             trace = run(lent, self._cam, self.lift, np.array(state, dtype=float), regular=True)[1]
             ends = np.repeat(np.arange(len(trace.angle)), 1 + np.concatenate([[0], trace.watch[:-1] >= 0, [0]]))
             segment = np.maximum(ends - 1, 0) + np.append(0, ends[1:] == ends[:-1])
-            rows = np.empty((len(ends), at + 2 + len(self.train.a)))
-            rows[:, : at + 2] = trace.y[ends, : at + 2]
+            rows, force = trace.y[ends, : at + 2], np.empty((len(ends), len(self.train.a)))
             rows[:, at + 1] /= lent.step  # the lift's velocity
-            element_forces(lent.arrays, lent.tables.pieces, trace.slot[segment], rows)
+            element_forces(lent.arrays, lent.tables.pieces, trace.slot[segment], rows, force)
             angle = trace.angle[ends]
         angle[-1] = np.pi
-        x, v, z, lift, _, force = np.split(rows, [n, 2 * n, at, at + 1, at + 2], axis=1)
+        x, v, z, lift, _ = np.split(rows, [n, 2 * n, at, at + 1], axis=1)
         return Response(self.train, self.cam_speed, angle, lift[:, 0], x, v, force, z)
 
     def advance(self, state: State, revolutions: int = 1) -> State:

@@ -231,7 +231,7 @@ def sample(s, trace, segments, lengths, rows):
         y = state_at(s, trace, segments[i], lengths[i])
         rows[i, : at + 1] = y[: at + 1]
         rows[i, at + 1] = y[at + 1] / s.step
-    element_forces(s.train, s.tables.pieces, trace.slot[segments], rows)
+    element_forces(s.train, s.tables.pieces, trace.slot[segments], rows, rows[:, at + 2 :])
 
 
 @compiled

@@ -46,12 +46,12 @@ def value(form, d, rate, z):
 
 
 @compiled(_nrt=False)
-def element_forces(train, pieces, slots, rows):
-    """Writes the forces [N] that the elements exert to rows (k, 2n + r + 2 + e or more) of x, v, z, lift, lift velocity
-    and forces; where a contact lets go, rounding may be left.
+def element_forces(train, pieces, slots, rows, forces):
+    """Writes the forces [N] of the elements into `forces` (k, e), at `rows` (k, 2n + r + 2 or more) of x, v, z, lift
+    and lift velocity. The force of a contact that has just opened may be a rounding error below zero; it is set to 0.
 
-    `pieces` (s, e) are those of each combination, `slots` (k) the combinations of the rows. An element at a time: what
-    the loop over the rows reads of it is read once.
+    `pieces` (s, e) are those of each combination, `slots` (k) the combinations of the rows. The outer loop runs over
+    the elements, so that the numbers of an element are read once for all rows.
     """
     n, at, law = len(train.mass), lift_at(train), train.law
     for e in range(len(train.a)):
@@ -66,7 +66,7 @@ def element_forces(train, pieces, slots, rows):
             f = law[piece, 0] + law[piece, 1] * d + law[piece, 2] * rate
             if z >= 0:
                 f += law[piece, 3] * row[z]
-            row[at + 2 + e] = 0.0 if f < 0.0 and contact else f
+            forces[i, e] = 0.0 if f < 0.0 and contact else f
 
 
 @compiled

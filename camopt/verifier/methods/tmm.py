@@ -271,7 +271,8 @@ def _march(start, states, force, cam, may_pull, m):
                     slot = s
             if slot < 0:
                 return step, key  # y is as it was, so that the same set is found once its matrices are there
-        y[begin:] = memory
+        for r in range(len(memory)):
+            y[begin + r] = memory[r]
         if step == last:
             break
         state_matrix, cam_matrix = m.by_state[slot], m.by_cam[slot]
