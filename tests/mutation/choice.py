@@ -14,7 +14,7 @@ SECONDS = 60.0
 DIGITS = "tests/test_kept_digits.py"
 COMPILED = ("camopt/exact/", "camopt/verifier/methods/", "camopt/measure/cubics.py")
 """Files whose constants are compiled into programs: what runs on import is tried as plain Python only."""
-FOLDERS = ("tests/measure", "tests/optimizer", "tests/verifier", "tests/exact")
+FOLDERS = ("tests/measure", "tests/optimizer", "tests/verifier", "tests/exact", "tests/study")
 
 
 @dataclass(frozen=True)
@@ -41,8 +41,8 @@ class Choice:
         yield True, self.running([DIGITS], True, source, asked)
         if source.startswith(COMPILED) and on_import(ROOT / source, lines):
             return
-        naming, others = tests_of(source)
-        yield False, self.running(naming, False, source, asked) or self.running(others, False, source, asked)
+        for files in tests_of(source):
+            yield False, self.running(files, False, source, asked)
 
     def running(self, files: list[str], plain: bool, source: str, lines: range) -> list[Timed]:
         """The tests of files that run any of the lines, or any line where these only run on import."""

@@ -79,7 +79,7 @@ def test_the_tests_that_run_a_line_are_asked_in_the_order_of_their_time(tree):
             "other": {"seconds": 0.5, "lines": {FILE: [9]}},
             "elsewhere": {"seconds": 0.1, "lines": {"camopt/measure/b.py": [8]}},
         },
-        "tests/measure/test_b.py": {},
+        "tests/measure/test_b.py": {"unnamed": {"seconds": 0.2, "lines": {FILE: [8]}}},
     }
     asked = []
 
@@ -89,8 +89,8 @@ def test_the_tests_that_run_a_line_are_asked_in_the_order_of_their_time(tree):
 
     found = Choice(tree / "map.jsonl", watching)
     names = [(plain, [test.name for test in tests]) for plain, tests in found.stages(FILE, range(8, 9))]
-    assert names == [(True, ["d"]), (False, ["quick", "slow"])]
-    assert asked == [(DIGITS, True), ("tests/measure/test_a.py", False)]
+    assert names == [(True, ["d"]), (False, ["quick", "slow"]), (False, ["unnamed"])]
+    assert asked == [(DIGITS, True), ("tests/measure/test_a.py", False), ("tests/measure/test_b.py", False)]
     again = Choice(tree / "map.jsonl", lambda file, plain: pytest.fail("is known"))
     assert [t.name for t in next(iter(again.stages(FILE, range(9, 10))))[1]] == []
     constant = dict(again.stages(FILE, range(3, 4)))
