@@ -7,11 +7,19 @@ repeats in rounds that are spread over the run, because a shared machine is slow
 range over the rounds. Compilation, tables and preparation are apart, as the excess of the first call. In the second
 revolution the motion multiplies any error a million times: ratios are those at 1e-6 mm of the first. What fails stays
 in the table.
+
+Where `CAMOPT_OLDER_TREE` names the folder of an older checkout, its own `work_precision` runs after this one, and the
+time of every method is stored as a ratio to the older one's at the same settings.
 """
 
+import json
+import os
+import subprocess
+import sys
 import time
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
@@ -26,6 +34,7 @@ from camopt.scene.rest import state_at_rest
 from camopt.scene.units import MM
 from camopt.study.measurements import fastest
 from camopt.verifier.methods import METHOD_NAMES, houbolt, rkg, tmm
+from experiments.job_time import OLDER_TREE
 from experiments.support.dormand_prince import dormand_prince, problem, right_hand_side
 from experiments.support.record import RESULTS, run_script, write_result
 
@@ -194,6 +203,26 @@ def _time_at(points: list[tuple[float, float]]) -> float | None:
     return None
 
 
+def older_rows(tree: str, size: str) -> list[dict]:
+    """The rows of the older tree's own `work_precision`, which it also writes into its results."""
+    command = [sys.executable, "-m", "experiments.work_precision", size]
+    subprocess.run(command, cwd=tree, env=os.environ | {"PYTHONPATH": tree}, check=True, stdout=subprocess.DEVNULL)
+    return json.loads((Path(tree) / "experiments/results/work_precision.json").read_text(encoding="utf-8"))["methods"]
+
+
+def ratios_to(older: list[dict], rows: list[dict]) -> dict[str, dict[str, float]]:
+    """By method: least, median and greatest ratio of the time of a setting to the older tree's time."""
+    before = {(row["method"], row["setting"]): row["ms"] for row in older}
+    found = {}
+    for row in rows:
+        if row["ms"] is not None and before.get((row["method"], row["setting"])):
+            found.setdefault(row["method"], []).append(row["ms"] / before[row["method"], row["setting"]])
+    return {
+        name: {"least": min(values), "median": float(np.median(values)), "greatest": max(values)}
+        for name, values in found.items()
+    }
+
+
 def band_seconds(case, speeds: int) -> dict:
     """Wall seconds of 8 revolutions at `speeds` speeds from 5000 to 7000 r/min, tables included, on 1 and 2 threads."""
     cam_speeds = [case.scene.cam_speed(s) for s in np.linspace(5000, 7000, speeds)]
@@ -236,6 +265,8 @@ def main(size: str, folder=RESULTS) -> dict:
         "times_slower_by_round": [ratios(one) for one in rounds],
         "band": band_seconds(case, 200 if size == "full" else 4),
     }
+    if size == "full" and OLDER_TREE in os.environ:
+        content["over_older"] = ratios_to(older_rows(os.environ[OLDER_TREE], size), rows)
     if CVODE is None:
         content["missing"] = "CVODE Adams: scikit-sundae is not installed"
     return write_result("work_precision", size, content, {"error": figure(rows)}, folder)

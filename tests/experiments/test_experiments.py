@@ -35,7 +35,7 @@ STORED_ALONE = {
     "yield_price": {"beside"},  # of an older tree
     "measured_tables": {"generated.acceleration_estimated_percent"},  # the script states other errors since
     "optimiser": {"rows.area_ratio_no_jump"},
-    "work_precision": {"times_slower_by_round.CVODE Adams"},  # of the extra `peers`
+    "work_precision": {"times_slower_by_round.CVODE Adams", "over_older"},  # of the extra `peers`, of an older tree
 }
 """Fields that a stored result has and a small size has not."""
 DRAWN = {

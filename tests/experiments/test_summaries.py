@@ -14,7 +14,7 @@ from experiments import (
     outside_judges,
     starts,
 )
-from experiments.work_precision import ratios
+from experiments.work_precision import ratios, ratios_to
 
 
 @pytest.mark.parametrize(
@@ -142,3 +142,12 @@ def test_a_program_that_the_solver_gives_up_counts_as_undecided(monkeypatch):
     row = {"kind": linear_programs.KINDS[0], "free": linear_programs.UNDECIDED, "boxed": ended}
     counts = linear_programs.counted([row | {"free_seconds": 2.0, "boxed_seconds": 1.0}])
     assert counts["free_undecided"] == 1 and counts["boxed_undecided"] == 0
+
+
+def test_times_are_compared_at_the_same_settings():
+    def row(setting, ms):
+        return {"method": "m", "setting": setting, "ms": ms}
+
+    older = [row("a", 2.0), row("b", 4.0), row("c", None), row("d", 1.0)]
+    newer = [row("a", 1.0), row("b", 6.0), row("c", 1.0), row("e", 1.0), row("d", None)]
+    assert ratios_to(older, newer) == {"m": {"least": 0.5, "median": 1.0, "greatest": 1.5}}
