@@ -1,7 +1,8 @@
-"""Scenes as built: the numbers that a scene's tolerances move, and their draws.
+"""Manufacturing scatter: the numbers of a scene that its tolerances change, and their random draws.
 
-Draws are common random numbers: those of train i hang on the seed, on i and on the tolerance's name alone. So a longer
-list begins with the shorter one, and a narrower tolerance leaves every draw where it was.
+The draws are common random numbers: those of train i depend only on the seed, on i and on the tolerance's label. A
+larger ensemble therefore begins with the trains of a smaller one, and a change of a tolerance's width leaves every draw
+as it was.
 """
 
 import zlib
@@ -19,15 +20,18 @@ from camopt.scene.text_file import excerpt
 from camopt.scene.train import SceneKey
 
 REACH = 4.0
-"""Standard deviations at which a normal draw is cut off, which one in 16 000 meets: no part beyond them is built in."""
+"""Standard deviations at which normal draws are cut off. One draw in 16 000 lies outside; such a part is not installed.
+"""
 MAY_BE_NEGATIVE = ("force_N", "preload_N")
+"""Keys whose numbers may be negative."""
 MAY_BE_ZERO = ("damping_N_s_per_m", "gap_mm", "installed_mm", "check_travel_mm")
+"""Keys whose numbers may be zero."""
 GRINDING = "grinding"
-"""What results call the scene's grinding error."""
+"""Label of the scene's grinding error in results."""
 
 
 def moved_together(scene: Scene, tolerance: Tolerance) -> list[list[SceneNumber]]:
-    """The numbers that a tolerance moves, those with a common draw in one list."""
+    """The numbers that a tolerance changes, in lists of those that share one draw."""
     numbers = _meant(SceneKey(scene), *tolerance.numbers)
     if isinstance(tolerance.of, str):
         return [[number] for number in numbers]
@@ -36,12 +40,12 @@ def moved_together(scene: Scene, tolerance: Tolerance) -> list[list[SceneNumber]
 
 @lru_cache(maxsize=64)
 def _meant(key: SceneKey, *texts: str) -> list[SceneNumber]:
-    """The numbers that texts NAME.KEY mean, which every drawn train asks for."""
+    """The numbers that texts NAME.KEY refer to, cached because every drawn train needs them."""
     return [number for text in texts for number in matching(key.scene, text)]
 
 
 def deviates(scene: Scene, seed: int, train: int) -> dict[str, np.ndarray]:
-    """Draws of the train of that number by the tolerances' labels (k): in units of what the tolerance states."""
+    """Draws (k) of the train with this number, by tolerance label, in units of the width that the tolerance states."""
     found = {}
     for tolerance in scene.tolerance:
         count = len(moved_together(scene, tolerance))
@@ -54,12 +58,12 @@ def deviates(scene: Scene, seed: int, train: int) -> dict[str, np.ndarray]:
 
 
 def key_of(seed: int, train: int, label: str) -> tuple[int, int, int]:
-    """The seed of one train's draws for what bears this label."""
+    """Seed of the draws of one train for one label."""
     return seed, train, zlib.crc32(label.encode())
 
 
 def scene_as_built(scene: Scene, draws: Mapping[str, np.ndarray]) -> Scene:
-    """The scene with its numbers moved by the `draws` of `deviates`."""
+    """The scene with its numbers changed by the `draws` of `deviates`."""
     factor, summand = defaultdict(lambda: 1.0), defaultdict(float)
     for tolerance in scene.tolerance:
         for numbers, draw in zip(moved_together(scene, tolerance), draws[tolerance.label], strict=True):
@@ -74,13 +78,13 @@ def scene_as_built(scene: Scene, draws: Mapping[str, np.ndarray]) -> Scene:
 
 
 def scatter_labels(scene: Scene) -> list[str]:
-    """What scatters in a scene: its tolerances' labels, and GRINDING where the cam has an error."""
+    """Labels of everything that scatters in a scene: its tolerances, and GRINDING if it has a grinding error."""
     return [tolerance.label for tolerance in scene.tolerance] + [GRINDING] * (scene.grinding is not None)
 
 
 def with_scatter(scene: Scene, factors: Mapping[str, float]) -> Scene:
-    """The scene with tolerances so many times as wide, by label, GRINDING among them; zero leaves one out. The draws of
-    all others stay what they are."""
+    """The scene with the widths of its tolerances multiplied by `factors`, by label, GRINDING included. A factor of
+    zero removes a tolerance. The draws of all others stay the same."""
     rows = []
     for tolerance in scene.tolerance:
         factor = factors.get(tolerance.label, 1.0)
@@ -94,7 +98,7 @@ def with_scatter(scene: Scene, factors: Mapping[str, float]) -> Scene:
 
 
 def tolerance_faults(scene: Scene) -> list[str]:
-    """What is wrong with the tolerances of a scene whose masses and elements have no fault, a sentence each."""
+    """One sentence per fault in the tolerances of a scene whose masses and elements have no fault."""
     faults, labels = [], [tolerance.label for tolerance in scene.tolerance]
     for i, tolerance in enumerate(scene.tolerance, 1):
         found = [_fault(scene, tolerance, text) for text in tolerance.numbers]
@@ -106,7 +110,7 @@ def tolerance_faults(scene: Scene) -> list[str]:
 
 
 def _fault(scene: Scene, tolerance: Tolerance, text: str) -> str:
-    """Why a text NAME.KEY of a tolerance does not do, or an empty text."""
+    """Why a text NAME.KEY of a tolerance is unusable, or an empty text."""
     name, dot, key = text.rpartition(".")
     if not dot:
         return f'{excerpt(text)} is not NAME.KEY, such as "spring.stiffness_N_per_m"'
@@ -132,7 +136,7 @@ def _fault(scene: Scene, tolerance: Tolerance, text: str) -> str:
 
 
 def _too_wide(scene: Scene) -> Iterator[str]:
-    """Numbers that some draw could turn negative, and tolerances larger than their number."""
+    """Sentences on numbers that a draw could make negative, and on tolerances larger than their number."""
     share, absolute, of = defaultdict(lambda: 1.0), defaultdict(float), {}
     for i, tolerance in enumerate(scene.tolerance, 1):
         reach = 1.0 if tolerance.distribution == "uniform" else REACH

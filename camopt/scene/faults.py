@@ -1,7 +1,7 @@
-"""Every fault of a scene file at once: of the schema, of the names, and of the train at rest, each with its key.
+"""All faults of a scene file at once: of the schema, of the names, and of the train at rest, each with its key.
 
-No kind of fault hides another: names are read from the file's own tables, whether or not the schema likes them, and the
-train is built as soon as its masses and elements have no fault, whatever the other tables say.
+No kind of fault hides another. Names are checked in the file's own tables, even where these violate the schema, and the
+train is built as soon as its masses and elements have no fault, whatever faults the other tables have.
 """
 
 import re
@@ -21,24 +21,24 @@ from camopt.scene.text_file import excerpt
 from camopt.scene.train import Train, build_train
 
 NAMED = ("mass", "element")
-"""The tables whose rows have names."""
+"""Tables whose rows have names."""
 TRAIN = (*NAMED, "force")
-"""The tables that make up the train."""
+"""Tables that make up the train."""
 MOST_LISTED = 100
-"""Faults that are listed; how many more there are is said."""
+"""Largest number of faults listed; the number of further ones is stated."""
 
 PLAIN = {
     "string_pattern_mismatch": "must match the pattern of a name: a letter, then letters, digits, - or _, at most 64",
     "model_type": "must be a table",
     "tuple_type": "must be an array",
 }
-"""What the schema's own words would not tell an engineer, by pydantic's type of error."""
+"""Sentences that replace those of the schema that an engineer would not understand, by pydantic's type of error."""
 
 
 def checked(data: dict, need: tuple[Part, ...]) -> tuple[Scene | None, list[str]]:
-    """The scene of a file's tables, or None, and a sentence per fault; `need` as in `load_scene`."""
+    """The scene of a file's tables, or None, and one sentence per fault; `need` is as for `load_scene`."""
     crowded = {kind: len(_rows(data, kind)) for kind, most in MOST_ROWS.items() if len(_rows(data, kind)) > most}
-    if crowded:  # reading them all would take long, and their faults would fill a book
+    if crowded:  # checking them all would take long and could list thousands of faults
         return None, [f"{kind}: {n} rows, and a scene has at most {MOST_ROWS[kind]}" for kind, n in crowded.items()]
     scene, errors = _validated(data)
     faulty = {error["loc"][0] for error in errors if error["loc"]}
@@ -56,8 +56,8 @@ def checked(data: dict, need: tuple[Part, ...]) -> tuple[Scene | None, list[str]
 
 
 def _validated(data: dict) -> tuple[Scene | None, list[dict[str, Any]]]:
-    """The scene and the schema's errors. The check of a whole table is not reached as long as one of its keys is at
-    fault, so that the tables are read again without these keys."""
+    """The scene, or None, and the schema's errors. pydantic skips the check of a whole table while one of its keys is
+    faulty, so the tables are validated a second time without these keys."""
     scene, errors = _attempt(data)
     if not errors:
         return scene, []
@@ -78,12 +78,12 @@ def _attempt(data: dict) -> tuple[Scene | None, list[Any]]:
 
 
 def _place(loc: tuple) -> tuple:
-    """Where the key of a fault stands: (key), (table, key) or (table, row, key)."""
+    """Place of the faulty key: (key), (table, key) or (table, row, key)."""
     return loc[: 3 if len(loc) > 1 and isinstance(loc[1], int) else 2]
 
 
 def _without(data: dict, places: set[tuple]) -> dict:
-    """The tables without the keys at these places; rows stay rows."""
+    """The tables without the keys at these places. No row is removed."""
     left = deepcopy(data)
     for place in map(_place, places):
         table: Any = left
@@ -100,7 +100,7 @@ def _key(loc: tuple) -> str:
 
 
 def _whose(fault: str, data: dict) -> str:
-    """The name of the mass or element that a fault counts, to end its sentence with."""
+    """The name of the mass or element to whose row number a fault refers, as the end of its sentence."""
     found = re.match(rf"({'|'.join(NAMED)})\.(\d+)\.(?!name\b)", fault)
     name = _rows(data, found[1])[int(found[2]) - 1].get("name") if found else None
     return f" ({found[1]} {excerpt(name)})" if found and isinstance(name, str) else ""
@@ -134,14 +134,14 @@ def tables() -> dict[str, type[Table]]:
 
 
 def _inside(annotation: Any) -> list[type[Table]]:
-    """The tables in the type of a key."""
+    """The table classes in the type of a key."""
     if isinstance(annotation, type):
         return [annotation] if issubclass(annotation, Table) else []
     return [table for part in get_args(annotation) for table in _inside(part)]
 
 
 def _unknown_key(loc: tuple) -> str:
-    """An unknown key, with the known one that was probably meant, or the table to which it belongs."""
+    """The sentence on an unknown key, with the similar known key, or the table to which it belongs."""
     key, by_name = loc[-1], tables()
     own = by_name[loc[0]].model_fields if len(loc) > 1 else Scene.model_fields
     if len(loc) > 2 and isinstance(loc[1], str):  # a table within a table
@@ -154,24 +154,24 @@ def _unknown_key(loc: tuple) -> str:
 
 
 def _rows(data: dict, table: str) -> list[dict]:
-    """The rows of a table, an empty one for whatever is no table, so that the rows keep their numbers."""
+    """The rows of a table, with an empty row for anything that is no table, so that the rows keep their numbers."""
     rows = data.get(table)
     return [row if isinstance(row, dict) else {} for row in rows] if isinstance(rows, tuple) else []
 
 
 def _texts(row: dict, key: str) -> tuple[str, ...]:
-    """The texts in an array of a row, none where it is no array."""
+    """The texts in an array of a row; empty if the key holds no array."""
     value = row.get(key)
     return tuple(text for text in value if isinstance(text, str)) if isinstance(value, tuple) else ()
 
 
 def _name_faults(data: dict) -> list[str]:
-    """Names used twice, names that nothing has, and masses that no element holds."""
+    """Sentences on names used twice, on references to names that do not exist, and on masses that nothing holds."""
     faults, names, every = [], {}, {}
     for kind in NAMED:
         given = [row.get("name") for row in _rows(data, kind)]
         names[kind] = [name for name in given if isinstance(name, str)]
-        every[kind] = len(names[kind]) == len(given) > 0  # else a name that is faulty itself may be the one meant
+        every[kind] = len(names[kind]) == len(given) > 0  # otherwise a reference may mean a row whose name is faulty
         for name, count in sorted(Counter(names[kind]).items()):
             if count > 1:
                 faults.append(f"{kind}: the name {excerpt(name)} is used more than once")
@@ -212,7 +212,7 @@ def _ends_faults(data: dict, masses: list[str]) -> list[str]:
 
 
 def _unheld(data: dict, masses: list[str]) -> list[str]:
-    """Masses of a train with a seat that no chain of elements joins to the ground."""
+    """Sentences on masses of a train with a seat that no chain of elements joins to the ground."""
     pairs = [_texts(row, "between") for row in _rows(data, "element")]
     if "seat" not in data or any(len(pair) != 2 for pair in pairs):
         return []
@@ -228,14 +228,14 @@ def _unheld(data: dict, masses: list[str]) -> list[str]:
 
 
 def _part(data: dict, *kinds: str) -> Scene:
-    """The scene of these rows alone, which are known to be without fault, with its valve and its seat."""
+    """The scene of these tables alone, which are known to be without fault, with its valve and its seat."""
     known = tables()
     rows: dict[str, Any] = {kind: tuple(known[kind].model_validate(r) for r in data.get(kind, ())) for kind in kinds}
     return Scene.model_construct(valve=data.get("valve"), seat=data.get("seat"), **rows)
 
 
 def _dynamics_faults(scene: Scene) -> list[str]:
-    """Faults of a train that is to be simulated: seat, cam drive, direction, rest."""
+    """Faults of a train that is to be simulated: its seat, cam drive, direction of contacts, and rest state."""
     train = build_train(scene)
     seat = scene.element[train.seat]
     faults = []
@@ -260,7 +260,8 @@ def _dynamics_faults(scene: Scene) -> list[str]:
 
 
 def _stuck(scene: Scene, train: Train) -> list[str]:
-    """Whether friction on the valve could hold it off its seat at rest. Raises InputError where there is no rest."""
+    """The sentence on friction that could hold the valve off its seat at rest. Raises InputError if there is no rest
+    state."""
     pressed = static_forces(train, np.zeros(1))[0, train.seat]
     rubbing = [e for e in scene.element if e.slip_N is not None and scene.valve in e.between]
     slip = sum(e.slip_N for e in rubbing if e.slip_N is not None)

@@ -1,8 +1,9 @@
-"""Static equilibrium on the base circle, the minimum of the elements' energy, and the linear train about it.
+"""Static equilibrium on the base circle, as the minimum of the elements' energy, and linearisation of a train about it.
 
-Every elastic force rises with its compression and contacts only push, so the energy is convex, and under linear laws
-piecewise quadratic: Newton's method ends after a few changes of the closed contacts, whatever their number (Qi and Sun
-1993, Mathematical Programming 58, for the nonsmooth method; Armijo-like halving for descent).
+Every elastic force rises with its compression and contacts only push, so the energy is convex, and piecewise quadratic
+under linear laws. Newton's method therefore converges after a few changes of the set of closed contacts, however many
+there are (Qi and Sun 1993, Mathematical Programming 58, for the nonsmooth method; step halving of Armijo's kind ensures
+descent).
 """
 
 from dataclasses import replace
@@ -15,15 +16,16 @@ from camopt.scene.laws import FRICTION
 from camopt.scene.train import Train, kept_with_train
 
 FORCE_SLACK = 1e-9
-"""Relative slack on forces and separations at rest: a contact exactly at its touch counts either way."""
+"""Relative tolerance on forces and separations at rest; a contact exactly at its touch may count as open or closed."""
 HELD = 1e-11
-"""Least eigenvalue of the scaled stiffness matrix at which every mass is held."""
+"""Least eigenvalue of the scaled stiffness matrix at which every mass counts as held."""
 TAKING_PART = 0.1
-"""Component of a floating direction, relative to its largest, from which a mass is named."""
+"""Component of an unsupported direction, relative to its largest one, from which a mass is named in the error."""
 MOST_CONTACTS = 39
-"""Sets of contact states are numbered by event-exact in 64 bits, three states each."""
+"""Largest number of contacts: event-exact numbers the sets of contact states in 64 bits, with three states per contact.
+"""
 MOST_NEWTON_STEPS = 200
-"""Newton steps to rest; ten are usual."""
+"""Largest number of Newton steps to the rest position; ten are usual."""
 NOT_FOUND = (
     f"no static equilibrium on the base circle was found in {MOST_NEWTON_STEPS} steps: check preloads, gaps and, under "
     f"nonlinear laws, stiffness tables"
@@ -33,8 +35,8 @@ GROUNDING = 1e-12
 
 
 def static_matrices(train: Train, closed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness matrix (n, n) [N/m] and load (n) [N] at lift zero when the elements `closed` (e) act; none with a
-    memory does at rest."""
+    """Stiffness matrix (n, n) [N/m] and load (n) [N] at zero lift with the elements `closed` (e) acting; those with a
+    memory exert no force at rest."""
     acting = np.setdiff1d(np.flatnonzero(closed), train.memory)
     rows, k = train.incidence[acting], train.stiffness[acting]
     load = train.mass_force - rows.T @ (train.preload[acting] - k * train.gap[acting])
@@ -42,14 +44,14 @@ def static_matrices(train: Train, closed: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def rest_position(train: Train) -> np.ndarray:
-    """Positions at rest on the base circle [m], shape (n); raises InputError where a mass is not held, or where no set
-    of closed contacts is in equilibrium."""
+    """Positions at rest on the base circle [m], shape (n). Raises InputError if a mass is not held, or if no set of
+    closed contacts is in equilibrium."""
     return _rest_of(train).copy()
 
 
 @kept_with_train
 def _rest_of(train: Train) -> np.ndarray:
-    """`rest_position`, kept because tables, modes and starts of one train all ask for it."""
+    """`rest_position`, cached because tables, modes and initial states of a train all need it."""
     contacts = int(np.sum(train.contact))
     if contacts > MOST_CONTACTS:
         raise InputError(
@@ -65,7 +67,7 @@ def _rest_of(train: Train) -> np.ndarray:
     scale = np.sqrt(np.maximum(np.diag(stiffness), np.max(train.stiffness) * 1e-12))
     values, vectors = np.linalg.eigh(stiffness / np.outer(scale, scale))
     if values[0] < HELD:
-        share = np.abs(vectors[:, 0] / scale)  # of a direction which nothing resists
+        share = np.abs(vectors[:, 0] / scale)  # of each mass in the direction without stiffness
         names = sorted(train.mass_names[i] for i in np.flatnonzero(share > TAKING_PART * share.max()))
         raise InputError(
             f"nothing holds the valve train at rest on the base circle (mass: {', '.join(names)}): "
@@ -83,17 +85,17 @@ def _rest_of(train: Train) -> np.ndarray:
 
 
 def state_at_rest(train: Train) -> np.ndarray:
-    """State (2n + r: [m], [m/s], [m]) at rest on the base circle, every memory faded: the plunger spring alone carries
-    an adjuster, and nothing rubs. Raises InputError where there is none."""
+    """State (2n + r: [m], [m/s], [m]) at rest on the base circle with all memories relaxed: the plunger spring alone
+    carries an adjuster, and friction exerts no force. Raises InputError if there is no equilibrium."""
     position = rest_position(train)
     memory = train.compression(position, 0.0)[list(train.memory)]
     return np.concatenate([position, np.zeros_like(position), memory])
 
 
 def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:
-    """Forces of the elements (k, e) [N] where the cam stands still at lifts (k) [m], zero in open contacts; raises
-    InputError as `rest_position` does."""
-    forces, (heights, where) = [], np.unique(lift, return_inverse=True)  # the base circle is one lift
+    """Forces of the elements (k, e) [N] with the cam at rest at lifts (k) [m], zero in open contacts. Raises InputError
+    as `rest_position` does."""
+    forces, (heights, where) = [], np.unique(lift, return_inverse=True)  # all angles on the base circle share one lift
     for height in heights:
         d = train.compression(rest_position(replace(train, gap=train.gap - train.cam_driven * height)), height)
         force = train.preload + train.stiffness * d if train.laws is None else train.laws.force(d, train.preload)
@@ -102,8 +104,9 @@ def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:
 
 
 def _balanced(train: Train, x: np.ndarray) -> tuple[np.ndarray, bool]:
-    """(positions (n) [m], whether forces balance there), searched from x (n): Newton's method on the convex energy, its
-    step halved while it overshoots. A little stiffness to ground carries it across contacts that are open."""
+    """(positions (n) [m], whether the forces balance there), by Newton's method on the convex energy from positions x
+    (n). The step is halved while it overshoots. A small stiffness to ground keeps the matrix regular while contacts are
+    open."""
     rows = train.incidence
 
     def unbalanced(x):
@@ -132,17 +135,18 @@ def _balanced(train: Train, x: np.ndarray) -> tuple[np.ndarray, bool]:
 
 
 NO_STIFFNESS = 1.0
-"""Stiffness [N/m] that stands for an element which rubs: next to nothing beside any other of a train."""
+"""Stiffness [N/m] that replaces a friction element; it is negligible beside any other stiffness of a train."""
 
 
 def is_linear(train: Train) -> bool:
-    """Whether every force of a train is linear and nothing acts on it but the cam."""
+    """Whether every law of a train is linear and the cam is its only excitation."""
     return train.laws is None and not train.forcing
 
 
 @lru_cache(maxsize=64)
 def linearised_at_rest(train: Train) -> Train:
-    """The train with a linear law in place of every other, by `Laws.stand_in`; oil does not leak, and nothing rubs."""
+    """The train with every law replaced by a linear one, by `Laws.stand_in`; oil does not leak, and friction has almost
+    no stiffness (`NO_STIFFNESS`)."""
     laws = train.laws
     if laws is None:
         return replace(train, forcing=()) if train.forcing else train
