@@ -1,31 +1,31 @@
-"""Limits of an engineer's drawing that are linear in the lift: each is declared here once, for all that read it.
+"""Limits of an engineer's drawing that are linear in the lift. Each is declared once, here, for all parts of camopt.
 
-A limit says that a weighted sum of the lift and its derivatives by the cam angle stays below a level, at every angle
-of a range. The programs hold it on control points, the bound gives it multipliers, the verdict takes the exact
-extremes of the cam's pieces. With the base circle's radius R, the follower's lift y = lift / rocker ratio, and the cam
-speed w, a flat follower has (Norton, Cam Design and Manufacturing Handbook, 2009, ch. 7; Dowson, Taylor and Zhu 1992
-for the entrainment velocity)
+A limit states that a weighted sum of the lift and its derivatives by the cam angle stays below a level at every angle
+of a range. The linear programs impose it on control points, the upper bound has multipliers for it, and the verdict
+evaluates the exact extremes of the cam's pieces. With the base circle's radius R, the follower's lift y = lift / rocker
+ratio, and the cam speed w, a flat follower has (Norton, Cam Design and Manufacturing Handbook, 2009, ch. 7; Dowson,
+Taylor and Zhu 1992 for the entrainment velocity)
 
     radius of curvature     R + y + y''
     face width needed       twice the largest |y'|
     entrainment velocity    w |(R + y) / 2 + y''|
 
-The entrainment velocity is positive on the base circle and continuous, so it keeps away from zero only without changing
-its sign: that limit, too, is linear.
+The entrainment velocity is continuous and positive on the base circle. It stays away from zero only if it does not
+change its sign, so this limit, too, is linear.
 
-A roller's centre runs on the polar curve P = R + r + y with the roller's radius r, whose curvature is
-(P^2 + 2 P'^2 - P P'') / (P^2 + P'^2)^(3/2) (Norton 2009, ch. 7). The cam's radius is at least rho where it is convex if
-this is at most 1 / p with p = rho + r, and where it is concave if it is at least -1 / d with d = rho - r:
+The centre of a roller of the radius r moves on the polar curve P = R + r + y, whose curvature is (P^2 + 2 P'^2 - P P'')
+/ (P^2 + P'^2)^(3/2) (Norton 2009, ch. 7). The radius of the cam is at least rho where it is convex if this is at most 1
+/ p with p = rho + r, and where it is concave if it is at least -1 / d with d = rho - r. The conditions
 
-    convex      P'' >= P - P^2 / p,    for which it suffices that P exceeds 4 p / 3
+    convex      P'' >= P - P^2 / p,    sufficient if P exceeds 4 p / 3
     concave     P'' <= P + P^2 / d
 
-leave P'^2 out to the safe side, and the tangent of P^2 at any P0 makes both linear, to the safe side too. The free
-cam's programs come nearer to the radii (`camopt.cam.families.radius_planes`); these limits are for all others.
+neglect P'^2 on the safe side. The tangent of P^2 at any P0 makes both linear, again on the safe side. The programs of
+the free cam approximate the radii more closely (`camopt.cam.families.radius_planes`); all others use these limits.
 
 A piston limits the lift by the room that it leaves for the valve. With the crank's radius r, the rod l, the pin offset
 e and the crank angle phi from the vertical, the piston stands r cos(phi) + sqrt(l^2 - (r sin(phi) - e)^2) above the
-crank (Heywood, Internal Combustion Engine Fundamentals, 1988, ch. 2). It is highest where crank and rod are in line,
+crank (Heywood, Internal Combustion Engine Fundamentals, 1988, ch. 2). It is highest when crank and rod are in line,
 sin(phi) = e / (l + r), and crank angles count from there.
 """
 
@@ -41,20 +41,23 @@ from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
 
 FLANK = 0.25
-"""Share of the lift at which cams are most concave; elsewhere the limit is held with room."""
+"""Share of the maximum lift at which cams are usually most concave. The tangent is taken there; at other lifts the
+limit is stricter than necessary."""
 PIECE = 1.0 * DEG
-"""Longest piece of the polynomials [rad of the cam]: their error is then a few nanometres."""
+"""Longest piece of the polynomials for the room above the piston [rad of the cam]; their error is then a few
+nanometres."""
 SERIES_END = 1e-18
-"""Size of the terms of a series, relative to its sum, after which it ends; the rest is a geometric series."""
+"""Magnitude of a term of a series, relative to its sum, below which the rest is bounded by a geometric series."""
 
 
 @dataclass(frozen=True)
 class LinearLimit:
     """sum_k weights[k] * lift^(k) <= level at every angle of the level.
 
-    `key` is the design's or the geometry's. `name` tells it from others and `value` is the number that it states, in
-    its key's unit; `rate` is by how much that number changes per SI unit of the level. Where `chosen`, the limit is one
-    way of several to hold what the key asks, and no cam has to hold it: no bound may use it.
+    `key` is that of the design or of the geometry. `name` distinguishes the limit from others, `value` is the number
+    that the scene states, in its key's unit, and `rate` is the change of that number per SI unit of the level. A limit
+    with `chosen` is one of several ways to satisfy its key, which a cam need not take, so it must not enter an upper
+    bound.
     """
 
     key: str
@@ -67,11 +70,11 @@ class LinearLimit:
 
     @property
     def size(self) -> float:
-        """Size of the limit [SI], to which its slack is relative: that of the level, a millimetre at least."""
+        """Magnitude of the limit [SI], to which its slack is relative: that of the level, but at least a millimetre."""
         return max(self.level.size, MM)
 
     def excess(self, lift: Lift, low: float = -np.pi, high: float = np.pi) -> float:
-        """The largest amount [SI] by which the cam exceeds the level between two angles; negative where it keeps it."""
+        """The largest amount [SI] by which the cam exceeds the level between two angles; negative if it stays below."""
         low, high = max(low, self.level.low), min(high, self.level.high)
         sums = weighted_sum(lift, self.weights)
         if len(self.level.coefficients) == 1:
@@ -82,10 +85,11 @@ class LinearLimit:
 
 
 def linear_limits(design: Design, centres: tuple[float, ...] = ()) -> list[LinearLimit]:
-    """The limits of a design that are linear; `centres` [rad] has the middle of each duration, by default zero.
+    """The linear limits of a design; `centres` [rad] has the middle of each duration, by default zero.
 
-    A duration of at least D at a lift: both ends of an interval D have that lift. At most D: what lies outside such an
-    interval stays below it. In its middle the interval is free, so that a cam may hold the duration about another one.
+    A duration of at least D at a lift is imposed as that lift at both ends of an interval D, and a duration of at most
+    D as a lift below that outside such an interval. The middle of the interval is free, so that a cam may satisfy the
+    duration about another middle.
     """
     half = design.duration_deg / 2 * DEG
     found = []
@@ -108,14 +112,14 @@ def linear_limits(design: Design, centres: tuple[float, ...] = ()) -> list[Linea
 
 
 def radii_held_near(design: Design) -> tuple[str, ...]:
-    """The keys of the limits on radii that programs hold near a cam, solved again and again: those under a circle."""
+    """Keys of the limits on radii, under a roller or pad, that programs linearise near a cam and solve repeatedly."""
     if design.geometry is None or design.geometry.contact_radius_mm is None:
         return ()
     return tuple(key for key in RADII if getattr(design, key) is not None)
 
 
 def at_least(least_deg: float) -> str:
-    """What the limit is called that a duration at a lift is at least so long."""
+    """The name of the limit that a duration at a lift is at least this long."""
     return f"duration_at's lift for a duration of at least {least_deg:g} deg"
 
 
@@ -190,7 +194,8 @@ def weighted_sum(lift: Lift, weights: tuple[float, ...]) -> Lift:
 
 
 def piston_drop(piston: Piston, crank: Float[np.ndarray, "*k"], order: int = 0) -> Float[np.ndarray, "*k"]:
-    """How far the piston is below its highest place [m], or its derivative, at crank angles from there [rad]."""
+    """Distance of the piston below its highest position [m], or its derivative, at crank angles from that position
+    [rad]."""
     r, rod, e = (x * MM for x in (piston.stroke_mm / 2, piston.rod_mm, piston.pin_offset_mm))
     phi = crank + asin(e / (rod + r))
     side = r * np.sin(phi) - e
@@ -203,9 +208,9 @@ def piston_drop(piston: Piston, crank: Float[np.ndarray, "*k"], order: int = 0) 
 def piston_room(piston: Piston, cam_per_crank: float, half: float) -> PiecewiseLevel:
     """The largest lift [m] that keeps the clearance, at cam angles from -half to half [rad].
 
-    Cubic Hermite pieces: their error is width^4 / 384 times a bound on the fourth derivative.
+    It consists of cubic Hermite pieces, whose error is width^4 / 384 times a bound on the fourth derivative.
     """
-    from scipy.interpolate import CubicHermiteSpline  # only a scene with a piston waits for it
+    from scipy.interpolate import CubicHermiteSpline  # imported here because only a scene with a piston needs it
 
     slope = cos(piston.valve_angle_deg * DEG)
     room = (piston.gap_at_top_mm - piston.clearance_mm) * MM
@@ -219,7 +224,7 @@ def piston_room(piston: Piston, cam_per_crank: float, half: float) -> PiecewiseL
 
 
 def largest_fourth_derivative(piston: Piston) -> float:
-    """A bound on the fourth derivative of the piston's place by the crank angle [m/rad^4].
+    """A bound on the fourth derivative of the piston's position by the crank angle [m/rad^4].
 
     With u = (r sin(phi) - e) / l, the root is l (1 - sum over n of a_n u^(2n)) with positive a_n, and the fourth
     derivative of a trigonometric polynomial of degree 2n is at most (2n)^4 times its largest value (Bernstein 1912).

@@ -1,9 +1,10 @@
 """Rise functions between two dwells, used as both flanks of a cam: cycloidal, 3-4-5 and 4-5-6-7 polynomial.
 
 Norton, Cam Design and Manufacturing Handbook, 2009, ch. 3: the 3-4-5 polynomial has zero acceleration at both ends of
-the rise, the 4-5-6-7 zero jerk too, the cycloid a sine of acceleration. Without acceleration at the nose they waste
-lift: these cams are test subjects, whose derivatives are known in full. They start with the scene's ramp velocity; the
-cycloid lets it fade with half a wave of cosine, which adds no acceleration at the ends.
+the rise, the 4-5-6-7 polynomial also has zero jerk, and the acceleration of the cycloid is a sine. Since their
+acceleration is zero at the nose they waste lift: these cams are test cases, whose derivatives are known in closed form.
+They start with the ramp velocity of the scene, which the cycloid reduces to zero by half a cosine wave, without
+acceleration at the ends.
 """
 
 from collections.abc import Callable

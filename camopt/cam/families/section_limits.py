@@ -1,7 +1,7 @@
 """The limits of a design on the flank of a sectioned cam, as rows on its levels that hold at every angle.
 
-They stand on the Bernstein control points of the sections' parts. The cam is symmetric: what a limit says of the
-closing flank it says of the opening one's mirror image.
+They bound the Bernstein control points of parts of the sections. The cam is symmetric, so a limit on the closing flank
+is imposed on the opening flank as its mirror image.
 """
 
 from functools import cache, lru_cache
@@ -16,12 +16,12 @@ from camopt.scene.design import ROUNDING, Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 
 NOWHERE = 1e3
-"""What stands, relative to a limit's size, where it says nothing: beyond all that a cam has."""
+"""Bound, relative to the size of a limit, in place of an infinite one; no cam reaches it."""
 
 
 @cache
 def to_bernstein(degree: int, edges: tuple[float, ...]) -> np.ndarray:
-    """Matrix (parts * (degree + 1), degree + 1) from power coefficients on [0, 1] to control points between edges."""
+    """Matrix (parts * (degree + 1), degree + 1) from power coefficients on [0, 1] to control points between `edges`."""
     k = np.arange(degree + 1)
     start, end = np.array(edges[:-1])[:, None, None], np.array(edges[1:])[:, None, None]
     taylor = pascal(degree + 1, kind="upper") * start ** np.maximum(k - k[:, None], 0)
@@ -35,7 +35,7 @@ def control_points(one: Flank, order: int, parts: int, start: float = 0.0) -> np
     widths = np.diff(one.borders)
     powers = falling(np.arange(order, order + degree + 1), order)[:, None] * one.relative[:, order:]
     shares = _shares(max(1, parts // len(one.pieces)))
-    inside = np.searchsorted(one.borders[:-1], start)  # the first piece that begins at the start or behind it
+    inside = np.searchsorted(one.borders[:-1], start)  # the first piece that begins at or after the start
     matrix = to_bernstein(degree, shares) @ powers[inside:] / widths[inside:, None, None] ** order
     found = matrix.reshape(-1, matrix.shape[2])
     first = max(0.0, (start - one.borders[inside - 1]) / widths[inside - 1]) if inside else 1.0
@@ -53,7 +53,7 @@ def _shares(parts: int) -> tuple[float, ...]:
 
 
 def limit_rows(one: Flank, design: Design, jerk: bool, parts: int) -> tuple[np.ndarray, np.ndarray]:
-    """Rows (r, n) and bounds (r) of the design's limits, rows @ x <= bound, each relative to the limit's own size."""
+    """Rows (r, n) and bounds (r) of the design's limits, rows @ x <= bound, each relative to the size of the limit."""
     half = one.borders[-1]
     groups = []
     acceleration = control_points(one, 2, parts)
@@ -68,7 +68,7 @@ def limit_rows(one: Flank, design: Design, jerk: bool, parts: int) -> tuple[np.n
     groups.append((lift / (design.max_lift_mm * MM), 1.0))
     for limit in _drawn(design):  # pyright: ignore[reportArgumentType]  (frozen, and so hashable)
         groups += [drawing_rows(one, limit, side, parts) for side in sides(limit)]
-    if design.nose_deg:  # last, and from the nose outwards: sections that leave it drop rows at the end only
+    if design.nose_deg:  # last, and from the nose outwards, so that a section that leaves it drops rows at the end only
         usual = design.max_lift_mm * MM / half**2
         groups.append((control_points(one, 2, parts, half - design.nose_deg * DEG)[::-1] / usual, 0.0))
     matrices, bounds = zip(*groups, strict=True)
@@ -84,7 +84,7 @@ def _drawn(design: Design) -> tuple[LinearLimit, ...]:
 
 
 def sides(limit: LinearLimit) -> tuple[int, ...]:
-    """On which flanks a limit differs: 1 the opening one, -1 the closing one."""
+    """The flanks on which rows of a limit differ: 1 the opening one, -1 the closing one."""
     level = limit.level
     if level.low == level.high:
         return (1 if level.low <= 0 else -1,)
@@ -116,7 +116,8 @@ def drawing_rows(one: Flank, limit: LinearLimit, side: int, parts: int) -> tuple
 
 
 def _least(level: PiecewiseLevel, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """A number below the level between `begin` and `end` (k) [rad], from the pieces there; infinite outside it."""
+    """A lower bound on the level between `begin` and `end` (k) [rad], from the pieces there; infinite outside the
+    level."""
     width = np.diff(level.borders)[:, None] ** np.arange(level.coefficients.shape[1])
     least = (level.coefficients * width @ from_powers(level.coefficients.shape[1] - 1).T).min(axis=1) - level.error
     count = len(least)

@@ -1,9 +1,9 @@
-"""The members of a sectioned family and its record, whose construction for gradients and search space follow from its
-table.
+"""The members of a sectioned family, and its record: its table determines the construction for gradients and the search
+space.
 
-A sectioned family is searched over its section angles and over how much of each limit it may use; for each such point
-its levels have the largest area under limits so tightened. A cam that uses less than its limits allow bounces less, and
-this way of leaving room costs the least area.
+A sectioned family is searched over its section angles and over the share of each limit that it may use. At each such
+point its levels have the largest area under the limits tightened to these shares. A cam that uses less than its limits
+permit bounces less, and this way of leaving a margin costs the least area.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -21,13 +21,14 @@ from camopt.scene.design import Design
 from camopt.scene.units import DEG, MM
 
 LEAST_USE = 0.3
-"""Part of a limit that a searched member may use at least."""
+"""Least share of a limit that a searched member may use."""
 TIGHTENED = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3")
+"""Limits of which a searched member uses a share."""
 
 TableOf = Callable[[Mapping[str, Any]], SectionTable]
-"""The table of a family whose tables differ by parameters, from a mapping that holds these."""
+"""Function from a mapping with parameters to the table of a family whose table depends on them."""
 STRETCH_ROUND_OFF = 1e-8
-"""A stretch of the limits up to this size counts as none."""
+"""Relaxation of the limits up to which it counts as none."""
 
 
 def sectioned_family(
@@ -37,10 +38,10 @@ def sectioned_family(
     levels: Sequence[str] = (),
     line: tuple[str, Any] | None = None,
 ) -> Family:
-    """The record of a family that has one table.
+    """The record of a family that has a single table.
 
-    `design` takes the scene and, as keywords, `sections_deg`, `jerk`, and the `levels` that its user may give, here
-    with their unit (`a23_mm_per_deg2`). `starts` are as of `best_angles`.
+    `design` takes the scene and, as keywords, `sections_deg`, `jerk`, and the `levels` that its user may give, which
+    have their unit in their name here (`a23_mm_per_deg2`). `starts` are as for `best_angles`.
     """
     return Family(
         table.family,
@@ -53,13 +54,13 @@ def sectioned_family(
 
 
 def section_parameters(levels: Sequence[str]) -> dict[str, Parameter]:
-    """Section angles, levels and the word on the jerk limit, by their names on the command line."""
+    """Section angles, levels and the switch for the jerk limit, by their names on the command line."""
     own = {level: Parameter(level.partition("_")[0], number) for level in levels}
     return {"sections_deg": Parameter("sections_deg", numbers)} | own | {"jerk": Parameter("jerk", yes_or_no)}
 
 
 def sections_construction(cam: Lift, table_of: TableOf, own: Sequence[str] = ()) -> tuple[Parameters, Event]:
-    """Own parameters of a sectioned cam, among them those named in `own`, which its table depends on, and its event."""
+    """The free parameters of a sectioned cam, including those in `own`, on which its table depends, and its event."""
     given = cam.parameters
     table = table_of(given)
     names = level_names(table)
@@ -89,9 +90,10 @@ def sections_space(
     reading: Mapping[str, Any] | None = None,
     own: Mapping[str, tuple[float, float]] | None = None,
 ) -> Space:
-    """The vector: `own` parameters in their bounds, shares of the half duration, used parts of the limits.
+    """The search space, whose vector has the `own` parameters, within their bounds, shares of the half duration, and
+    used shares of the limits.
 
-    `reading` holds the parameters that the table depends on; those in `own` take their values from the vector.
+    `reading` has the parameters on which the table depends; those in `own` take their values from the vector.
     """
     reading, own = reading or {}, own or {}
     at_most = np.array([high for _, high in own.values()])  # the largest start ratio has the largest area
@@ -132,10 +134,10 @@ def member(
 ) -> Lift:
     """The cam of a table for a scene's duration, maximum lift and ramps; levels are in mm/deg^order.
 
-    Where `levels` gives all levels but those that the nose determines, the cam is that member, whatever the limits;
-    else the others, and the section angles where they are None, are chosen for the largest area under the limits, of
-    which that on the jerk holds only with `jerk`. Raises InputError for unusable angles or levels, and where no member
-    meets the limits.
+    If `levels` gives all levels except those that the nose determines, the cam is that member, whatever the limits.
+    Otherwise the remaining levels, and the section angles if they are None, are chosen for the largest area under the
+    limits; the jerk limit applies only with `jerk`. Raises InputError for unusable angles or levels, and if no member
+    satisfies the limits.
     """
     design, ramp = symmetric_conditions(scene, table.family)
     given = {n: float(v) for n, v in levels.items() if v is not None}
@@ -170,12 +172,12 @@ def member(
 
 
 def level_names(table: SectionTable) -> list[str]:
-    """The levels with their unit, as a cam's parameters and the command line name them."""
+    """The levels with their units, as they are named in a cam's parameters and on the command line."""
     return [f"{n}_mm_per_deg{k}" for n, k in zip(table.levels, table.orders(), strict=True)]
 
 
 def cam_of(table: SectionTable, one: Flank, angles: np.ndarray, x: np.ndarray, ramp: Ramp, **parameters) -> Lift:
-    """The cam with the levels x (n) on a flank with these section angles [rad]; both stand among its parameters."""
+    """The cam with the levels x (n) on a flank with these section angles [rad], which become parameters of the cam."""
     levels = dict(zip(level_names(table), (x[2:] / table.units()).tolist(), strict=True))
     parameters = {"sections_deg": (angles / DEG).tolist(), **levels, **parameters}
     return one.lift(x, ramp, table.family, parameters)

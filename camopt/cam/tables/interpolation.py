@@ -1,7 +1,7 @@
 """A lift table as polynomial pieces: quintic between every two samples, exactly zero on the base circle.
 
-Where the table gives velocity and acceleration beside the lift, as camopt's own do, each piece meets them at both its
-ends. Otherwise the pieces are a spline, four times continuously differentiable.
+If the table gives velocity and acceleration beside the lift, as camopt's own do, each piece has these at both its ends.
+Otherwise the pieces are a spline, four times continuously differentiable.
 """
 
 import numpy as np
@@ -12,24 +12,27 @@ from camopt.scene import InputError
 from camopt.scene.units import DEG, MM
 
 TURN = 2 * np.pi
+"""A turn [rad]."""
 ZERO = 1e-12 * MM
-"""Lift that counts as base circle [m]."""
+"""Lift [m] up to which a sample counts as base circle."""
 END_MM = 1e-3
 """Lift [mm] at the ends of a table of one event that counts as base circle, and largest step where a turn closes."""
 ROUNDING = 1e-12
-"""Angle [rad] that the roots of a ramp may be off by rounding alone."""
+"""Error [rad] of the roots of a ramp by rounding alone."""
 AT_REST = [(1, 0.0), (2, 0.0)]
+"""End conditions of a spline: velocity and acceleration are zero."""
 DISAGREEMENT = 0.5
-"""Largest step in lift from one row to the next that its velocities do not explain, over the step squared times the
-largest acceleration: half the largest acceleration all the way is 0.5, against the mean of both velocities 0.25."""
+"""Largest step in lift between two rows that its velocities do not explain, over the squared step in angle times the
+largest acceleration. That acceleration along the whole step gives 0.5, and 0.25 relative to the mean of both
+velocities."""
 
 
 def spline_pieces(where: str, angle: np.ndarray, lift: np.ndarray) -> PPoly:
     """Pieces over one turn through the samples at ascending `angle` [rad] with `lift` [m].
 
-    Between runs on the base circle the spline is clamped: velocity and acceleration vanish with the lift, and the base
-    circle itself is exactly zero. A full turn without base circle is interpolated periodically.
-    Raises InputError for a table that neither closes on itself nor begins and ends on the base circle.
+    At the base circle the spline is clamped: velocity and acceleration vanish with the lift, and the base circle itself
+    is exactly zero. A full turn without base circle is interpolated periodically. Raises InputError for a table that
+    neither closes on itself nor begins and ends on the base circle.
     """
     left = check_ends(where, angle / DEG, lift / MM, END_MM, END_MM)
     if left == 0.0:
@@ -56,8 +59,9 @@ def spline_pieces(where: str, angle: np.ndarray, lift: np.ndarray) -> PPoly:
 
 
 def check_ends(where: str, degrees: np.ndarray, lift_mm: np.ndarray, closing_mm: float, base_mm: float) -> float:
-    """What the rows leave of a turn [deg], zero where they close it; raises InputError where they do so with a step of
-    more than `closing_mm`, and where they leave more than 1.5 of their steps and begin or end above `base_mm`."""
+    """The part of a turn [deg] that the rows leave out, zero if they close it. Raises InputError if they close it with
+    a step of more than `closing_mm`, and if they leave out more than 1.5 of their steps and begin or end above
+    `base_mm`."""
     left, (first, last) = 360.0 - (degrees[-1] - degrees[0]), lift_mm[[0, -1]]
     if left <= 1e-7:
         if abs(last - first) > closing_mm:
@@ -77,8 +81,8 @@ def check_ends(where: str, degrees: np.ndarray, lift_mm: np.ndarray, closing_mm:
 def own_pieces(
     where: str, angle: np.ndarray, lift: np.ndarray, velocity: np.ndarray, acceleration: np.ndarray, lines: list[int]
 ) -> PPoly:
-    """Pieces over one turn from camopt's own columns: angle [rad], lift [m], its derivatives [m/rad, m/rad^2], all (r);
-    raises InputError for a turn that does not close, and for columns that contradict each other."""
+    """Pieces over one turn from camopt's own columns: angle [rad], lift [m], its derivatives [m/rad, m/rad^2], all (r).
+    Raises InputError for a turn that does not close, and for columns that contradict each other."""
     check_ends(where, angle / DEG, lift / MM, END_MM, END_MM)
     step = np.diff(angle)
     unexplained = np.abs(np.diff(lift) - 0.5 * step * (velocity[1:] + velocity[:-1]))
@@ -95,7 +99,7 @@ def own_pieces(
 
 
 def _from_base_circle(angle: np.ndarray, lift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The turn's samples, started anew at the last sample of the longest run on the base circle, and closed there."""
+    """The samples of a turn, begun at the last sample of the longest run on the base circle, and closed there."""
     lift = np.where(np.abs(lift) <= ZERO, 0.0, lift)
     above = np.flatnonzero(lift)
     if len(above) == len(lift) or len(above) == 0:
@@ -108,7 +112,7 @@ def _from_base_circle(angle: np.ndarray, lift: np.ndarray) -> tuple[np.ndarray, 
 
 
 def _pieces_between(spline: BSpline, start: float, end: float) -> PPoly:
-    """A spline's pieces from `start` to `end`, without the empty or outer ones at its end knots."""
+    """The pieces of a spline from `start` to `end`, without those at its end knots that are empty or lie outside."""
     pieces = PPoly.from_spline(spline)
     middles = 0.5 * (pieces.x[1:] + pieces.x[:-1])
     kept = (np.diff(pieces.x) > 0) & (middles > start) & (middles < end)
@@ -117,7 +121,7 @@ def _pieces_between(spline: BSpline, start: float, end: float) -> PPoly:
 
 def event_borders(where: str, pieces: PPoly, opening: float, closing: float) -> tuple[float, float]:
     """Angles [rad] at which the lift, from its lowest place on, first rises through `opening` [m] and last falls
-    through `closing` [m]; a crossing within rounding of a row is that row."""
+    through `closing` [m]; a crossing within rounding of a row is moved to that row."""
     low = pieces.x[np.argmin(pieces(pieces.x[:-1]))]
     crossings = []
     for height in (opening, closing):
@@ -136,7 +140,7 @@ def event_borders(where: str, pieces: PPoly, opening: float, closing: float) -> 
 
 
 def centred(pieces: PPoly, middle: float) -> tuple[np.ndarray, np.ndarray]:
-    """Borders (p + 1) from -pi to pi and coefficients (p, 6) of the periodic pieces, `middle` [rad] becoming zero."""
+    """Borders (p + 1) from -pi to pi and coefficients (p, 6) of the periodic pieces, shifted by `middle` [rad]."""
     first_start = pieces.x[0] - middle
     turn = np.floor((-np.pi - first_start) / TURN) * TURN  # from here two turns cover -pi to pi
     starts = np.concatenate([pieces.x[:-1], pieces.x[:-1] + TURN]) - middle + turn

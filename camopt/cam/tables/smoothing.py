@@ -1,4 +1,5 @@
-"""A measured lift table made into a law: outliers rejected, smoothed within its own noise, or refused."""
+"""A measured lift table made into a lift law: outliers are rejected, and the rest is smoothed within its noise or
+refused."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -12,41 +13,48 @@ from camopt.cam.tables.smoothing_spline import Fit, fitted, fitted_non_negative
 from camopt.scene import InputError
 
 OUTLIER = 5.0
-"""Studentised residual of an outlier: by chance one row in 1.7 million."""
+"""Studentised residual from which a row is an outlier; by chance one row in 1.7 million reaches it."""
 OUTLIER_SHARE = 2.5e-4
-"""Least distance of an outlier from what the others say, over the maximum lift. Corners of the jerk, which the spline
-rounds, stay below it: 7e-5 of an exact polydyne in steps of 2 deg, 1.1e-4 of a motorbike's exhaust cam."""
+"""Least distance of an outlier from the spline through the other rows, relative to the maximum lift. At corners of the
+jerk, which the spline rounds off, the distance stays below it: 7e-5 of an exact polydyne in steps of 2 deg, 1.1e-4 of a
+motorbike's exhaust cam."""
 NEIGHBOURS = 3
-"""Rows on either side of an outlier that are judged anew without it: it has pulled the spline towards itself."""
+"""Number of rows on either side of an outlier that are judged again without it, since it has pulled the spline towards
+itself."""
 MOST_OUTLIERS = 0.05
+"""Largest share of outliers among the rows."""
 NOISE_FREE_MM = 1e-6
-"""Noise below which a table is taken as computed: interpolating it moves the acceleration less than smoothing does.
-Tables of an exact polydyne stay below it at 0.5 deg and finer."""
+"""Noise [mm] below which a table counts as computed: interpolation then changes the acceleration less than smoothing
+does. Tables of an exact polydyne stay below it at 0.5 deg and finer."""
 ERROR_SHARE = 0.1
-"""Largest standard error of the acceleration (root mean square over the event) over its peak: beyond it, dynamics
-from the table would be dynamics of its noise."""
+"""Largest standard error of the acceleration (root mean square over the event) relative to its peak. With a larger one,
+the dynamics of the table would be the dynamics of its noise."""
 ERROR_FACTOR = 1.7
+"""The error of the acceleration (root mean square over the event), and that of its largest and smallest value, over
+their standard errors, which 95 % of the tables of experiments/measured_tables.py do not exceed in any family of cams,
+with or without a jerk limit. The factors are larger than one because a cam is not a random function: its jerk or its
+acceleration steps at a few angles."""
 PEAK_FACTOR = 2.8
 """The acceleration's error (root mean square over the event) and that of its largest and smallest value, over their
 standard errors, that 95 % of the tables of experiments/measured_tables.py stay below in every family of cams, its jerk
 limited or not. More than one, as a cam is no random function: its jerk or its acceleration steps at few angles."""
 INVENTED_SHARE = 0.01
-"""Largest distance of the law from a straight line between two rows, over the maximum lift: more is not in the table.
-At a step of 4 deg a cam of 0.015 mm/deg^2 has a third of that."""
+"""Largest distance of the law from a straight line between two rows, relative to the maximum lift; the table gives no
+evidence for more. At a step of 4 deg a cam of 0.015 mm/deg^2 has a third of that."""
 SHORTEST_DEG = 20.0
-"""Shortest event that is a valve's: on less than five knots, 5 deg, no spline stands."""
+"""Shortest event [deg] of a valve. A spline needs at least five knots, 5 deg."""
 KNOTS_DEG = (0.5, 1.0)
-"""Finest and coarsest knots; between them, half a row step."""
+"""Finest and coarsest knot interval [deg]; in between it is half the step of the rows."""
 
 
 def smoothed(
     where: str, degrees: np.ndarray, lift: np.ndarray, lines: list[int], ramps: tuple[Ramp, Ramp]
 ) -> tuple[PPoly | None, dict]:
-    """The smooth law [deg, mm] over one turn of a table, None where it has no noise, and what became of the table.
+    """The smooth law [deg, mm] over one turn of a table, or None if it has no noise, and a report on the table.
 
-    Its cam `degrees` (r) ascend over one turn at most, beside its `lift` (r) [mm]; a flank that ends above the base
-    circle is continued by the scene's ramp. Raises InputError for too many outliers, negative lift, rows that fix no
-    usable acceleration, or gaps in which the law would be invented.
+    Its cam `degrees` (r) ascend over at most one turn, beside its `lift` (r) [mm]; a flank that ends above the base
+    circle is continued by the scene's ramp. Raises InputError for too many outliers, for negative lift, for rows that
+    do not determine a usable acceleration, and for gaps in which the law would be invented.
     """
     event = completed(where, find_event(where, degrees, lift), lift, lines, ramps)
     if event.end - event.start < SHORTEST_DEG:
@@ -54,7 +62,7 @@ def smoothed(
             f"{where}: line {lines[int(event.rows[0])]}: the lift leaves the base circle for "
             f"{event.end - event.start:.3g} cam degrees only: check --table-angle, and that all columns are read"
         )
-    _off_base_circle(where, event, lift, event.noise, lines)  # before such rows spoil the fit
+    _off_base_circle(where, event, lift, event.noise, lines)  # before such rows disturb the fit
     kept, outliers = _without_outliers(where, event, lift)
     angles, height, count, free, given = _arguments(kept, lift)
     fit = (fitted if np.isinf(kept.start) else fitted_non_negative)(angles, height, count, free, given)
@@ -91,7 +99,7 @@ def smoothed(
 
 
 def check_between_rows(where: str, law: Callable, degrees: np.ndarray, lift: np.ndarray, lines: list[int]) -> None:
-    """Raises InputError where `law` (angle [deg] to lift [mm]) says between two rows what neither of them does."""
+    """Raises InputError if `law` (angle [deg] to lift [mm]) is too far from the straight line between two rows."""
     order = np.argsort(np.mod(degrees, TURN), kind="stable")
     angle, height = np.mod(degrees, TURN)[order], lift[order]
     angle, height = np.append(angle, angle[0] + TURN), np.append(height, height[0])
@@ -106,7 +114,8 @@ def check_between_rows(where: str, law: Callable, degrees: np.ndarray, lift: np.
 
 
 def _added(event: Event, lift: np.ndarray) -> dict:
-    """What a cut table was given beyond its rows: flanks, the lift from which on, and over which angle."""
+    """What was added to a cut table: the number of flanks, the lift from which they were completed, and the angle
+    added."""
     beyond = event.end - event.start - (event.degrees[-1] - event.degrees[0])
     return {
         "cut_ramps": sum(event.cut),
@@ -116,7 +125,7 @@ def _added(event: Event, lift: np.ndarray) -> dict:
 
 
 def _used(degrees: np.ndarray, event: Event, outliers: list[int]) -> np.ndarray:
-    """Rows that the law shall meet: neither outliers nor the base circle that the ramp of a cut flank replaces."""
+    """Rows that the law must meet: neither outliers nor rows of the base circle that a completed ramp replaces."""
     used = np.setdiff1d(np.arange(len(degrees)), outliers)
     if not len(event.added_lift):
         return used
@@ -125,7 +134,7 @@ def _used(degrees: np.ndarray, event: Event, outliers: list[int]) -> np.ndarray:
 
 
 def _off_base_circle(where: str, event: Event, lift: np.ndarray, noise: float, lines: list[int]) -> list[int]:
-    """Rows outside the event that are not on the base circle; for a turn without one, no row may be below zero."""
+    """Rows outside the event that are not on the base circle; in a turn without one, rows below zero."""
     limit = max(BASE_MM, OUTLIER * noise)
     if np.isinf(event.start):
         off, most = np.flatnonzero(lift < -limit), 0.0
@@ -141,14 +150,15 @@ def _off_base_circle(where: str, event: Event, lift: np.ndarray, noise: float, l
 
 
 def _arguments(event: Event, lift: np.ndarray) -> tuple[np.ndarray, np.ndarray, int, np.ndarray, int]:
-    """What `fitted` takes: angles and lifts of the rows, the added ones last, knots of a turn, free coefficients, and
-    how many rows were added."""
+    """The arguments of `fitted`: angles and lifts of the rows, the added ones last, number of knots of a turn, free
+    coefficients, and number of added rows."""
     angles = np.append(event.degrees, event.added_degrees)
     return angles, np.append(lift[event.rows], event.added_lift), *_knots(event), len(event.added_lift)
 
 
 def _knots(event: Event) -> tuple[int, np.ndarray]:
-    """Number of knots of a turn, and the coefficients whose functions stand inside the event, a knot more each side."""
+    """Number of knots of a turn, and the coefficients whose functions lie inside the event or extend beyond it by at
+    most one knot on each side."""
     step = float(np.median(np.diff(event.degrees)))
     count = round(TURN / float(np.clip(step / 2, *KNOTS_DEG)))
     if np.isinf(event.start):
@@ -159,8 +169,8 @@ def _knots(event: Event) -> tuple[int, np.ndarray]:
 
 
 def _without_outliers(where: str, event: Event, lift: np.ndarray) -> tuple[Event, list[int]]:
-    """The event's rows that a spline through the others explains, and the rows rejected: the worst of each place is set
-    aside and the noise estimated anew, until no row stands out."""
+    """The event with the rows that a spline through the others explains, and the rejected rows. The worst row of each
+    place is removed and the noise estimated again, until no outlier is left."""
     count, free = _knots(event)
     kept = event
     outliers: list[int] = []

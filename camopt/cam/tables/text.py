@@ -1,8 +1,8 @@
 """The text of a lift table: any common delimiter, a header of any length before the rows, and keys in # lines.
 
-A comma between digits is a decimal sign where semicolons, tabs or blanks part the columns. The rows begin where lines
-of numbers, with as many columns each, do; the last line before them may name the columns. Rows in another order, half a
-lobe and gaps are put right or named, with a sentence on each.
+Where semicolons, tabs or blanks separate the columns, a comma between digits is a decimal sign. The rows begin where
+lines of numbers with equally many columns begin; the last line before them may name the columns. Rows in another order
+and half a lobe are corrected, and gaps are reported, with one sentence for each.
 """
 
 import re
@@ -18,9 +18,9 @@ from camopt.scene.text_file import excerpt, read_text
 
 MAX_FILE_BYTES = 20_000_000
 LARGEST = 1e9
-"""Of any number in a table: products with a unit stay far from overflow."""
+"""Largest magnitude of a number in a table; products with a unit then stay far from overflow."""
 ALIKE = 3
-"""Lines of numbers with as many columns each that count as the begin of the rows."""
+"""Number of lines of numbers with equally many columns that count as the beginning of the rows."""
 _HEADER_KEY = re.compile(r"\btable[-_](angle|lift|ratio|probe)\s*[=:]\s*([\w.+-]+)")
 
 _OWN = {"cam_angle_deg", "lift_mm"}
@@ -28,13 +28,13 @@ _OWN = {"cam_angle_deg", "lift_mm"}
 _WITH_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eE][+-]?\d+)?")
 """A number whose decimal sign, if any, is a comma."""
 _TORN = re.compile(r"[+-]?\d+,\d+,[+-]?\d+,\d+([eE][+-]?\d+)?")
-"""Two such numbers with a comma between them."""
+"""Two such numbers separated by a comma."""
 TOP_SHARE = 0.999
-"""Lift of the first or last row over the largest, from which on half a lobe ends at its nose."""
+"""Lift of the first or last row, relative to the largest, from which half a lobe ends at its nose."""
 GAP = 1.6
-"""Step from one row to the next over the larger of its neighbours', from which on rows are missing between."""
+"""Step between two rows, relative to the larger of its neighbours, from which rows are missing between them."""
 MOST_GAPS = 5
-"""Gaps that are named; how many more there are is said."""
+"""Largest number of gaps that are listed; the number of further ones is stated."""
 
 
 @dataclass(frozen=True)
@@ -45,11 +45,11 @@ class TableText:
     keys: dict[str, str]
     rows: np.ndarray  # (r, c)
     lines: list[int]  # line number of each row
-    said: tuple[str, ...] = ()  # what was mended in reading it
+    said: tuple[str, ...] = ()  # one sentence per correction made in reading it
 
     @property
     def own(self) -> bool:
-        """Whether the columns are named as camopt names them, units included."""
+        """Whether the columns have the names that camopt gives them, units included."""
         return _OWN <= set(self.names)
 
 
@@ -60,14 +60,15 @@ class _Line:
     number: int
     text: str
     cells: list[str]
-    values: list[float]  # of its cells, none where one of them is no finite number
+    values: list[float]  # of its cells; empty if one of them is not a finite number
 
 
 def parsed(path: Path, first_line: int | None = None, columns: Sequence[str | int] | None = None) -> TableText:
     """Numbers of a text file with any common delimiter, a header before them, and # comments.
 
-    `first_line` says in which line the rows begin, where the text does not show it; `columns` names the two that hold
-    angle and lift, or counts them from 1. Raises InputError for rows that are not all numbers and alike.
+    `first_line` is the line in which the rows begin, if the text does not show it; `columns` names the two that hold
+    angle and lift, or counts them from 1. Raises InputError for rows that are not all numbers with equally many
+    columns.
     """
     text = read_text(path, MAX_FILE_BYTES, "lift table", encoding="utf-8-sig")
     every = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1)]
@@ -103,8 +104,8 @@ def _line(number: int, text: str) -> _Line:
 
 
 def _first_row(lines: list[_Line]) -> int:
-    """Index of the line in which the rows begin; a line of the header with as many numbers counts as the first row, so
-    that a row which cannot be read is named and not skipped."""
+    """Index of the line in which the rows begin. A line of the header with as many numbers counts as the first row, so
+    that a row which cannot be read is reported and not skipped."""
     widths = [len(line.values) for line in lines]
     runs = (i for i in range(len(lines)) if widths[i] > 1 and set(widths[i : i + ALIKE]) == {widths[i]})
     begin = next(runs, None)
@@ -114,7 +115,7 @@ def _first_row(lines: list[_Line]) -> int:
 
 
 def _rows(path: Path, lines: list[_Line]) -> np.ndarray:
-    """The numbers (r, c) of lines that must be rows, all alike."""
+    """The numbers (r, c) of lines that must all be rows with equally many columns."""
     width = len(lines[0].cells)
     for line in lines:
         where, shown = f"{path}: line {line.number}", f"{line.text[:60]!r}"
@@ -131,7 +132,7 @@ def _rows(path: Path, lines: list[_Line]) -> np.ndarray:
 
 
 def _names(path: Path, header: list[_Line], width: int) -> list[str]:
-    """The names of the columns, where the last line of the header has one for each."""
+    """The names of the columns, if the last line of the header has one for each."""
     cells = header[-1].cells if header else []
     if len(cells) != width and _OWN <= set(cells):
         raise InputError(f"{path}: {width} columns, and line {header[-1].number} names {len(cells)}: give all alike")
@@ -139,7 +140,7 @@ def _names(path: Path, header: list[_Line], width: int) -> list[str]:
 
 
 def _chosen(path: Path, table: TableText, columns: Sequence[str | int]) -> TableText:
-    """The table with two of its columns alone, as angle and lift."""
+    """The table with only two of its columns, as angle and lift."""
     known = [name.lower() for name in table.names]
     at = []
     for column in map(str, columns):
@@ -160,7 +161,7 @@ def _chosen(path: Path, table: TableText, columns: Sequence[str | int]) -> Table
 
 
 def _cells(line: str) -> list[str]:
-    """A line split at its delimiter; beside semicolons, tabs or blanks a comma between digits is a decimal sign."""
+    """A line split at its delimiter; with semicolons, tabs or blanks, a comma between digits is a decimal sign."""
     if _decimal_commas(line):
         line = line.replace(",", ".")
     for delimiter in (";", "\t"):
@@ -170,7 +171,7 @@ def _cells(line: str) -> list[str]:
 
 
 def _decimal_commas(line: str) -> bool:
-    """Whether a line has commas in numbers that something else parts."""
+    """Whether commas in a line are decimal signs, because something else separates its numbers."""
     if "," not in line or line.lstrip().startswith("#"):
         return False
     if ";" in line or "\t" in line:
@@ -181,7 +182,7 @@ def _decimal_commas(line: str) -> bool:
 
 @dataclass(frozen=True)
 class TableRows:
-    """Cam angles [deg] and lifts [mm] of a table's rows, their line numbers, and what was mended, a sentence each."""
+    """Cam angles [deg] and lifts [mm] of a table's rows, their line numbers, and one sentence per correction."""
 
     degrees: np.ndarray = field(repr=False)
     height: np.ndarray = field(repr=False)
@@ -190,8 +191,8 @@ class TableRows:
 
 
 def mended(rows: TableRows) -> TableRows:
-    """The rows in ascending order over one turn at most, half a lobe as a whole one; what cannot be told (angles that
-    repeat or jump) is left as it is, for the check of the rows to refuse."""
+    """The rows in ascending order over at most one turn, with half a lobe made a whole one. Ambiguous rows (angles that
+    repeat or jump) are left as they are and refused by the check of the rows."""
     return _gaps_named(_whole_lobe(_unwrapped(_ascending(rows))))
 
 
@@ -203,7 +204,7 @@ def _ascending(rows: TableRows) -> TableRows:
 
 
 def _unwrapped(rows: TableRows) -> TableRows:
-    """A table that passes from the end of a turn to its begin, once."""
+    """The rows of a table that passes once from the end of a turn to its beginning, in ascending order."""
     drops = np.flatnonzero(np.diff(rows.degrees) < 0)
     if len(drops) != 1:
         return rows
@@ -214,14 +215,14 @@ def _unwrapped(rows: TableRows) -> TableRows:
     said = f"from line {rows.lines[at]} on its angles begin anew: they are read as those of the following turn"
     height, lines = rows.height, rows.lines
     shared = degrees[at] == degrees[at - 1] and abs(height[at] - height[at - 1]) <= CLOSING_SHARE * height.max()
-    if shared:  # the row that closes a turn and the one that begins it
+    if shared:  # the same row at the end of a turn and at its beginning
         degrees, height, lines = np.delete(degrees, at), np.delete(height, at), [*lines[:at], *lines[at + 1 :]]
         said += f", line {rows.lines[at]} as the one before"
     return TableRows(degrees, height, lines, (*rows.said, said))
 
 
 def _whole_lobe(rows: TableRows) -> TableRows:
-    """Half a lobe from nose to base circle, or the other way round, mirrored about its nose."""
+    """Half a lobe, from nose to base circle or from base circle to nose, completed by its mirror image."""
     degrees, height = rows.degrees, rows.height
     if len(degrees) < 2 or np.any(np.diff(degrees) <= 0) or degrees[-1] - degrees[0] > TURN / 2 + 1e-9:
         return rows
@@ -234,14 +235,14 @@ def _whole_lobe(rows: TableRows) -> TableRows:
     parts = [(away, height[mirror], rows.lines[mirror]), (degrees, height, rows.lines)]
     (a, h, n), (b, g, m) = parts if nose == 0 else parts[::-1]
     whole = np.append(a, b), np.append(h, g), [*n, *m]
-    if whole[0][-1] - whole[0][0] > TURN - 1e-9:  # the base circle's last row is met from both sides
+    if whole[0][-1] - whole[0][0] > TURN - 1e-9:  # both halves end in the same row of the base circle
         whole = whole[0][:-1], whole[1][:-1], whole[2][:-1]
     said = f"it is half a lobe, from line {rows.lines[nose]} at its nose: the other half is taken as its mirror image"
     return TableRows(*whole, (*rows.said, said))
 
 
 def _gaps_named(rows: TableRows) -> TableRows:
-    """Steps that are longer than both their neighbours, as rows left out make them."""
+    """Adds a sentence for each step that is longer than both its neighbours because rows were left out."""
     steps = np.diff(rows.degrees)
     if len(steps) < 3 or np.any(steps <= 0):
         return rows
