@@ -40,10 +40,10 @@ class Forcing:
 class Train:
     """Masses (n) and elements (e) of a scene in SI units.
 
-    An element e lies between `a[e]` and `b[e]` (mass index, or GROUND) and has the compression d = x_a - x_b +
-    cam_driven * lift - gap and the elastic force preload + stiffness * d; it pushes a towards -x and b towards +x. If
-    there are `laws`, they determine the elastic force, and `stiffness` only replaces them in modal analysis and for
-    step sizes. A hydraulic adjuster of the scene becomes two parallel elements: its plunger, a contact, in the
+    An element e lies between `a[e]` and `b[e]` (mass index, or GROUND) and has the compression
+    d = x_a - x_b + cam_driven * lift - gap and the elastic force preload + stiffness * d; it pushes a towards -x and b
+    towards +x. If there are `laws`, they determine the elastic force, and `stiffness` only replaces them in modal
+    analysis and for step sizes. A hydraulic adjuster of the scene becomes two parallel elements: its plunger, a contact, in the
     adjuster's place, and its oil, `<name>-oil`, after all others.
 
     The state of a train is (x, v, z): n positions [m], n velocities [m/s], and the memories [m] of r elements.
