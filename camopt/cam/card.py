@@ -19,8 +19,7 @@ LIFTS_MM = tuple(DURATION_LIFTS_MM.values())
 """Lifts [mm] of a card by default."""
 MOST_LIFTS = 1000
 DECIMALS = 4
-"""Decimals of an angle [deg] in a file: a third of a second of arc, far below the tolerance to which a shaft is ground.
-"""
+"""Decimals of an angle [deg] in a file: a third of a second of arc, far below the tolerance of a ground shaft."""
 SAME_TOP = 1e-12
 """Difference from the largest lift, relative to it, that counts as rounding."""
 COLUMNS = (

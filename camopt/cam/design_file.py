@@ -21,8 +21,7 @@ STEP_SLACK_MM = 1e-6
 
 
 def design_record(lift: Lift, max_lift: float, **further: object) -> dict:
-    """The content of `design.json` for a lift law, with the area ratio for a scene's maximum lift [m] and any further
-    keys."""
+    """The content of `design.json` for a lift law, with the area ratio for a maximum lift [m] and any further keys."""
     powers = np.arange(lift.coefficients.shape[1])
     degrees = lift.borders / DEG
     return {

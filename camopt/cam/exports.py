@@ -62,8 +62,7 @@ def write_crank_table(path: str | Path, lift: Lift, step_crank_deg: float, digit
 
 
 class TableError(NamedTuple):
-    """Largest errors of a table [mm]: at its `rows`, and between them with linear (`lines`) and cubic (`spline`)
-    interpolation."""
+    """Largest errors of a table [mm]: at its `rows`, and between them along straight `lines` and a cubic `spline`."""
 
     rows: float
     lines: float

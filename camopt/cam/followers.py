@@ -119,8 +119,7 @@ class Flat:
 
 
 class Roller:
-    """A roller whose centre moves along the valve axis, which passes through the cam axis, and which rolls without
-    slip."""
+    """A roller whose centre moves along the valve axis, through the cam axis, and which rolls without slip."""
 
     def __init__(self, geometry: Geometry):
         assert geometry.roller_radius_mm is not None, "by the schema"

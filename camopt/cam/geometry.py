@@ -25,8 +25,7 @@ CLOSER = 20
 DURATION_LIFTS_MM = {"1_mm": 1.0, "0.050_in": 1.27}
 """Lifts [mm] at which durations are quoted; 0.050 in is usual where inches are used."""
 SIGNLESS = 1e-6
-"""Magnitude of the jerk, relative to the largest one, up to which it counts as zero: rounding of a cam that is designed
-to have no jerk there."""
+"""Magnitude of the jerk, relative to the largest one, up to which it counts as zero, because it is rounding."""
 STEPPED = 1e-6
 """Step of the acceleration, relative to the largest acceleration, above which it counts as an infinite jerk."""
 

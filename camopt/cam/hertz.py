@@ -59,8 +59,7 @@ class HertzStress:
 
 
 def line_pressure(force_per_length, radius, modulus: float) -> np.ndarray:
-    """Largest pressure [Pa] of a line contact for a force per length [N/m] >= 0, a combined radius [m] and modulus
-    [Pa]."""
+    """Largest pressure [Pa] of a line contact: force per length [N/m] >= 0, combined radius [m] and modulus [Pa]."""
     return np.sqrt(np.asarray(force_per_length) * modulus / (np.pi * np.asarray(radius)))
 
 

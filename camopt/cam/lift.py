@@ -75,8 +75,7 @@ class Lift:
         return value
 
     def roots(self, order: int, value: float = 0.0) -> Float[np.ndarray, " k"]:
-        """Angles [rad] at which the derivative `order` equals `value`; the start of a piece on which it does
-        everywhere."""
+        """Angles [rad] at which the derivative `order` equals `value`; the start of a piece on which it always does."""
         found = self._derivatives[order].solve(value, discontinuity=False, extrapolate=False)
         return found[np.isfinite(found)]
 
@@ -106,8 +105,7 @@ class Lift:
         return self.area / (max_lift * 2 * self.half_duration)
 
     def area_ratio_in(self, design: "Design") -> float:
-        """Area within a design's duration over the product of its maximum lift and its duration, whatever the cam's own
-        are."""
+        """Area within a design's duration over the product of its maximum lift and duration, not those of the cam."""
         half = design.duration_deg * DEG / 2
         return float(self._derivatives[0].integrate(-half, half)) / (design.max_lift_mm * MM * 2 * half)
 
@@ -187,15 +185,14 @@ def steps_at_borders(borders, coefficients) -> Any:
 
 
 def permitted_steps(cam: Lift) -> np.ndarray:
-    """Steps of lift [m] and velocity [m/rad] (2) that pieces in place of a cam's may have: those of the cam plus
-    rounding."""
+    """Steps of lift [m] and velocity [m/rad] (2) permitted to pieces that replace a cam's: its own plus rounding."""
     return steps_at_borders(cam.borders, cam.coefficients) + JOINING * np.abs(cam.coefficients[:, :2]).max(axis=0)
 
 
 def lift_with(cam: Lift, numbers: Mapping[str, Any]) -> Lift:
     """The cam with its "lift" (p, q) [m/rad^k], "borders" (p + 1) [rad] and "half_duration" [rad] replaced by those in
-    `numbers`. Raises InputError for borders that do not ascend from -pi to pi, or pieces that do not join there as well
-    as those of the cam."""
+    `numbers`. Raises InputError for borders that do not ascend from -pi to pi, or pieces that join less well than the
+    cam's."""
     names = {"lift": "coefficients", "borders": "borders", "half_duration": "half_duration"}
     changes: dict[str, Any] = {
         field: np.asarray(numbers[name], float) for name, field in names.items() if name in numbers

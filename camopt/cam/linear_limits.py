@@ -44,8 +44,7 @@ FLANK = 0.25
 """Share of the maximum lift at which cams are usually most concave. The tangent is taken there; at other lifts the
 limit is stricter than necessary."""
 PIECE = 1.0 * DEG
-"""Longest piece of the polynomials for the room above the piston [rad of the cam]; their error is then a few
-nanometres."""
+"""Longest piece of the polynomials for the piston's room [rad of the cam]; their error is a few nanometres."""
 SERIES_END = 1e-18
 """Magnitude of a term of a series, relative to its sum, below which the rest is bounded by a geometric series."""
 
@@ -194,8 +193,7 @@ def weighted_sum(lift: Lift, weights: tuple[float, ...]) -> Lift:
 
 
 def piston_drop(piston: Piston, crank: Float[np.ndarray, "*k"], order: int = 0) -> Float[np.ndarray, "*k"]:
-    """Distance of the piston below its highest position [m], or its derivative, at crank angles from that position
-    [rad]."""
+    """Distance of the piston below its highest position [m], or its derivative, at crank angles from there [rad]."""
     r, rod, e = (x * MM for x in (piston.stroke_mm / 2, piston.rod_mm, piston.pin_offset_mm))
     phi = crank + asin(e / (rod + r))
     side = r * np.sin(phi) - e

@@ -52,8 +52,7 @@ def scene_ramps(design: Design) -> tuple[Ramp, Ramp]:
 
 
 def symmetric_conditions(scene: Scene, family: str) -> tuple[Design, Ramp]:
-    """Design conditions of a scene and the ramp of a symmetric cam. Raises InputError if there is no [design] or if the
-    two ramps differ."""
+    """Design conditions of a scene and the ramp of a symmetric cam. Raises InputError if there is none, or two."""
     if scene.design is None:
         raise InputError(f"{family}: the scene needs [design]")
     opening, closing = scene_ramps(scene.design)

@@ -78,8 +78,7 @@ def _member(spec: str, scene: Scene) -> Lift:
 
 
 def family_and_keywords(spec: str) -> tuple[str, dict[str, Any]]:
-    """The name of a family and its parameters as keywords of its function. Raises InputError for unknown or unusable
-    ones."""
+    """The name of a family and its parameters as keywords of its function. Raises InputError for unusable ones."""
     name, _, text = spec.partition(":")
     if name not in FAMILIES:
         raise InputError(

@@ -20,8 +20,7 @@ from camopt.scene.text_file import excerpt
 from camopt.scene.train import SceneKey
 
 REACH = 4.0
-"""Standard deviations at which normal draws are cut off. One draw in 16 000 lies outside; such a part is not installed.
-"""
+"""Standard deviations at which normal draws are cut off; one draw in 16 000 exceeds them, and is not built in."""
 MAY_BE_NEGATIVE = ("force_N", "preload_N")
 """Keys whose numbers may be negative."""
 MAY_BE_ZERO = ("damping_N_s_per_m", "gap_mm", "installed_mm", "check_travel_mm")

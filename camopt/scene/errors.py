@@ -28,8 +28,7 @@ class NoCamFound(InputError):
 
 
 class MotionRefused(InputError):
-    """A method cannot follow a motion (endless switching, loss of accuracy) and refuses it, rather than return wrong
-    numbers."""
+    """A method refuses a motion (endless switching, loss of accuracy) rather than return wrong numbers."""
 
 
 LONGEST_NAME = 80

@@ -260,8 +260,7 @@ def _dynamics_faults(scene: Scene) -> list[str]:
 
 
 def _stuck(scene: Scene, train: Train) -> list[str]:
-    """The sentence on friction that could hold the valve off its seat at rest. Raises InputError if there is no rest
-    state."""
+    """The sentence on friction that could hold the valve off its seat. Raises InputError if there is no rest state."""
     pressed = static_forces(train, np.zeros(1))[0, train.seat]
     rubbing = [e for e in scene.element if e.slip_N is not None and scene.valve in e.between]
     slip = sum(e.slip_N for e in rubbing if e.slip_N is not None)

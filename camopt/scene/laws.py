@@ -159,8 +159,7 @@ class Laws:
         return np.flatnonzero(np.isin(self.kind, (PROGRESSIVE, TABLE))).tolist()
 
     def curve(self, e: int, preload: float) -> "PPoly":
-        """Elastic force [N] of an element with a table against its compression [m], extrapolated by the pieces at its
-        ends."""
+        """Elastic force [N] of an element with a table against its compression [m], extrapolated by its end pieces."""
         from scipy.interpolate import PPoly  # imported here because a scene without tables does not need SciPy
 
         c, value = self.table[e].T
@@ -174,8 +173,7 @@ class Laws:
         return force
 
     def force(self, d: np.ndarray, preload: np.ndarray) -> np.ndarray:
-        """Elastic force [N] at compressions d (e) [m] with the preloads (e) [N]; zero for elements with a memory, as at
-        rest."""
+        """Elastic force [N] at compressions d (e) [m] with the preloads (e) [N]; zero for elements with a memory."""
         return np.array([self.along(e, d[e : e + 1], preload[e])[0][0] for e in range(len(d))])
 
     def tangent(self, d: np.ndarray, preload: np.ndarray) -> np.ndarray:

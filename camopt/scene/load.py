@@ -94,9 +94,8 @@ def _without_fault(data: dict[str, Any], where: str, need: tuple[Part, ...]) -> 
 
 
 def scene_with(scene: Scene, numbers: Mapping[str, float], asked_by: str = "set", need: tuple[Part, ...] = ()) -> Scene:
-    """The scene with other values of the numbers named NAME.KEY (`camopt.scene.parameters`). Raises InputError, which
-    begins with `asked_by`, for a name that belongs to no number of the scene, and InputError for values that make it
-    faulty."""
+    """The scene with other values of the numbers named NAME.KEY (`camopt.scene.parameters`). Raises InputError for
+    values that make it faulty, and, begun by `asked_by`, for a name that refers to no number of the scene."""
     changed = scene
     for text, value in numbers.items():
         if not (places := settable(scene, text)):

@@ -110,8 +110,8 @@ def laws_of(parts: Sequence[Part]) -> Laws:
 
 
 def _of_one_length(parts: Sequence[Part]) -> np.ndarray:
-    """The tables of all parts as one array (e, q, 2). Shorter ones are padded by rows, a metre apart, that extrapolate
-    them."""
+    """The tables of all parts as one array (e, q, 2), the shorter ones padded by rows, a metre apart, on their last
+    line."""
     tables = [np.array(part.table or [(0.0, part.stiffness)]) for part in parts]
     rows = max(map(len, tables))
     slopes = [last_slope(table) if part.law == "table" else 0.0 for part, table in zip(parts, tables, strict=True)]

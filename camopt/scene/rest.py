@@ -22,8 +22,7 @@ HELD = 1e-11
 TAKING_PART = 0.1
 """Component of an unsupported direction, relative to its largest one, from which a mass is named in the error."""
 MOST_CONTACTS = 39
-"""Largest number of contacts: event-exact numbers the sets of contact states in 64 bits, with three states per contact.
-"""
+"""Largest number of contacts: event-exact numbers the sets of contact states in 64 bits, three states each."""
 MOST_NEWTON_STEPS = 200
 """Largest number of Newton steps to the rest position; ten are usual."""
 NOT_FOUND = (
@@ -93,8 +92,8 @@ def state_at_rest(train: Train) -> np.ndarray:
 
 
 def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:
-    """Forces of the elements (k, e) [N] with the cam at rest at lifts (k) [m], zero in open contacts. Raises InputError
-    as `rest_position` does."""
+    """Forces of the elements (k, e) [N] with the cam at rest at lifts (k) [m], zero in open contacts. Errors as for
+    `rest_position`."""
     forces, (heights, where) = [], np.unique(lift, return_inverse=True)  # all angles on the base circle share one lift
     for height in heights:
         d = train.compression(rest_position(replace(train, gap=train.gap - train.cam_driven * height)), height)
@@ -105,8 +104,8 @@ def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:
 
 def _balanced(train: Train, x: np.ndarray) -> tuple[np.ndarray, bool]:
     """(positions (n) [m], whether the forces balance there), by Newton's method on the convex energy from positions x
-    (n). The step is halved while it overshoots. A small stiffness to ground keeps the matrix regular while contacts are
-    open."""
+    (n). The step is halved while it overshoots. A small stiffness to ground keeps the matrix regular with open
+    contacts."""
     rows = train.incidence
 
     def unbalanced(x):

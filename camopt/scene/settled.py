@@ -11,15 +11,14 @@ SETTLED_POSITION = 1e-6
 SETTLED_VELOCITY = 1e-3
 """Largest difference that a velocity of a settled motion still has from the periodic motion [m/s]."""
 STILL = 1e-4
-"""Distance between two states a revolution apart, in units of the tolerances above, up to which they count as equal:
-0.1 nm and 0.1 um/s."""
+"""Distance of two states a revolution apart, over the tolerances above, up to which they are equal: 0.1 nm, 0.1 um/s.
+"""
 SHRUNK = 0.03
 """A motion settles if the distance between states a revolution apart falls to this share of its largest value since it
 last came below the tolerances. If the motion wanders by less than the tolerances, the distance does not fall."""
 PLAIN_REVOLUTIONS, WATCHED = 40, 120
 """Number of revolutions after which a motion of a well-damped train counts as wandering if it still changes by more
-than the tolerances; and the largest number of revolutions over which a motion that changes by less is observed for the
-distance to shrink."""
+than the tolerances, and largest number over which one that changes by less is observed for the distance to shrink."""
 FADED, MOST_REVOLUTIONS = 15.0, 1500
 """A lightly damped train may run until its slowest mode has decayed by the factor exp(FADED), from three millimetres to
 a nanometre, but for at most MOST_REVOLUTIONS."""
@@ -37,8 +36,7 @@ def way_left(decay: float) -> float:
 
 
 def revolutions_needed(decay: float) -> int:
-    """Number of revolutions until the slowest mode, which shrinks by exp(-decay) per revolution, has decayed by
-    exp(FADED)."""
+    """Number of revolutions in which the slowest mode, which shrinks by exp(-decay) in each, decays by exp(FADED)."""
     return int(np.ceil(FADED / max(decay, 1e-9)))
 
 

@@ -43,8 +43,8 @@ class Train:
     An element e lies between `a[e]` and `b[e]` (mass index, or GROUND) and has the compression
     d = x_a - x_b + cam_driven * lift - gap and the elastic force preload + stiffness * d; it pushes a towards -x and b
     towards +x. If there are `laws`, they determine the elastic force, and `stiffness` only replaces them in modal
-    analysis and for step sizes. A hydraulic adjuster of the scene becomes two parallel elements: its plunger, a contact, in the
-    adjuster's place, and its oil, `<name>-oil`, after all others.
+    analysis and for step sizes. A hydraulic adjuster of the scene becomes two parallel elements: its plunger, a
+    contact, in the adjuster's place, and its oil, `<name>-oil`, after all others.
 
     The state of a train is (x, v, z): n positions [m], n velocities [m/s], and the memories [m] of r elements.
     """
@@ -82,8 +82,7 @@ class Train:
 
     @property
     def straight(self) -> bool:
-        """Whether every law is piecewise linear, which event-exact solves exactly; other laws are approximated by
-        chords."""
+        """Whether every law is piecewise linear, which event-exact solves exactly; others are replaced by chords."""
         return self.laws is None or not np.any(np.isin(self.laws.kind, CURVED))
 
     @property
@@ -167,8 +166,7 @@ def build_train(scene: Scene) -> Train:
 
 
 class SceneKey:
-    """A scene as the key of a cache. It is compared by identity, since comparing all its numbers takes longer than
-    building."""
+    """A scene as the key of a cache, compared by identity, since comparing its numbers takes longer than building."""
 
     def __init__(self, scene: Scene):
         self.scene = scene

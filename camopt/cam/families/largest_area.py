@@ -57,8 +57,7 @@ class Program:
 
 
 def program(table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: bool, parts: int = FINE) -> Program:
-    """The linear program of the levels for one flank under the design's limits; the jerk limit applies only with
-    `jerk`."""
+    """The linear program of the levels for one flank under the design's limits, the jerk limit only with `jerk`."""
     half, max_lift = one.borders[-1], design.max_lift_mm * MM
     column = max_lift / half ** table.orders()
     fixed = np.array([ramp.height, ramp.velocity])
@@ -79,8 +78,7 @@ def program(table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: b
 
 
 def solved(one: Program, kept: Sequence[float | None]) -> tuple[np.ndarray, float]:
-    """(best z (m), relaxation of the limits, which is 0 if they can be met); an entry of `kept` that is a number fixes
-    z."""
+    """(best z (m), relaxation of the limits, which is 0 if they can be met); numbers in `kept` fix entries of z."""
     limits = len(one.rows)
     matrix = np.zeros((limits + len(one.ends), len(one.area) + 1))
     matrix[:limits, :-1], matrix[:limits, -1], matrix[limits:, :-1] = one.rows, -1.0, one.ends

@@ -2,8 +2,9 @@
 
 The required valve lift is y(x) = y_max (1 + sum_i C_i x^p_i) with x = theta / half duration. The cam lift with which a
 train of stiffness k_e, spring rate k_sp and mass M follows it at the design speed is y_r + A y + B y'', with
-A = (k_e + k_sp) / k_e and B = omega^2 M / k_e. Eq. (2) is printed with A dy/dt; only A y has the right dimension and agrees with
-Eq. (3). Six linear unknowns (y_max and the five y_max C_i) satisfy the five conditions of Eq. (3) and the total lift.
+A = (k_e + k_sp) / k_e and B = omega^2 M / k_e. Eq. (2) is printed with A dy/dt; only A y has the right dimension and
+agrees with Eq. (3). Six linear unknowns (y_max and the five y_max C_i) satisfy the five conditions of Eq. (3) and the
+total lift.
 """
 
 import numpy as np

@@ -128,9 +128,8 @@ def _no_member(lift: Lift, top: float, ramp: Ramp) -> str:
 def power_construction(
     cam: Lift, own: Parameters, dynamic: Callable[[Parameters, Ramp], tuple]
 ) -> tuple[Parameters, Event]:
-    """The free parameters of a cam of powers, which are `own` and its exponents of at least 8, and the function that
-    builds its event from them. `dynamic(parameters, ramp)` gives A, B [rad^2] and the five conditions at the end of the
-    flank [m/rad^k]."""
+    """The free parameters of a cam of powers, `own` and its exponents of at least 8, and the function that builds its
+    event. `dynamic(parameters, ramp)` gives A, B [rad^2] and the five conditions at the end of the flank [m/rad^k]."""
     exponents = np.array(cam.parameters["exponents"])
     free = exponents >= LEAST_REAL_EXPONENT
     kept, placed = np.where(free, 0.0, exponents), np.eye(len(exponents))[:, free]

@@ -19,8 +19,7 @@ from camopt.scene.geometry import Geometry
 from camopt.scene.units import MM
 
 NODES = np.linspace(0.0, 1.0, 5)
-"""Places within a neighbourhood, relative to its width, at which a plane is compared with the limit that it replaces.
-"""
+"""Relative places within a neighbourhood at which a plane is compared with the limit that it replaces."""
 ACCELERATION = 0.01
 """An acceleration of usual magnitude [m/rad^2], from which the slope of the curvature is computed."""
 

@@ -13,14 +13,13 @@ from camopt.cam.ramps import Ramp
 from camopt.scene.schema import Scene
 
 LEAST, MOST = 1e-6, 1e6
-"""Least and largest magnitude of a nonzero parameter, in field units. Numbers outside fail by arithmetic, not as cams.
-"""
+"""Least and largest magnitude of a nonzero parameter, in field units; beyond them arithmetic fails, not cams."""
 
 Parameters = dict[str, Any]
 """Arrays or numbers by name, in the unit that the name states."""
 Event = Callable[[Parameters, Ramp, Ramp], tuple[Any, Any]]
-"""Function of parameters, in arrays of NumPy or JAX, and both ramps that returns borders (p + 1) [rad] and pieces (p,
-q) [m/rad^k]."""
+"""Function of parameters (arrays of NumPy or JAX) and both ramps; returns borders (p + 1) [rad] and pieces (p, q)
+[m/rad^k]."""
 
 
 def number(text: str) -> float:

@@ -116,8 +116,7 @@ def drawing_rows(one: Flank, limit: LinearLimit, side: int, parts: int) -> tuple
 
 
 def _least(level: PiecewiseLevel, begin: np.ndarray, end: np.ndarray) -> np.ndarray:
-    """A lower bound on the level between `begin` and `end` (k) [rad], from the pieces there; infinite outside the
-    level."""
+    """A lower bound on the level between `begin` and `end` (k) [rad], by the pieces there; infinite outside it."""
     width = np.diff(level.borders)[:, None] ** np.arange(level.coefficients.shape[1])
     least = (level.coefficients * width @ from_powers(level.coefficients.shape[1] - 1).T).min(axis=1) - level.error
     count = len(least)

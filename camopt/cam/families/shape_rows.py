@@ -23,11 +23,9 @@ CAP_INTERVAL = 0.5 * DEG
 """Longest interval [rad] between control nets of the lift; control points then exceed the lift by less than 1e-4 mm."""
 INTERVALS = (CAP_INTERVAL, 1.0 * DEG, np.inf)
 """Longest interval [rad] between control nets, by the highest derivative in the limit; infinite means a knot interval.
-Where the second derivative of the lift matters, closer nets give almost equal rows, with which a linear program may
-fail."""
+With a second derivative, closer nets give almost equal rows, on which a linear program may fail."""
 PLANE_INTERVAL, FEWEST_PLANES = 0.5 * DEG, 240
-"""Longest interval [rad] over which one plane replaces a radius, and the least number of such intervals in a duration.
-"""
+"""Longest interval [rad] over which one plane replaces a radius, and least number of intervals in a duration."""
 HUGE = 1.0
 """A free coefficient [mm/deg^2] larger than that of any cam: a hundred times a usual acceleration."""
 CELL = 1.0 * DEG
@@ -35,8 +33,7 @@ CELL = 1.0 * DEG
 FREE = 100 * MM_PER_DEG3
 """A jerk [m/rad^3] larger than that of any cam, as the bound of rows for the sign that is permitted."""
 SIGNS = {"nose_deg": "smaller", "waves_max": "larger"}
-"""Limits on the sign of the acceleration (nose_deg) and of the jerk (waves_max), with the kind of number that permits
-more."""
+"""Limits on the sign of the acceleration and of the jerk, with the kind of number that permits more."""
 NEAR = "neighbourhood"
 """Name of the rows that keep a cam near another one; they belong to no number of the design."""
 

@@ -20,11 +20,9 @@ TURN = 360.0
 BASE_MM = 0.03
 """Lift [mm] below which a row may belong to the base circle: three times the largest noise expected, 10 um."""
 CLOSING_SHARE = 0.01
-"""Largest step between the first row and the one a turn later, relative to the maximum lift; a larger one is not a
-reading error."""
+"""Largest step between the first row and the one a turn later, over the maximum lift; more is no reading error."""
 FOOT_REACH_DEG = 15.0
-"""Distance [deg] beyond the last row above BASE_MM within which the foot is sought; a ramp's foot of 10 deg is hidden
-by the noise."""
+"""Distance [deg] beyond the last row above BASE_MM within which the foot is sought; noise hides a foot of 10 deg."""
 SHORTEST_BASE_DEG = 10.0
 """Shortest base circle [deg]; with a shorter one the table counts as a turn without base circle."""
 CUT = 15.0
@@ -38,13 +36,11 @@ MEDIAN_TO_DEVIATION = 1.4826
 COMPLETED_SHARE = 0.05
 """Largest lift at which a table may end, relative to its maximum lift; above it, camopt would invent the flank."""
 LONGEST = 2.0
-"""Largest length of a completion relative to the scene's ramp; a longer one follows from rows that end too gently to
-reach the base circle."""
+"""Largest length of a completion relative to the scene's ramp; rows with a gentler end do not reach the base circle."""
 LOCAL_ROWS = 10
 """Number of rows at the end of a flank to which a cubic is fitted for the lift and slope there."""
 GENTLER = 0.6
-"""Slope of the last rows relative to the ramp's, below which (by two standard errors) the flank is cut within the
-ramp's foot."""
+"""Slope of the last rows over the ramp's, below which (by two standard errors) the cut lies in the ramp's foot."""
 WINDOW_DEG = 5.0
 """Distance [deg] between the lifts whose second difference is taken as an acceleration of the flank."""
 
@@ -118,8 +114,7 @@ def _noise(angle: np.ndarray, lift: np.ndarray, high: np.ndarray) -> float:
 
 
 def _foot(angle: np.ndarray, lift: np.ndarray, last: int, outward: int, largest_drop: float) -> tuple[float, bool]:
-    """Outermost angle of the foot beyond the row `last` of a flank, and whether its ramp was cut, at the angle of that
-    row."""
+    """Outermost angle of the foot beyond the row `last` of a flank, and whether its ramp was cut at that row."""
     step = abs(angle[last] - angle[last - outward])
     rise, drop = lift[last - outward] - lift[last], lift[last] - lift[last + outward]
     on_base_circle = abs(lift[last + outward]) < BASE_MM

@@ -23,8 +23,7 @@ AT_REST = [(1, 0.0), (2, 0.0)]
 """End conditions of a spline: velocity and acceleration are zero."""
 DISAGREEMENT = 0.5
 """Largest step in lift between two rows that its velocities do not explain, over the squared step in angle times the
-largest acceleration. That acceleration along the whole step gives 0.5, and 0.25 relative to the mean of both
-velocities."""
+largest acceleration. That acceleration along the whole step gives 0.5, and 0.25 from the mean of both velocities."""
 
 
 def spline_pieces(where: str, angle: np.ndarray, lift: np.ndarray) -> PPoly:
@@ -60,8 +59,7 @@ def spline_pieces(where: str, angle: np.ndarray, lift: np.ndarray) -> PPoly:
 
 def check_ends(where: str, degrees: np.ndarray, lift_mm: np.ndarray, closing_mm: float, base_mm: float) -> float:
     """The part of a turn [deg] that the rows leave out, zero if they close it. Raises InputError if they close it with
-    a step of more than `closing_mm`, and if they leave out more than 1.5 of their steps and begin or end above
-    `base_mm`."""
+    a step above `closing_mm`, and if they leave out more than 1.5 of their steps and begin or end above `base_mm`."""
     left, (first, last) = 360.0 - (degrees[-1] - degrees[0]), lift_mm[[0, -1]]
     if left <= 1e-7:
         if abs(last - first) > closing_mm:

@@ -1,5 +1,4 @@
-"""A measured lift table made into a lift law: outliers are rejected, and the rest is smoothed within its noise or
-refused."""
+"""A measured lift table made into a lift law: outliers are rejected, the rest is smoothed or refused."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -15,12 +14,11 @@ from camopt.scene import InputError
 OUTLIER = 5.0
 """Studentised residual from which a row is an outlier; by chance one row in 1.7 million reaches it."""
 OUTLIER_SHARE = 2.5e-4
-"""Least distance of an outlier from the spline through the other rows, relative to the maximum lift. At corners of the
-jerk, which the spline rounds off, the distance stays below it: 7e-5 of an exact polydyne in steps of 2 deg, 1.1e-4 of a
-motorbike's exhaust cam."""
+"""Least distance of an outlier from the spline through the other rows, relative to the maximum lift. It is less at
+corners of the jerk, which the spline rounds: 7e-5 of an exact polydyne in steps of 2 deg, 1.1e-4 of a motorbike's
+exhaust cam."""
 NEIGHBOURS = 3
-"""Number of rows on either side of an outlier that are judged again without it, since it has pulled the spline towards
-itself."""
+"""Number of rows on either side of an outlier that are judged again without it, as it has attracted the spline."""
 MOST_OUTLIERS = 0.05
 """Largest share of outliers among the rows."""
 NOISE_FREE_MM = 1e-6
@@ -114,8 +112,7 @@ def check_between_rows(where: str, law: Callable, degrees: np.ndarray, lift: np.
 
 
 def _added(event: Event, lift: np.ndarray) -> dict:
-    """What was added to a cut table: the number of flanks, the lift from which they were completed, and the angle
-    added."""
+    """What was added to a cut table: number of flanks, lift from which they were completed, and angle added."""
     beyond = event.end - event.start - (event.degrees[-1] - event.degrees[0])
     return {
         "cut_ramps": sum(event.cut),

@@ -31,8 +31,7 @@ tables (1 and 2 deg) for noise-free."""
 RULED_OUT = 13.8
 """Twice the logarithm of the odds, 1000 to 1, from which the rows rule out an order."""
 GIVEN_PRECISION = 100.0
-"""Precision of rows that are added and not measured, over that of a measured row; the spline follows them to a tenth of
-the noise."""
+"""Precision of added rows over that of measured ones; the spline follows them to a tenth of the noise."""
 WEIGHTS = np.arange(-18.0, 16.0, 3.0)
 """Logarithms of the penalty's weight that are tried before the best is refined. Below them, the equations are singular
 to rounding if the knots are denser than the rows."""
