@@ -31,29 +31,29 @@ GRINDING = "grinding"
 
 def moved_together(scene: Scene, tolerance: Tolerance) -> list[list[SceneNumber]]:
     """The numbers that a tolerance changes, in lists of those that share one draw."""
-    numbers = _meant(SceneKey(scene), *tolerance.numbers)
+    numbers = _numbers_named(SceneKey(scene), *tolerance.numbers)
     if isinstance(tolerance.of, str):
         return [[number] for number in numbers]
     return [list(dict.fromkeys(numbers))]
 
 
 @lru_cache(maxsize=64)
-def _meant(key: SceneKey, *texts: str) -> list[SceneNumber]:
+def _numbers_named(key: SceneKey, *texts: str) -> list[SceneNumber]:
     """The numbers that texts NAME.KEY refer to, cached because every drawn train needs them."""
     return [number for text in texts for number in matching(key.scene, text)]
 
 
 def deviates(scene: Scene, seed: int, train: int) -> dict[str, np.ndarray]:
     """Draws (k) of the train with this number, by tolerance label, in units of the width that the tolerance states."""
-    found = {}
+    draws = {}
     for tolerance in scene.tolerance:
         count = len(moved_together(scene, tolerance))
         random = np.random.default_rng(key_of(seed, train, tolerance.label))
         if tolerance.distribution == "uniform":
-            found[tolerance.label] = random.uniform(-1.0, 1.0, count)
+            draws[tolerance.label] = random.uniform(-1.0, 1.0, count)
         else:
-            found[tolerance.label] = np.clip(random.standard_normal(count), -REACH, REACH)
-    return found
+            draws[tolerance.label] = np.clip(random.standard_normal(count), -REACH, REACH)
+    return draws
 
 
 def key_of(seed: int, train: int, label: str) -> tuple[int, int, int]:
@@ -100,15 +100,15 @@ def tolerance_faults(scene: Scene) -> list[str]:
     """One sentence per fault in the tolerances of a scene whose masses and elements have no fault."""
     faults, labels = [], [tolerance.label for tolerance in scene.tolerance]
     for i, tolerance in enumerate(scene.tolerance, 1):
-        found = [_fault(scene, tolerance, text) for text in tolerance.numbers]
-        faults += [f"tolerance.{i}.of: {fault}" for fault in found if fault]
+        faults_of_names = [_fault_of_name(scene, tolerance, text) for text in tolerance.numbers]
+        faults += [f"tolerance.{i}.of: {fault}" for fault in faults_of_names if fault]
         if tolerance.label in (GRINDING, *labels[: i - 1]):
             what = "[grinding]" if tolerance.label == GRINDING else "an earlier tolerance"
             faults.append(f"tolerance.{i}: {what} is called {excerpt(tolerance.label)} too: give this one another name")
     return faults or [*_too_wide(scene)]
 
 
-def _fault(scene: Scene, tolerance: Tolerance, text: str) -> str:
+def _fault_of_name(scene: Scene, tolerance: Tolerance, text: str) -> str:
     """Why a text NAME.KEY of a tolerance is unusable, or an empty text."""
     name, dot, key = text.rpartition(".")
     if not dot:
@@ -122,12 +122,12 @@ def _fault(scene: Scene, tolerance: Tolerance, text: str) -> str:
         has = f"no mass or element {name!r} has a" if has_wildcards(name) else f"the {homes[0]} {name!r} has no"
         expected = did_you_mean(key, keys) or f": expected {' or '.join(dict.fromkeys(keys))}"
         return f"{has} number {excerpt(key)} that may scatter{expected}"
-    found = matching(scene, text)
-    if not has_wildcards(name) and len(found) > 1:
+    numbers = matching(scene, text)
+    if not has_wildcards(name) and len(numbers) > 1:
         return f"{excerpt(text)} is a number of a mass and of an element: give one of them another name"
-    if any(number.of(scene) is None for number in found):
+    if any(number.of(scene) is None for number in numbers):
         return f"{excerpt(text)}: no number there to scatter"
-    if tolerance.relative is not None and any(number.of(scene) == 0.0 for number in found):
+    if tolerance.relative is not None and any(number.of(scene) == 0.0 for number in numbers):
         return f"{excerpt(text)} is 0, and a share of 0 is 0: give plus_minus in its unit in place of relative"
     if tolerance.plus_minus is not None and len({text.rpartition(".")[2] for text in tolerance.numbers}) > 1:
         return f"{excerpt(text)} differs in its key from others here, and plus_minus has one unit: give relative"

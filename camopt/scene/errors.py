@@ -10,7 +10,7 @@ def brief(sentence: str) -> str:
     """The sentence without the middle of those lines that are longer than LONGEST_LINE."""
     half = LONGEST_LINE // 2
     lines = sentence.split("\n")
-    return "\n".join(one if len(one) <= LONGEST_LINE else f"{one[:half]} ... {one[-half:]}" for one in lines)
+    return "\n".join(line if len(line) <= LONGEST_LINE else f"{line[:half]} ... {line[-half:]}" for line in lines)
 
 
 class InputError(ValueError):
@@ -33,20 +33,20 @@ class MotionRefused(InputError):
 
 LONGEST_NAME = 80
 """Largest number of characters of a name for which a similar one is sought; no name of camopt is longer."""
-MEANT = {"peak": "max", "maximum": "max", "largest": "max", "minimum": "min", "least": "min", "smallest": "min"}
+SYNONYMS = {"peak": "max", "maximum": "max", "largest": "max", "minimum": "min", "least": "min", "smallest": "min"}
 """Words that users write in names -> the words of camopt."""
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
+def did_you_mean(word: str, names: Iterable[str]) -> str:
     """`; did you mean 'kodama'?`, as the end of a sentence, or an empty text if no known name is similar."""
     from difflib import get_close_matches  # imported only for a misspelt name
 
-    known = list(known)
-    by_lower = {name.lower(): name for name in known}
+    names = list(names)
+    by_lower = {name.lower(): name for name in names}
     if len(word) > LONGEST_NAME or not by_lower:
         return ""
     close = get_close_matches(word.lower(), by_lower, n=1)
-    in_other_words = {_words(name): name for name in known}.get(_words(word))
+    in_other_words = {_words(name): name for name in names}.get(_words(word))
     if in_other_words is None and not close:
         return ""
     return f"; did you mean {in_other_words or by_lower[close[0]]!r}?"
@@ -54,4 +54,4 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 def _words(name: str) -> tuple[str, ...]:
     """The words of a name in alphabetical order, each replaced by camopt's own."""
-    return tuple(sorted(MEANT.get(word, word) for word in name.lower().split("_")))
+    return tuple(sorted(SYNONYMS.get(word, word) for word in name.lower().split("_")))

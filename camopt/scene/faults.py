@@ -46,10 +46,10 @@ def checked(data: dict, need: tuple[Part, ...]) -> tuple[Scene | None, list[str]
     faults = [f"{_key(e['loc'])}: {_sentence(e)}" for e in errors] + names
     faults += [f"{part}: missing; this command needs it" for part in need if data.get(part) is None]
     if not names and not faulty & {*TRAIN, "valve", "seat"} and "seat" in data:
-        faults += _dynamics_faults(_part(data, *TRAIN))
+        faults += _dynamics_faults(_scene_of(data, *TRAIN))
     if not names and not faulty & {*TRAIN, "tolerance"} and "tolerance" in data:
-        faults += tolerance_faults(_part(data, *TRAIN, "tolerance"))
-    faults = [fault + _whose(fault, data) for fault in faults]
+        faults += tolerance_faults(_scene_of(data, *TRAIN, "tolerance"))
+    faults = [fault + _name_of_row(fault, data) for fault in faults]
     if len(faults) > MOST_LISTED:
         faults = [*faults[:MOST_LISTED], f"and {len(faults) - MOST_LISTED} faults more"]
     return scene, faults
@@ -58,16 +58,16 @@ def checked(data: dict, need: tuple[Part, ...]) -> tuple[Scene | None, list[str]
 def _validated(data: dict) -> tuple[Scene | None, list[dict[str, Any]]]:
     """The scene, or None, and the schema's errors. pydantic skips the check of a whole table while one of its keys is
     faulty, so the tables are validated a second time without these keys."""
-    scene, errors = _attempt(data)
+    scene, errors = _validated_once(data)
     if not errors:
         return scene, []
-    found = {error["loc"] for error in errors}
-    _, further = _attempt(_without(data, found))
-    left_out = {_place(loc) for loc in found}
-    return None, errors + [e for e in further if e["loc"] not in found and e["loc"] not in left_out]
+    faulty = {error["loc"] for error in errors}
+    _, further = _validated_once(_without_keys(data, faulty))
+    left_out = {_place(loc) for loc in faulty}
+    return None, errors + [e for e in further if e["loc"] not in faulty and e["loc"] not in left_out]
 
 
-def _attempt(data: dict) -> tuple[Scene | None, list[Any]]:
+def _validated_once(data: dict) -> tuple[Scene | None, list[Any]]:
     try:
         return Scene.model_validate(data), []
     except ValidationError as error:
@@ -82,7 +82,7 @@ def _place(loc: tuple) -> tuple:
     return loc[: 3 if len(loc) > 1 and isinstance(loc[1], int) else 2]
 
 
-def _without(data: dict, places: set[tuple]) -> dict:
+def _without_keys(data: dict, places: set[tuple]) -> dict:
     """The tables without the keys at these places. No row is removed."""
     left = deepcopy(data)
     for place in map(_place, places):
@@ -99,58 +99,58 @@ def _key(loc: tuple) -> str:
     return ".".join(part if len(part) <= 80 else excerpt(part) for part in parts) or "file"
 
 
-def _whose(fault: str, data: dict) -> str:
+def _name_of_row(fault: str, data: dict) -> str:
     """The name of the mass or element to whose row number a fault refers, as the end of its sentence."""
-    found = re.match(rf"({'|'.join(NAMED)})\.(\d+)\.(?!name\b)", fault)
-    name = _rows(data, found[1])[int(found[2]) - 1].get("name") if found else None
-    return f" ({found[1]} {excerpt(name)})" if found and isinstance(name, str) else ""
+    match = re.match(rf"({'|'.join(NAMED)})\.(\d+)\.(?!name\b)", fault)
+    name = _rows(data, match[1])[int(match[2]) - 1].get("name") if match else None
+    return f" ({match[1]} {excerpt(name)})" if match and isinstance(name, str) else ""
 
 
 def _sentence(error: dict[str, Any]) -> str:
     """A fault of the schema in plain words."""
-    kind, given = error["type"], error["input"]
+    kind, value = error["type"], error["input"]
     if kind == "extra_forbidden":
         return _unknown_key(error["loc"])
     if kind == "missing":
         return "missing"
-    whole = isinstance(given, int) and not isinstance(given, bool)
+    whole = isinstance(value, int) and not isinstance(value, bool)
     if whole and kind == "float_type":
         return "must be a number of usual size: this integer is larger than any quantity of a scene"
     text = PLAIN.get(kind) or error["msg"].removeprefix("Value error, ").replace(" after validation", "")
     text = text.replace("Input should be", "must be").replace("Tuple should have", "must have")
-    if isinstance(given, str):
-        text += f" (given: {excerpt(given)})"
-    elif isinstance(given, int | float):
-        text += f" (given: {given!r})"
-    if kind == "literal_error" and isinstance(given, str):
-        text += did_you_mean(given, re.findall(r"'([^']*)'", str(error["ctx"]["expected"])))
+    if isinstance(value, str):
+        text += f" (given: {excerpt(value)})"
+    elif isinstance(value, int | float):
+        text += f" (given: {value!r})"
+    if kind == "literal_error" and isinstance(value, str):
+        text += did_you_mean(value, re.findall(r"'([^']*)'", str(error["ctx"]["expected"])))
     return text
 
 
 def tables() -> dict[str, type[Table]]:
     """The tables of a scene by key: [design] as "design", the rows [[mass]] as "mass"."""
-    found = {key: _inside(field.annotation) for key, field in Scene.model_fields.items()}
-    return {key: tables[0] for key, tables in found.items() if tables}
+    inside = {key: _tables_in(field.annotation) for key, field in Scene.model_fields.items()}
+    return {key: tables[0] for key, tables in inside.items() if tables}
 
 
-def _inside(annotation: Any) -> list[type[Table]]:
+def _tables_in(annotation: Any) -> list[type[Table]]:
     """The table classes in the type of a key."""
     if isinstance(annotation, type):
         return [annotation] if issubclass(annotation, Table) else []
-    return [table for part in get_args(annotation) for table in _inside(part)]
+    return [table for part in get_args(annotation) for table in _tables_in(part)]
 
 
 def _unknown_key(loc: tuple) -> str:
     """The sentence on an unknown key, with the similar known key, or the table to which it belongs."""
     key, by_name = loc[-1], tables()
-    own = by_name[loc[0]].model_fields if len(loc) > 1 else Scene.model_fields
+    keys = by_name[loc[0]].model_fields if len(loc) > 1 else Scene.model_fields
     if len(loc) > 2 and isinstance(loc[1], str):  # a table within a table
-        own = _inside(own[loc[1]].annotation)[0].model_fields
+        keys = _tables_in(keys[loc[1]].annotation)[0].model_fields
     homes = [name for name, table in by_name.items() if key in table.model_fields]
     if homes:
         headings = [f"[[{name}]]" if name in MOST_ROWS else f"[{name}]" for name in homes]
         return f"unknown key; it belongs in {' or '.join(headings)}"
-    return "unknown key" + (did_you_mean(key, own) or "; check the spelling against `camopt scenes kodama`")
+    return "unknown key" + (did_you_mean(key, keys) or "; check the spelling against `camopt scenes kodama`")
 
 
 def _rows(data: dict, table: str) -> list[dict]:
@@ -167,45 +167,45 @@ def _texts(row: dict, key: str) -> tuple[str, ...]:
 
 def _name_faults(data: dict) -> list[str]:
     """Sentences on names used twice, on references to names that do not exist, and on masses that nothing holds."""
-    faults, names, every = [], {}, {}
+    faults, names, all_named = [], {}, {}
     for kind in NAMED:
-        given = [row.get("name") for row in _rows(data, kind)]
-        names[kind] = [name for name in given if isinstance(name, str)]
-        every[kind] = len(names[kind]) == len(given) > 0  # otherwise a reference may mean a row whose name is faulty
+        stated = [row.get("name") for row in _rows(data, kind)]
+        names[kind] = [name for name in stated if isinstance(name, str)]
+        all_named[kind] = len(names[kind]) == len(stated) > 0  # else a reference may mean a row with a faulty name
         for name, count in sorted(Counter(names[kind]).items()):
             if count > 1:
                 faults.append(f"{kind}: the name {excerpt(name)} is used more than once")
     if "ground" in names["mass"]:
         faults.append("mass: 'ground' is the name of the ground and cannot be a mass")
-    ends = _ends_faults(data, names["mass"]) if every["mass"] else []
-    faults += ends or (_unheld(data, names["mass"]) if every["mass"] else [])
+    ends = _ends_faults(data, names["mass"]) if all_named["mass"] else []
+    faults += ends or (_unheld(data, names["mass"]) if all_named["mass"] else [])
     for i, row in enumerate(_rows(data, "force"), 1):
         on = row.get("on")
-        if isinstance(on, str) and every["mass"] and on not in names["mass"]:
+        if isinstance(on, str) and all_named["mass"] and on not in names["mass"]:
             faults.append(f"force.{i}.on: no mass is named {excerpt(on)}{did_you_mean(on, names['mass'])}")
     for kind in (kind for kind, table in tables().items() if "assumed" in table.model_fields):
         rows = [(f"{kind}.{i}", row) for i, row in enumerate(_rows(data, kind), 1)]
         single = data.get(kind)
         for place, row in [(kind, single)] if isinstance(single, dict) else rows:
-            known = tables()[kind].model_fields
-            for key in (key for key in _texts(row, "assumed") if key not in known):
-                faults.append(f"{place}.assumed: {excerpt(key)} is no key of this table{did_you_mean(key, known)}")
+            keys = tables()[kind].model_fields
+            for key in (key for key in _texts(row, "assumed") if key not in keys):
+                faults.append(f"{place}.assumed: {excerpt(key)} is no key of this table{did_you_mean(key, keys)}")
     for key, kind in (("valve", "mass"), ("seat", "element")):
-        named = data.get(key)
-        if isinstance(named, str) and every[kind] and named not in names[kind]:
-            faults.append(f"{key}: no {kind} is named {excerpt(named)}{did_you_mean(named, names[kind])}")
+        reference = data.get(key)
+        if isinstance(reference, str) and all_named[kind] and reference not in names[kind]:
+            faults.append(f"{key}: no {kind} is named {excerpt(reference)}{did_you_mean(reference, names[kind])}")
     if ("valve" in data) != ("seat" in data):
         faults.append("valve and seat: give both or neither")
     return faults
 
 
 def _ends_faults(data: dict, masses: list[str]) -> list[str]:
-    known = {*masses, "ground"}
+    permitted = {*masses, "ground"}
     faults = []
     for i, row in enumerate(_rows(data, "element"), 1):
         ends = _texts(row, "between")
-        for end in dict.fromkeys(end for end in ends if end not in known):
-            faults.append(f"element.{i}.between: no mass is named {excerpt(end)}{did_you_mean(end, known)}")
+        for end in dict.fromkeys(end for end in ends if end not in permitted):
+            faults.append(f"element.{i}.between: no mass is named {excerpt(end)}{did_you_mean(end, permitted)}")
         if len(ends) == 2 and ends[0] == ends[1]:
             faults.append(f"element.{i}.between: both ends are {excerpt(ends[0])}")
     return faults
@@ -227,10 +227,10 @@ def _unheld(data: dict, masses: list[str]) -> list[str]:
     ]
 
 
-def _part(data: dict, *kinds: str) -> Scene:
+def _scene_of(data: dict, *kinds: str) -> Scene:
     """The scene of these tables alone, which are known to be without fault, with its valve and its seat."""
-    known = tables()
-    rows: dict[str, Any] = {kind: tuple(known[kind].model_validate(r) for r in data.get(kind, ())) for kind in kinds}
+    classes = tables()
+    rows: dict[str, Any] = {kind: tuple(classes[kind].model_validate(r) for r in data.get(kind, ())) for kind in kinds}
     return Scene.model_construct(valve=data.get("valve"), seat=data.get("seat"), **rows)
 
 
@@ -253,13 +253,13 @@ def _dynamics_faults(scene: Scene) -> list[str]:
         )
     if not faults:
         try:
-            faults += _stuck(scene, train)
+            faults += _friction_faults(scene, train)
         except InputError as error:
             faults.append(str(error))
     return faults
 
 
-def _stuck(scene: Scene, train: Train) -> list[str]:
+def _friction_faults(scene: Scene, train: Train) -> list[str]:
     """The sentence on friction that could hold the valve off its seat. Raises InputError if there is no rest state."""
     pressed = static_forces(train, np.zeros(1))[0, train.seat]
     rubbing = [e for e in scene.element if e.slip_N is not None and scene.valve in e.between]

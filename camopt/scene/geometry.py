@@ -77,7 +77,7 @@ class Geometry(Table, frozen=True):
         if value is None and follower in needed:
             raise ValueError(f"missing; a {follower} has one")
         if value is not None and follower not in allowed:
-            raise ValueError(f"belongs to {' and '.join(f'{one}s' for one in allowed)} only: leave it out")
+            raise ValueError(f"belongs to {' and '.join(f'{kind}s' for kind in allowed)} only: leave it out")
         return value
 
     @property

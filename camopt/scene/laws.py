@@ -146,8 +146,8 @@ class Laws:
     @property
     def of_contacts(self) -> list[tuple[int, ContactLaw]]:
         """The elements with a contact law, each with its law."""
-        found = np.flatnonzero(np.isin(self.kind, [*OF_CONTACTS]))
-        return [(e, self.contact_law(e)) for e in found.tolist()]
+        elements = np.flatnonzero(np.isin(self.kind, [*OF_CONTACTS]))
+        return [(e, self.contact_law(e)) for e in elements.tolist()]
 
     def contact_law(self, e: int) -> ContactLaw:
         """The contact law of element e with its numbers."""

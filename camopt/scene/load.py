@@ -26,9 +26,9 @@ def builtin_scenes() -> dict[str, str]:
 
 def scene_text(source: str | Path) -> str:
     """TOML text of a built-in scene, a file, or the scene of a run folder. Raises InputError if there is none."""
-    known = builtin_scenes()
-    if str(source) in known:
-        return known[str(source)]
+    builtin = builtin_scenes()
+    if str(source) in builtin:
+        return builtin[str(source)]
     path = usable_path(source, "scene")
     if path.is_dir():
         path = path / "scene.toml"
@@ -36,8 +36,8 @@ def scene_text(source: str | Path) -> str:
         if path.suffix == ".toml" or path.parent != Path("."):
             raise InputError(f"scene {excerpt(str(source))}: there is no such file: check the path")
         raise InputError(
-            f"scene {excerpt(str(source))}: neither a built-in scene ({', '.join(known)}) nor a file"
-            f"{did_you_mean(str(source), known) or '; `camopt scenes` lists the built-in ones'}"
+            f"scene {excerpt(str(source))}: neither a built-in scene ({', '.join(builtin)}) nor a file"
+            f"{did_you_mean(str(source), builtin) or '; `camopt scenes` lists the built-in ones'}"
         )
     return read_text(path, MAX_FILE_BYTES, "scene file")
 
@@ -101,8 +101,8 @@ def scene_with(scene: Scene, numbers: Mapping[str, float], asked_by: str = "set"
         if not (places := settable(scene, text)):
             raise no_such_number(scene, text, asked_by, [f"{table}.KEY" for table in TABLES])
         changed = with_numbers(changed, dict.fromkeys(places, value))
-    said = ", ".join(f"{text} = {value:g}" for text, value in numbers.items())
-    return checked_scene(changed, f"scene {scene.name} with {said}", need) if numbers else scene
+    changes = ", ".join(f"{text} = {value:g}" for text, value in numbers.items())
+    return checked_scene(changed, f"scene {scene.name} with {changes}", need) if numbers else scene
 
 
 def _provisional_duration(rows: Any) -> float:

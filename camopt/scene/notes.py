@@ -40,13 +40,13 @@ SLIPS = KEYS.pop("slips")
 """Sets of units that may have been meant, by the names under which several keys refer to them."""
 
 
-def _usual(said: dict) -> Usual:
-    slips = said.get("slips", {})
-    return Usual(said["low"], said["high"], said["reason"], SLIPS[slips] if isinstance(slips, str) else slips)
+def _usual_range(entry: dict) -> Usual:
+    slips = entry.get("slips", {})
+    return Usual(entry["low"], entry["high"], entry["reason"], SLIPS[slips] if isinstance(slips, str) else slips)
 
 
 USUAL = {
-    f"{table}.{key}": _usual(said)
+    f"{table}.{key}": _usual_range(said)
     for table, keys in KEYS.items()
     for key, said in keys.items()
     if not isinstance(said, str)
@@ -72,8 +72,8 @@ def scene_notes(scene: Scene) -> tuple[str, ...]:
     notes = []
     for path, usual in USUAL.items():
         table, key = path.split(".")
-        notes += _note_of(path, usual, list(_given(scene, table, key)))
-    notes += _note_of("element.stiffness_N_per_m", STIFF, list(_stiff(scene)))
+        notes += _note_of(path, usual, list(_numbers_under(scene, table, key)))
+    notes += _note_of("element.stiffness_N_per_m", STIFF, list(_stiff_contacts(scene)))
     return tuple(_duration_note(scene) + notes + _lash_note(scene) + _seat_note(scene))
 
 
@@ -82,7 +82,7 @@ def speed_notes(option: str, speeds_rpm: Iterable[float]) -> list[str]:
     return _note_of(option, USUAL["operation.speeds_rpm"], [("", speed) for speed in speeds_rpm])
 
 
-def _given(scene: Scene, table: str, key: str) -> Iterable[tuple[str, float]]:
+def _numbers_under(scene: Scene, table: str, key: str) -> Iterable[tuple[str, float]]:
     """Names of the rows and their numbers under a key; nothing if the table or key is left out."""
     content = getattr(scene, table)
     rows: tuple[Table, ...] = content if isinstance(content, tuple) else () if content is None else (content,)
@@ -106,7 +106,7 @@ def _is_stiff(scene: Scene, element: Element) -> bool:
     return element.kind == "contact" and (element.cam_driven or element.name == scene.seat)
 
 
-def _stiff(scene: Scene) -> Iterable[tuple[str, float]]:
+def _stiff_contacts(scene: Scene) -> Iterable[tuple[str, float]]:
     """Names and stiffnesses [N/m] to compare with `STIFF`; for a contact law, the tangent at `CONTACT_AT_UM`."""
     for element in scene.element:
         stiffness = element.stiffness_N_per_m
@@ -117,10 +117,10 @@ def _stiff(scene: Scene) -> Iterable[tuple[str, float]]:
             yield element.name, stiffness
 
 
-def _note_of(where: str, usual: Usual, given: list[tuple[str, float]]) -> list[str]:
+def _note_of(where: str, usual: Usual, numbers: list[tuple[str, float]]) -> list[str]:
     """The note on the number under one key that is farthest outside its usual range, if any is."""
-    far = [(max(usual.low / abs(v), abs(v) / usual.high), name, v) for name, v in given if v != 0]
-    far = [one for one in far if one[0] > 1]
+    ratios = [(max(usual.low / abs(v), abs(v) / usual.high), name, v) for name, v in numbers if v != 0]
+    far = [ratio for ratio in ratios if ratio[0] > 1]
     if not far:
         return []
     _, name, value = max(far)
@@ -140,10 +140,10 @@ def _duration_note(scene: Scene) -> list[str]:
     design = scene.design
     if design is None or not design.duration_chosen:
         return []
-    asked = ", ".join(f"{least:g} deg at {height:g} mm" for height, least, _ in design.duration_at if least)
+    durations = ", ".join(f"{least:g} deg at {height:g} mm" for height, least, _ in design.duration_at if least)
     return [
         f"design.duration_deg: {design.duration_deg:g} cam deg between the ramp tops were chosen, a fiftieth more than "
-        f"the fewest with which a cam within the limits on its shape is open for {asked}"
+        f"the fewest with which a cam within the limits on its shape is open for {durations}"
     ]
 
 
@@ -160,7 +160,7 @@ def _lash_note(scene: Scene) -> list[str]:
     ]
 
 
-def _why_slack(scene: Scene, seat_N: float) -> str:
+def _why_unpressed(scene: Scene, seat_N: float) -> str:
     """What is probably missing in a scene whose closed valve no spring presses; `seat_N` is the seat's preload."""
     measured = [e for e in scene.element if e.kind == "spring" and e.force_table and not e.installed_mm]
     if not measured:
@@ -185,7 +185,7 @@ def _seat_note(scene: Scene) -> list[str]:
     if force < LEAST_SEAT_N:
         weak = [e for e in scene.element if e.name != scene.seat and 0 < e.preload_N < LEAST_SEAT_N]
         cause = [f"{e.preload_N:g} of {e.name!r} looks like kN, which would be {1e3 * e.preload_N:g}" for e in weak]
-        why = f"; {cause[0]} here" if cause else _why_slack(scene, stated)
+        why = f"; {cause[0]} here" if cause else _why_unpressed(scene, stated)
         return [f"element.preload_N: at rest the valve is pressed on its seat with only {force:.2g} N{why}; {MEANT}"]
     if stated and abs(force - stated) > SAME_SEAT_FORCE * max(force, stated):
         return [

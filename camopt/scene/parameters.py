@@ -76,7 +76,7 @@ class Tied:
         """The scene with a new value of the first number, and the others scaled in proportion."""
         first, *others = self.numbers
         factor = value / first.of(scene) if others else 0.0
-        return with_numbers(scene, {first: value} | {other: other.of(scene) * factor for other in others})
+        return with_numbers(scene, {first: value} | {number: number.of(scene) * factor for number in others})
 
     def scaled(self, scene: Scene, factor: float) -> Scene:
         """The scene with each of the numbers multiplied by the factor."""
@@ -117,11 +117,11 @@ def _has(table: Table | None, key: str) -> bool:
 
 def no_such_number(scene: Scene, text: str, asked_by: str, more: Sequence[str] = ()) -> InputError:
     """The error for a text NAME.KEY that refers to no number of the scene; `more` are other permitted names."""
-    known = [f"{row.name}.{key}" for table, keys in KEYS.items() for row in getattr(scene, table) for key in keys]
+    names = [f"{row.name}.{key}" for table, keys in KEYS.items() for row in getattr(scene, table) for key in keys]
     expected = ", ".join(["NAME.KEY of a mass or an element", *more])
     return InputError(
         f"{asked_by} {excerpt(text)}: {scene.name} has no such number: expected {expected}"
-        f"{did_you_mean(text, [*known, *more])}"
+        f"{did_you_mean(text, [*names, *more])}"
     )
 
 
@@ -140,11 +140,9 @@ def with_numbers(scene: Scene, values: Mapping[SceneNumber, float]) -> Scene:
 
 def number_of(row: Table, key: str) -> float | None:
     """The number of a row under a key, in the key's unit; None if it has none."""
-    if isinstance(row, Element) and key in (RATE, PRELOAD) and row.force_table:
-        rate, force = _installed(row)
-        return force if key == PRELOAD else rate
-    if isinstance(row, Element) and key == RATE and row.stiffness_table:
-        return float(np.interp(0.0, *np.array(row.stiffness_table).T))
+    if isinstance(row, Element) and key in (RATE, PRELOAD) and (row.force_table or row.stiffness_table):
+        rate, preload = _installed(row)
+        return preload if key == PRELOAD else rate
     return getattr(row, key)
 
 
@@ -152,19 +150,21 @@ def with_number(row: Row, key: str, value: float) -> Row:
     """The row with a new number under a key for which `number_of` has one."""
     if isinstance(row, Element) and key in (RATE, PRELOAD) and row.force_table:
         rate, preload = _installed(row)
-        moved = preload if key == RATE else value
+        new_preload = preload if key == RATE else value
         factor = value / rate if key == RATE else 1.0
-        table = tuple((at, moved + factor * (force - preload)) for at, force in row.force_table)
+        table = tuple((at, new_preload + factor * (force - preload)) for at, force in row.force_table)
         return row.model_copy(update={"force_table": table})
     if isinstance(row, Element) and key == RATE and row.stiffness_table:
-        factor = value / float(np.interp(0.0, *np.array(row.stiffness_table).T))
+        factor = value / _installed(row)[0]
         return row.model_copy(update={"stiffness_table": tuple((at, factor * k) for at, k in row.stiffness_table)})
     return row.model_copy(update={key: value})
 
 
 def _installed(spring: Element) -> tuple[float, float]:
-    """Stiffness [N/m] and force [N] of a force table, extrapolated linearly, where the valve is closed."""
-    assert spring.force_table, "the callers ask"
+    """Stiffness [N/m] and force [N] of a spring with a table, extrapolated if it is of forces, with the valve closed."""
+    if spring.stiffness_table:
+        return float(np.interp(0.0, *np.array(spring.stiffness_table).T)), spring.preload_N
+    assert spring.force_table, "one of both by the callers"
     at, force = np.array(spring.force_table).T
     line = int(np.clip(np.searchsorted(at, spring.installed_mm, "right") - 1, 0, len(at) - 2))
     rate = (force[line + 1] - force[line]) / (at[line + 1] - at[line])

@@ -39,11 +39,11 @@ def parts_of(elements: Sequence[Element]) -> tuple[Part, ...]:
     """The parts of a train: one for each element, in their order, then the oil columns of the adjusters."""
     adjusters = [e for e in elements if e.kind == "adjuster"]
     of_kind = {"adjuster": _plunger, "friction": _friction}
-    own = [of_kind.get(e.kind, _itself)(e) for e in elements]
-    return tuple([*own, *(_oil(e) for e in adjusters)])
+    parts = [of_kind.get(e.kind, _spring_or_contact)(e) for e in elements]
+    return tuple([*parts, *(_oil(e) for e in adjusters)])
 
 
-def _itself(e: Element) -> Part:
+def _spring_or_contact(e: Element) -> Part:
     """The part of a spring or a contact."""
     rows = e.stiffness_table or e.force_table
     return Part(
@@ -98,7 +98,7 @@ def laws_of(parts: Sequence[Part]) -> Laws:
         coefficient=np.array([p.stiffness for p in parts]),
         own_number=np.array([p.own_number for p in parts]),
         dissipation=np.array([p.dissipation for p in parts]),
-        table=_of_one_length(parts),
+        table=_padded_tables(parts),
         leak=np.array([p.leak for p in parts]),
         travel=np.array([p.travel for p in parts]),
         slip=np.array([p.slip for p in parts]),
@@ -109,7 +109,7 @@ def laws_of(parts: Sequence[Part]) -> Laws:
     return laws
 
 
-def _of_one_length(parts: Sequence[Part]) -> np.ndarray:
+def _padded_tables(parts: Sequence[Part]) -> np.ndarray:
     """The tables of all parts as one array (e, q, 2), the shorter ones padded by rows, a metre apart, on their last
     line."""
     tables = [np.array(part.table or [(0.0, part.stiffness)]) for part in parts]

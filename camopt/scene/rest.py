@@ -19,7 +19,7 @@ FORCE_SLACK = 1e-9
 """Relative tolerance on forces and separations at rest; a contact exactly at its touch may count as open or closed."""
 HELD = 1e-11
 """Least eigenvalue of the scaled stiffness matrix at which every mass counts as held."""
-TAKING_PART = 0.1
+NAMED_SHARE = 0.1
 """Component of an unsupported direction, relative to its largest one, from which a mass is named in the error."""
 MOST_CONTACTS = 39
 """Largest number of contacts: event-exact numbers the sets of contact states in 64 bits, three states each."""
@@ -59,7 +59,7 @@ def _rest_of(train: Train) -> np.ndarray:
         )
     without = np.isin(np.arange(len(train.a)), train.memory)
     linear = replace(train, laws=None, stiffness=np.where(without, 0.0, train.stiffness))
-    x, balanced = _balanced(linear, np.zeros(len(train.mass)))
+    x, converged = _equilibrium(linear, np.zeros(len(train.mass)))
     force = train.preload + train.stiffness * train.compression(x, 0.0)
     closed = ~train.contact | (force > FORCE_SLACK * max(np.max(np.abs(force)), 1.0))
     stiffness, load = static_matrices(train, closed)
@@ -67,18 +67,18 @@ def _rest_of(train: Train) -> np.ndarray:
     values, vectors = np.linalg.eigh(stiffness / np.outer(scale, scale))
     if values[0] < HELD:
         share = np.abs(vectors[:, 0] / scale)  # of each mass in the direction without stiffness
-        names = sorted(train.mass_names[i] for i in np.flatnonzero(share > TAKING_PART * share.max()))
+        names = sorted(train.mass_names[i] for i in np.flatnonzero(share > NAMED_SHARE * share.max()))
         raise InputError(
             f"nothing holds the valve train at rest on the base circle (mass: {', '.join(names)}): "
             f"give that mass a force_N that presses it on, or a spring"
         )
-    if not balanced:
+    if not converged:
         raise InputError(NOT_FOUND)
     x = np.linalg.solve(stiffness / np.outer(scale, scale), load / scale) / scale
     if train.laws is None:
         return x
-    x, balanced = _balanced(train, x)
-    if not balanced:
+    x, converged = _equilibrium(train, x)
+    if not converged:
         raise InputError(NOT_FOUND)
     return x
 
@@ -102,13 +102,13 @@ def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:
     return np.array(forces)[where]
 
 
-def _balanced(train: Train, x: np.ndarray) -> tuple[np.ndarray, bool]:
+def _equilibrium(train: Train, x: np.ndarray) -> tuple[np.ndarray, bool]:
     """(positions (n) [m], whether the forces balance there), by Newton's method on the convex energy from positions x
     (n). The step is halved while it overshoots. A small stiffness to ground keeps the matrix regular with open
     contacts."""
     rows = train.incidence
 
-    def unbalanced(x):
+    def residual(x):
         d = train.compression(x, 0.0)
         if train.laws is None:
             p, tangent = train.preload + train.stiffness * d, train.stiffness
@@ -118,17 +118,17 @@ def _balanced(train: Train, x: np.ndarray) -> tuple[np.ndarray, bool]:
         return train.mass_force - rows.T @ np.where(open_, 0.0, p), np.where(open_, 0.0, tangent)
 
     slack = FORCE_SLACK * max(np.abs(train.preload).max(), np.abs(train.mass_force).max(), 1.0)
-    force, tangent = unbalanced(x)
+    force, tangent = residual(x)
     for _ in range(MOST_NEWTON_STEPS):
         if np.abs(force).max() <= slack:
             return x, True
         stiffness = rows.T @ (tangent[:, None] * rows) + np.eye(len(x)) * GROUNDING * train.stiffness.max()
         step = np.linalg.solve(stiffness, force)
         most = -0.1 * abs(force @ step)
-        force, tangent = unbalanced(x + step)
+        force, tangent = residual(x + step)
         while force @ step < most:
             step = step / 2
-            force, tangent = unbalanced(x + step)
+            force, tangent = residual(x + step)
         x = x + step
     return x, False
 

@@ -29,7 +29,7 @@ def _text_or_texts(value: Any) -> Any:
     return value
 
 
-def _not_all_of_it(value: float) -> float:
+def _below_one(value: float) -> float:
     if value >= 1.0:
         raise ValueError("must be below 1: no number scatters by as much as itself")
     return value
@@ -53,7 +53,7 @@ class Tolerance(Table, frozen=True):
     """
 
     of: Annotated[str | tuple[str, ...], BeforeValidator(_text_or_texts)]
-    relative: Annotated[Positive, AfterValidator(_not_all_of_it)] | None = None
+    relative: Annotated[Positive, AfterValidator(_below_one)] | None = None
     plus_minus: Positive | None = Field(default=None, validate_default=True)
     distribution: Literal["normal", "lognormal", "uniform"] = "normal"
     name: Annotated[str, Field(max_length=100)] = ""

@@ -26,8 +26,8 @@ class Smoothing(NamedTuple):
     def as_asked(self) -> dict[str, Any]:
         """The values that differ from the defaults, by the names of the arguments."""
         numbers = self.width / UM, self.tie, self.steps
-        own = zip(NAMES, numbers, self, Smoothing(), strict=True)
-        return {name: number for name, number, value, usual in own if value != usual}
+        entries = zip(NAMES, numbers, self, Smoothing(), strict=True)
+        return {name: number for name, number, value, usual in entries if value != usual}
 
 
 def smoothing(verb: str, width_um, tie, steps_per_revolution) -> Smoothing:
@@ -55,12 +55,12 @@ def smoothing_in(settings: Mapping[str, Any]) -> Smoothing:
 
     Raises InputError if it differs from the default in a run without a smoothed motion, or in a search for a yield.
     """
-    found = smoothing("optimize", *(settings.get(name) for name in NAMES))
-    if found != Smoothing() and (settings.get("gradient") == "exact" or "yield" in settings):
+    chosen = smoothing("optimize", *(settings.get(name) for name in NAMES))
+    if chosen != Smoothing() and (settings.get("gradient") == "exact" or "yield" in settings):
         raise InputError(
             "optimize: width_um, tie or steps_per_revolution with source 'exact' or a wanted yield: leave them out"
         )
-    return found
+    return chosen
 
 
 def _number(value: Any) -> bool:

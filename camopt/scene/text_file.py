@@ -69,7 +69,7 @@ _QUOTED_OR_COMMENT = re.compile(
 
 def toml_data(text: str, where: str) -> dict:
     """The tables of a TOML text; `where` begins the error sentences. Raises InputError if it is not usable TOML."""
-    bare = _QUOTED_OR_COMMENT.sub(lambda found: "" if found[0].startswith("#") else "q", text)
+    bare = _QUOTED_OR_COMMENT.sub(lambda match: "" if match[0].startswith("#") else "q", text)
     if max(part.count(".") for part in re.split(r"[^\w. \t-]", bare)) >= MOST_PARTS:
         raise InputError(
             f"{where}: a dotted key of more than {MOST_PARTS} parts: write tables, which nest once in a scene"

@@ -148,13 +148,13 @@ class Train:
 def kept_with_train(of_train: Callable[[Train], Computed]) -> Callable[[Train], Computed]:
     """Caches a function of a train for as long as the train exists. A search for a yield returns to thousands of drawn
     trains with every cam, while the final statement of the yield uses each train once and releases it."""
-    kept = WeakKeyDictionary[Train, Computed]()
+    cache = WeakKeyDictionary[Train, Computed]()
 
     @wraps(of_train)
     def computed(train: Train) -> Computed:
-        if train not in kept:
-            kept[train] = of_train(train)
-        return kept[train]
+        if train not in cache:
+            cache[train] = of_train(train)
+        return cache[train]
 
     return computed
 
@@ -232,7 +232,7 @@ def _way_from_cam_to_valve(a, b, contact, cam_driven, valve) -> tuple[int, ...]:
             for e in range(len(a)):
                 if e in path or mass not in ((a[e],) if contact[e] else (a[e], b[e])):
                     continue
-                other = int(b[e] if a[e] == mass else a[e])
-                if other not in seen:
-                    ways.append((other, (*path, e)))
+                far_end = int(b[e] if a[e] == mass else a[e])
+                if far_end not in seen:
+                    ways.append((far_end, (*path, e)))
     return ()

@@ -52,12 +52,12 @@ def oscillations(train: Train, acting: np.ndarray) -> tuple[np.ndarray, np.ndarr
         angular = np.sqrt(np.maximum(squares, 0.0))  # the rigid mode of a free train may be computed as -1e-9
         return angular, np.zeros(len(angular)), vectors.T
     values, vectors = np.linalg.eig(_state_matrix(train.mass, damping, stiffness))
-    kept = np.flatnonzero(np.imag(values) > OVERDAMPED * np.abs(values))
-    kept = kept[np.argsort(np.abs(values[kept]))]
-    shape = vectors[: len(train.mass), kept].T
+    oscillating = np.flatnonzero(np.imag(values) > OVERDAMPED * np.abs(values))
+    oscillating = oscillating[np.argsort(np.abs(values[oscillating]))]
+    shape = vectors[: len(train.mass), oscillating].T
     phase = np.angle(np.sum(shape**2, axis=1)) / 2  # the phase in which the real part is largest
-    angular = np.abs(values[kept])
-    return angular, -np.real(values[kept]) / angular, np.real(shape * np.exp(-1j * phase)[:, None])
+    angular = np.abs(values[oscillating])
+    return angular, -np.real(values[oscillating]) / angular, np.real(shape * np.exp(-1j * phase)[:, None])
 
 
 def highest_rate(train: Train) -> float:
