@@ -99,8 +99,8 @@ class CamCard:
             if self.timing is not None:
                 opening, closing = (self.timing.crank_deg(a) for a in (e.opening_deg, e.closing_deg))
                 crank = [opening, closing, closing - opening]
-            own = self.name, e.lift_mm, e.opening_deg, e.closing_deg, e.duration_deg, e.centre_deg
-            rows.append([*own, *crank, overlap])
+            cam = self.name, e.lift_mm, e.opening_deg, e.closing_deg, e.duration_deg, e.centre_deg
+            rows.append([*cam, *crank, overlap])
         return rows
 
     def cells(self) -> list[list[str | None]]:
@@ -168,9 +168,9 @@ def cam_card(
     turn = 360 / timing.cam_per_crank
     nearest = turn * round((timing.centre_deg - other.timing.centre_deg) / turn)
     overlaps = []
-    for own, its in zip(card.rows(), other.rows(), strict=True):
-        (opening, closing), (its_opening, its_closing) = own[6:8], its[6:8]
-        overlaps.append(min(closing, its_closing + nearest) - max(opening, its_opening + nearest))
+    for row, other_row in zip(card.rows(), other.rows(), strict=True):
+        (opening, closing), (other_opening, other_closing) = row[6:8], other_row[6:8]
+        overlaps.append(min(closing, other_closing + nearest) - max(opening, other_opening + nearest))
     return replace(card, overlaps=tuple(overlaps))
 
 

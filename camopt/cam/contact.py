@@ -103,8 +103,8 @@ class Contact:
 
     def faults(self) -> list[str]:
         """One sentence per reason why the cam cannot be made or run with this follower."""
-        found = [] if self.contour_fault is None else [self.contour_fault]
+        faults = [] if self.contour_fault is None else [self.contour_fault]
         width = self.geometry.face_width_mm
         if self.geometry.follower == "flat" and width is not None and self.face_width > width * MM:
-            found.append(f"the contact needs a face {self.face_width / MM:.2f} mm wide, which has {width:g} mm")
-        return found
+            faults.append(f"the contact needs a face {self.face_width / MM:.2f} mm wide, which has {width:g} mm")
+        return faults

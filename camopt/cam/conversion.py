@@ -21,13 +21,13 @@ STEP_DEG = 0.1
 lift has no step, and within 1e-7 mm if it has."""
 
 
-def lift_along(found: Contact, geometry: Geometry) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
+def lift_along(measured: Contact, geometry: Geometry) -> tuple[Float[np.ndarray, " k"], Float[np.ndarray, " k"]]:
     """Ascending cam angles (k) [rad] at which the follower of `geometry` touches the points of a contour, and its valve
     lift (k) [m] there. Raises InputError if it would bridge a hollow."""
-    theta, lift = follower_of(geometry).lift_on(found.contour @ (1, 1j), found.normal @ (1, 1j))
+    theta, lift = follower_of(geometry).lift_on(measured.contour @ (1, 1j), measured.normal @ (1, 1j))
     theta = np.unwrap(theta)
-    theta += 2 * np.pi * np.round((found.theta[0] - theta[0]) / (2 * np.pi))
-    back = np.flatnonzero(np.diff(theta) < -1e-9 * np.diff(found.theta))
+    theta += 2 * np.pi * np.round((measured.theta[0] - theta[0]) / (2 * np.pi))
+    back = np.flatnonzero(np.diff(theta) < -1e-9 * np.diff(measured.theta))
     if len(back):
         raise InputError(
             f"conversion: at {theta[back[0]] / DEG:.1f} deg the {geometry.follower} follower would bridge a hollow of "

@@ -24,7 +24,7 @@ import numpy as np
 
 from camopt.cam.followers import cross, pairs
 from camopt.cam.geometry import contact, crossing
-from camopt.cam.lift import APART, Lift, angles_deg
+from camopt.cam.lift import Lift, angles_deg, without_narrow
 from camopt.scene import InputError
 from camopt.scene.geometry import Geometry
 from camopt.scene.shapes import Float
@@ -34,7 +34,7 @@ from camopt.storage import write_csv, write_text
 MOST_DIGITS = 12
 BETWEEN = 8
 """Number of intervals between two rows at whose ends an interpolation is evaluated."""
-NOTHING = 5e-4 * MM
+OPEN_LIFT = 5e-4 * MM
 """Lift [m] above which a valve without lash counts as open."""
 
 
@@ -120,7 +120,7 @@ def _angle_cells(degrees: np.ndarray) -> list[str]:
 def crank_rows(lift: Lift, lash: float, cam_per_crank: float) -> Float[np.ndarray, " k"]:
     """Crank angles [deg] from the middle of the cam's duration, a degree apart, from just before to just after the lift
     exceeds the lash [m], or half a micrometre without lash. Raises InputError if it never does."""
-    opens, closes = (angle / DEG / cam_per_crank for angle in crossing(lift, max(lash, NOTHING)))
+    opens, closes = (angle / DEG / cam_per_crank for angle in crossing(lift, max(lash, OPEN_LIFT)))
     return np.arange(np.floor(opens), np.ceil(closes) + 1)
 
 
@@ -132,11 +132,11 @@ def write_valve_lift(path: str | Path, lift: Float[np.ndarray, " k"], digits: in
 
 CONTOUR, BASE_CIRCLE, AXES = "CONTOUR", "BASE_CIRCLE", "AXES"
 """Layers of the drawing."""
-LONGEST = 15.0 * DEG
+FIRST_INTERVAL = 15.0 * DEG
 """Interval of the cam angle [rad] with which the search for arcs begins."""
-LOOKED_AT = 16
+POINTS_PER_INTERVAL = 16
 """Number of points per interval at which the distance of the contour from its arcs is evaluated."""
-FINEST = 12
+MOST_HALVINGS = 12
 """Largest number of times that an interval is halved."""
 
 
@@ -144,7 +144,7 @@ def write_dxf(path: str | Path, lift: Lift, geometry: Geometry, tolerance: float
     """Writes the contour as a closed polyline of arcs that join without a corner, in millimetres at full precision.
 
     Returns the number of arcs and their largest distance from the contour [m], which is at most `tolerance` [m] unless
-    FINEST halvings do not suffice. Base circle and axes are on layers of their own. Raises InputError if no contour
+    `MOST_HALVINGS` do not suffice. Base circle and axes are on layers of their own. Raises InputError if no contour
     produces this lift with this follower, and if ezdxf is not installed.
     """
     try:
@@ -172,22 +172,21 @@ def write_dxf(path: str | Path, lift: Lift, geometry: Geometry, tolerance: float
 
 def contour_arcs(lift: Lift, geometry: Geometry, tolerance: float) -> tuple[np.ndarray, Float[np.ndarray, " k"], float]:
     """A closed chain of arcs in ascending cam angle, from the back of the cam: the start of each (k), complex [m], its
-    bulge (k), and their largest distance from the contour [m], at most `tolerance` [m] unless FINEST halvings do not
+    bulge (k), and their largest distance from the contour [m], at most `tolerance` [m] unless `MOST_HALVINGS` do not
     suffice.
 
     The bulge is the tangent of a quarter of the angle of the arc, positive for a turn to the left.
     """
-    edges = np.unique(np.append(lift.borders, np.arange(lift.borders[0], lift.borders[-1], LONGEST)))
-    edges = edges[np.append(np.diff(edges) > APART, True)]
-    for _ in range(FINEST):
-        first, second, missed = _biarcs(lift, geometry, edges)
+    regular = np.arange(lift.borders[0], lift.borders[-1], FIRST_INTERVAL)
+    edges = without_narrow(np.union1d(lift.borders, regular))
+    first, second, missed = _biarcs(lift, geometry, edges)
+    for _ in range(MOST_HALVINGS):
         wide = np.flatnonzero(missed > tolerance)
         if len(wide) == 0:
             break
         edges = np.sort(np.append(edges, 0.5 * (edges[wide] + edges[wide + 1])))
-    else:
         first, second, missed = _biarcs(lift, geometry, edges)
-    begins, bulge = (np.stack([one, other], axis=1).ravel() for one, other in zip(first, second, strict=True))
+    begins, bulge = (np.stack(both, axis=1).ravel() for both in zip(first, second, strict=True))
     return begins, bulge, float(missed.max())
 
 
@@ -202,9 +201,9 @@ def _biarcs(lift: Lift, geometry: Geometry, edges: np.ndarray):
     d = square / (along + np.sqrt(along**2 + turn * square))
     joint = 0.5 * (p0 + p1 + d * (t0 - t1))
     first, last = _angle(t0, joint - p0), _angle(p1 - joint, t1)
-    share = (np.arange(LOOKED_AT) + 0.5) / LOOKED_AT
+    share = (np.arange(POINTS_PER_INTERVAL) + 0.5) / POINTS_PER_INTERVAL
     theta = (edges[:-1, None] + np.diff(edges)[:, None] * share).ravel()
-    there = (contact(lift, geometry, theta).contour @ (1, 1j)).reshape(len(p0), LOOKED_AT)
+    there = (contact(lift, geometry, theta).contour @ (1, 1j)).reshape(len(p0), POINTS_PER_INTERVAL)
     before = np.real(np.conj(v)[:, None] * (there - joint[:, None])) < 0
     away = np.where(before, _distance(there, p0, t0, first, joint - p0), _distance(there, p1, t1, last, p1 - joint))
     return (p0, np.tan(first / 2)), (joint, np.tan(last / 2)), np.abs(away).max(axis=1)

@@ -48,14 +48,14 @@ def contact(lift: Lift, geometry: Geometry, theta: Float[np.ndarray, " k"] | Non
 def smallest_radii(lift: Lift, geometry: Geometry) -> tuple[float, float | None]:
     """`Contact.smallest_convex` and `Contact.smallest_concave` of a cam, with samples `CLOSER` times as close around
     every extreme. Raises InputError if a finger or rocker cannot follow the lift."""
-    found = contact(lift, geometry)
-    turns = np.diff(1 / found.radius_of_curvature)
-    at = found.theta[1 + np.flatnonzero(turns[1:] * turns[:-1] < 0)]
+    coarse = contact(lift, geometry)
+    turns = np.diff(1 / coarse.radius_of_curvature)
+    at = coarse.theta[1 + np.flatnonzero(turns[1:] * turns[:-1] < 0)]
     if len(at) == 0:
-        return found.smallest_convex, found.smallest_concave
-    closer = contact(lift, geometry, (at[:, None] + STEP * np.linspace(-1, 1, 2 * CLOSER + 1)).ravel())
-    concave = [size for one in (found, closer) if (size := one.smallest_concave) is not None]
-    return min(found.smallest_convex, closer.smallest_convex), min(concave, default=None)
+        return coarse.smallest_convex, coarse.smallest_concave
+    fine = contact(lift, geometry, (at[:, None] + STEP * np.linspace(-1, 1, 2 * CLOSER + 1)).ravel())
+    concave = [size for samples in (coarse, fine) if (size := samples.smallest_concave) is not None]
+    return min(coarse.smallest_convex, fine.smallest_convex), min(concave, default=None)
 
 
 def crossing(lift: Lift, height: float) -> tuple[float, float]:

@@ -99,11 +99,11 @@ def hertz_stress(
 def combined_curvature(along: Contact) -> np.ndarray:
     """1/R (k) [1/m] of cam and follower; -inf at a cusp or an undercut of the cam."""
     radius = along.geometry.contact_radius_mm
-    own = along.radius_of_curvature
-    cam = np.divide(1.0, own, out=np.full_like(own, -np.inf), where=own != 0)
+    cam_radius = along.radius_of_curvature
+    cam = np.divide(1.0, cam_radius, out=np.full_like(cam_radius, -np.inf), where=cam_radius != 0)
     if radius is None:
         return cam
-    undercut = (own <= 0) & (own >= -radius * MM)
+    undercut = (cam_radius <= 0) & (cam_radius >= -radius * MM)
     return np.where(undercut, -np.inf, cam + 1 / (radius * MM))
 
 

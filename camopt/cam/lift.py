@@ -76,8 +76,8 @@ class Lift:
 
     def roots(self, order: int, value: float = 0.0) -> Float[np.ndarray, " k"]:
         """Angles [rad] at which the derivative `order` equals `value`; the start of a piece on which it always does."""
-        found = self._derivatives[order].solve(value, discontinuity=False, extrapolate=False)
-        return found[np.isfinite(found)]
+        angles = self._derivatives[order].solve(value, discontinuity=False, extrapolate=False)
+        return angles[np.isfinite(angles)]
 
     def extremes(self, order: int, low: float = -np.pi, high: float = np.pi) -> tuple[float, float]:
         """Exact smallest and largest value of the derivative `order` over [low, high], from the roots of the next
@@ -161,17 +161,17 @@ class Lift:
         middles = 0.5 * (borders[1:] + borders[:-1])
         width = max(self.coefficients.shape[1], error.coefficients.shape[1])
         total = np.zeros((len(middles), width))
-        for part in (self, error):
-            piece = np.searchsorted(part.borders, middles) - 1
-            total[:, : part.coefficients.shape[1]] += recentred(part, piece, borders[:-1])
+        for law in (self, error):
+            piece = np.searchsorted(law.borders, middles) - 1
+            total[:, : law.coefficients.shape[1]] += recentred(law, piece, borders[:-1])
         return Lift(borders, total, self.half_duration, self.family, self.parameters)
 
 
 def without_narrow(borders: np.ndarray) -> np.ndarray:
     """Borders from -pi on without those of pieces that are only as wide as a rounding error."""
-    kept = borders[np.append(np.diff(borders) > APART, True)]
-    kept[0] = -np.pi
-    return kept
+    remaining = borders[np.append(np.diff(borders) > APART, True)]
+    remaining[0] = -np.pi
+    return remaining
 
 
 def steps_at_borders(borders, coefficients) -> Any:

@@ -91,23 +91,23 @@ def linear_limits(design: Design, centres: tuple[float, ...] = ()) -> list[Linea
     duration about another middle.
     """
     half = design.duration_deg / 2 * DEG
-    found = []
+    limits = []
     for angle, least, most in design.lift_at:
         at = angle * DEG, angle * DEG
         if least > 0:
             name = f"lift_at's least lift at {angle:g} deg"
-            found.append(LinearLimit("lift_at", name, (-1.0,), flat_level(-least * MM, *at), least, -1 / MM))
+            limits.append(LinearLimit("lift_at", name, (-1.0,), flat_level(-least * MM, *at), least, -1 / MM))
         if most < design.max_lift_mm:
             name = f"lift_at's largest lift at {angle:g} deg"
-            found.append(LinearLimit("lift_at", name, (1.0,), flat_level(most * MM, *at), most, 1 / MM))
+            limits.append(LinearLimit("lift_at", name, (1.0,), flat_level(most * MM, *at), most, 1 / MM))
     for i, row in enumerate(design.duration_at):
-        found += _durations(row, centres[i] if centres else 0.0, half)
+        limits += _durations(row, centres[i] if centres else 0.0, half)
     if design.piston is not None:
         assert design.cam_per_crank is not None, "the scene asks for it"
         room = piston_room(design.piston, design.cam_per_crank, np.pi)
         clearance = design.piston.clearance_mm
-        found.append(LinearLimit("piston", "piston.clearance_mm", (1.0,), room, clearance, -1 / MM))
-    return found + _of_a_flat_follower(design, half) + _of_a_roller(design, half)
+        limits.append(LinearLimit("piston", "piston.clearance_mm", (1.0,), room, clearance, -1 / MM))
+    return limits + _of_a_flat_follower(design, half) + _of_a_roller(design, half)
 
 
 def radii_held_near(design: Design) -> tuple[str, ...]:
@@ -125,28 +125,28 @@ def at_least(least_deg: float) -> str:
 def _durations(row: tuple[float, float, float], centre: float, half: float) -> list[LinearLimit]:
     """The limits on the duration at one lift, about one centre [rad]."""
     height, least, most = row
-    found = []
+    limits = []
     for sign in (-1, 1):
         at = np.clip(centre + sign * least * DEG / 2, -half, half)
         if least > 0:
             level = flat_level(-height * MM, at, at)
-            found.append(LinearLimit("duration_at", at_least(least), (-1.0,), level, height, -1 / MM, chosen=True))
+            limits.append(LinearLimit("duration_at", at_least(least), (-1.0,), level, height, -1 / MM, chosen=True))
         begins = np.clip(centre + sign * most * DEG / 2, -half, half)
         if abs(begins) < half:
             name = f"duration_at's lift for a duration of at most {most:g} deg"
             level = flat_level(height * MM, *sorted((begins, sign * half)))
-            found.append(LinearLimit("duration_at", name, (1.0,), level, height, 1 / MM, chosen=True))
-    return found
+            limits.append(LinearLimit("duration_at", name, (1.0,), level, height, 1 / MM, chosen=True))
+    return limits
 
 
 def _of_a_flat_follower(design: Design, half: float) -> list[LinearLimit]:
     geometry = design.geometry
     if geometry is None or geometry.follower != "flat":
         return []
-    y, base, found = 1 / geometry.rocker_ratio, geometry.base_radius_mm * MM, []
+    y, base, limits = 1 / geometry.rocker_ratio, geometry.base_radius_mm * MM, []
 
     def add(key: str, weights: tuple[float, ...], level: float, value: float, rate: float) -> None:
-        found.append(LinearLimit(key, key, weights, flat_level(level, -half, half), value, rate))
+        limits.append(LinearLimit(key, key, weights, flat_level(level, -half, half), value, rate))
 
     if (radius := design.nose_radius_min_mm) is not None:
         add("nose_radius_min_mm", (-y, 0.0, -y), base - radius * MM, radius, -1 / MM)
@@ -157,7 +157,7 @@ def _of_a_flat_follower(design: Design, half: float) -> list[LinearLimit]:
         assert design.slowest is not None, "the scene asks for it"
         level = base / 2 - velocity / design.slowest
         add("entrainment_min_m_per_s", (-y / 2, 0.0, -y), level, velocity, -design.slowest)
-    return found
+    return limits
 
 
 def _of_a_roller(design: Design, half: float) -> list[LinearLimit]:
@@ -175,12 +175,12 @@ def _of_a_roller(design: Design, half: float) -> list[LinearLimit]:
         level = flat_level(sign * base + square / size, -half, half)
         return LinearLimit(key, key, weights, level, radius, -(size**2) / square / MM, chosen=True)
 
-    found = []
+    limits = []
     if (nose := design.nose_radius_min_mm) is not None:
-        found.append(limit("nose_radius_min_mm", nose, -1.0, base + rise))
+        limits.append(limit("nose_radius_min_mm", nose, -1.0, base + rise))
     if (concave := design.concave_radius_min_mm) is not None:
-        found.append(limit("concave_radius_min_mm", concave, 1.0, base + FLANK * rise))
-    return found
+        limits.append(limit("concave_radius_min_mm", concave, 1.0, base + FLANK * rise))
+    return limits
 
 
 def weighted_sum(lift: Lift, weights: tuple[float, ...]) -> Lift:

@@ -56,10 +56,10 @@ class PiecewiseLevel:
         return recentred(self, piece, start)
 
 
-def recentred(of: Any, piece: np.ndarray, start: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m q"]:
+def recentred(law: Any, piece: np.ndarray, start: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m q"]:
     """Coefficients about new starts [rad] of the pieces with the indices `piece` (m) of a lift law or a level."""
-    c = of.coefficients[piece].copy()
-    step = start - of.borders[piece]
+    c = law.coefficients[piece].copy()
+    step = start - law.borders[piece]
     q = c.shape[1]
     for low in range(q - 1):  # repeated synthetic division
         for k in range(q - 2, low - 1, -1):

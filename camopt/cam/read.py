@@ -88,8 +88,8 @@ def family_and_keywords(spec: str) -> tuple[str, dict[str, Any]]:
     for item in filter(None, text.split(",")):
         key, equals, value = item.partition("=")
         if key not in family.parameters or not equals:
-            known = ", ".join(f"{k}=..." for k in family.parameters)
-            expected = f"expected {known}" if known else "this family has none"
+            usage = ", ".join(f"{k}=..." for k in family.parameters)
+            expected = f"expected {usage}" if usage else "this family has none"
             meant = did_you_mean(key, family.parameters)
             raise InputError(f"cam {name}: parameter {excerpt(item)}: {expected}{meant}")
         keyword, parse, _ = family.parameters[key]

@@ -161,7 +161,7 @@ def with_number(row: Row, key: str, value: float) -> Row:
 
 
 def _installed(spring: Element) -> tuple[float, float]:
-    """Stiffness [N/m] and force [N] of a spring with a table, extrapolated if it is of forces, with the valve closed."""
+    """Stiffness [N/m] and force [N] of a spring with a table where the valve is closed, extrapolated from forces."""
     if spring.stiffness_table:
         return float(np.interp(0.0, *np.array(spring.stiffness_table).T)), spring.preload_N
     assert spring.force_table, "one of both by the callers"

@@ -8,7 +8,7 @@ import pytest
 from camopt.cam.families.multi_pol import TABLE_1, multi_pol
 from camopt.cam.families.new_design import new_design, table_2
 from camopt.cam.families.section_limits import control_points
-from camopt.cam.families.sections import QUANTITIES, U, flank
+from camopt.cam.families.sections import QUANTITIES, U, opening_flank
 from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
 from camopt.scene import InputError
@@ -196,7 +196,7 @@ def test_ramps_that_differ_are_refused():
 
 def test_control_points_from_an_angle_on_begin_and_end_with_the_curve():
     angles = np.array([10.0, 7.0, 7.0, 27.0, 21.0]) * DEG
-    one, x = flank(TABLE_1, angles), np.arange(1.0, 3.0 + len(TABLE_1.levels))
+    one, x = opening_flank(TABLE_1, angles), np.arange(1.0, 3.0 + len(TABLE_1.levels))
     for start in (0.0, 8 * DEG, float(angles[:2].sum()), 30 * DEG):
         piece = np.searchsorted(one.borders, start, side="right") - 1
         u = start - one.borders[piece]

@@ -14,7 +14,7 @@ import numpy as np
 from camopt.cam.families.kurz import sine_terms
 from camopt.cam.families.record import Family
 from camopt.cam.families.sectioned import sections_construction
-from camopt.cam.families.sections import Section, SectionTable, U, closed, flank
+from camopt.cam.families.sections import Section, SectionTable, U, close_flank, opening_flank
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import symmetric_conditions
 from camopt.scene import Scene
@@ -56,9 +56,10 @@ def polynomial_4567(scene: Scene) -> Lift:
 def _designed(scene: Scene, family: str) -> Lift:
     design, ramp = symmetric_conditions(scene, family)
     table = TABLES[family]
-    one = flank(table, np.array([design.duration_deg * DEG / 2]))
-    x = closed(table, one, np.array([ramp.height, ramp.velocity, 0.0]), design.max_lift_mm * MM, table.closed_by)
-    return one.lift(x, ramp, family, {})
+    flank = opening_flank(table, np.array([design.duration_deg * DEG / 2]))
+    x = np.array([ramp.height, ramp.velocity, 0.0])
+    x = close_flank(table, flank, x, design.max_lift_mm * MM, table.closed_by)
+    return flank.lift(x, ramp, family, {})
 
 
 def _family(name: str, design: Callable[[Scene], Lift], line: tuple[str, tuple]) -> Family:

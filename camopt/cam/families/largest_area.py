@@ -16,7 +16,7 @@ import numpy as np
 from scipy.optimize import differential_evolution, minimize
 
 from camopt.cam.families.section_limits import limit_rows
-from camopt.cam.families.sections import Flank, SectionTable, closed, flank
+from camopt.cam.families.sections import Flank, SectionTable, close_flank, opening_flank
 from camopt.cam.ramps import Ramp
 from camopt.highs import FARTHEST, minimise
 from camopt.scene import InputError
@@ -56,14 +56,16 @@ class Program:
     wanted: np.ndarray  # (e)
 
 
-def program(table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: bool, parts: int = FINE) -> Program:
+def level_program(
+    table: SectionTable, flank: Flank, design: Design, ramp: Ramp, jerk: bool, parts: int = FINE
+) -> Program:
     """The linear program of the levels for one flank under the design's limits, the jerk limit only with `jerk`."""
-    half, max_lift = one.borders[-1], design.max_lift_mm * MM
+    half, max_lift = flank.borders[-1], design.max_lift_mm * MM
     column = max_lift / half ** table.orders()
     fixed = np.array([ramp.height, ramp.velocity])
-    rows, bound = limit_rows(one, design, jerk, parts)
-    ends = np.stack([one.end(k) * half**k for k in range(len(table.closed_by))]) / max_lift
-    area = one.area() / (2 * max_lift * half)
+    rows, bound = limit_rows(flank, design, jerk, parts)
+    ends = np.stack([flank.end(k) * half**k for k in range(len(table.closed_by))]) / max_lift
+    area = flank.area() / (2 * max_lift * half)
     rows, bound = rows[:, 2:] * column, bound - rows[:, :2] @ fixed
     large = np.maximum(np.maximum(np.abs(rows).max(axis=1), np.abs(bound)) / LARGEST, 1.0)
     return Program(
@@ -77,28 +79,28 @@ def program(table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: b
     )
 
 
-def solved(one: Program, kept: Sequence[float | None]) -> tuple[np.ndarray, float]:
-    """(best z (m), relaxation of the limits, which is 0 if they can be met); numbers in `kept` fix entries of z."""
-    limits = len(one.rows)
-    matrix = np.zeros((limits + len(one.ends), len(one.area) + 1))
-    matrix[:limits, :-1], matrix[:limits, -1], matrix[limits:, :-1] = one.rows, -1.0, one.ends
-    low, high = np.append(np.full(limits, -np.inf), one.wanted), np.append(one.bound, one.wanted)
-    box = [(-FARTHEST, FARTHEST) if k is None else (k, k) for k in kept]
-    found = minimise(np.append(-one.area, STRETCH_PRICE), matrix, low, high, np.array([*box, (0.0, np.inf)])).x
-    return found[:-1], float(found[-1])
+def solved_levels(program: Program, fixed: Sequence[float | None]) -> tuple[np.ndarray, float]:
+    """(best z (m), relaxation of the limits, which is 0 if they can be met); numbers in `fixed` fix entries of z."""
+    limits = len(program.rows)
+    matrix = np.zeros((limits + len(program.ends), len(program.area) + 1))
+    matrix[:limits, :-1], matrix[:limits, -1], matrix[limits:, :-1] = program.rows, -1.0, program.ends
+    low, high = np.append(np.full(limits, -np.inf), program.wanted), np.append(program.bound, program.wanted)
+    box = [(-FARTHEST, FARTHEST) if k is None else (k, k) for k in fixed]
+    solution = minimise(np.append(-program.area, STRETCH_PRICE), matrix, low, high, np.array([*box, (0.0, np.inf)])).x
+    return solution[:-1], float(solution[-1])
 
 
 def best_levels(
-    table: SectionTable, one: Flank, design: Design, ramp: Ramp, jerk: bool, given: Mapping[str, float]
+    table: SectionTable, flank: Flank, design: Design, ramp: Ramp, jerk: bool, fixed: Mapping[str, float]
 ) -> tuple[np.ndarray, float]:
-    """(x (n) of `Flank` with the largest area, relaxation of the limits). Levels in `given` [m/rad^order] are fixed.
+    """(x (n) of `Flank` with the largest area, relaxation of the limits). Levels in `fixed` [m/rad^order] are fixed.
     The levels that the conditions at the nose determine satisfy these to rounding."""
-    linear = program(table, one, design, ramp, jerk)
-    kept = [given[n] / c if n in given else None for n, c in zip(table.levels, linear.column, strict=True)]
-    z, stretch = solved(linear, kept)
-    free = [n for n in (*table.closed_by, *table.levels) if n not in given]
+    linear = level_program(table, flank, design, ramp, jerk)
+    fixed_z = [fixed[n] / c if n in fixed else None for n, c in zip(table.levels, linear.column, strict=True)]
+    z, stretch = solved_levels(linear, fixed_z)
+    free = [n for n in (*table.closed_by, *table.levels) if n not in fixed]
     x = np.array([ramp.height, ramp.velocity, *(z * linear.column)])
-    return closed(table, one, x, design.max_lift_mm * MM, free[: len(table.closed_by)]), stretch
+    return close_flank(table, flank, x, design.max_lift_mm * MM, free[: len(table.closed_by)]), stretch
 
 
 def best_angles(
@@ -127,17 +129,17 @@ def _best_angles(table, design, ramp, jerk, starts, generations, seed) -> np.nda
         raise InputError(f"{table.family}: {count} sections of at least {SHORTEST / DEG:g} deg need a longer duration")
 
     def flank_program(shares: np.ndarray, parts: int) -> Program:
-        return program(table, flank(table, section_angles(shares, half)), design, ramp, jerk, parts)
+        return level_program(table, opening_flank(table, section_angles(shares, half)), design, ramp, jerk, parts)
 
     def cost(shares: np.ndarray) -> float:
         linear = flank_program(shares, COARSE)
-        z, stretch = solved(linear, [None] * len(table.levels))
+        z, stretch = solved_levels(linear, [None] * len(table.levels))
         return STRETCH_PRICE * stretch - float(linear.area @ z) - linear.constant
 
     first = qmc.Sobol(count - 1, scramble=False).random(POPULATION)
     for i, start in enumerate(starts):
         first[i] = angle_shares(np.array(start) * half, half)
-    found = differential_evolution(
+    best = differential_evolution(
         cost,
         [(0.0, 1.0)] * (count - 1),
         init=first,  # pyright: ignore[reportArgumentType]  # SciPy's annotation forgets that an array may be given
@@ -146,8 +148,8 @@ def _best_angles(table, design, ramp, jerk, starts, generations, seed) -> np.nda
         polish=False,
         rng=np.random.default_rng(seed),
     )
-    z, _ = solved(flank_program(found.x, FINE), [None] * len(table.levels))
-    return section_angles(_polished(flank_program, found.x, z), half)
+    z, _ = solved_levels(flank_program(best.x, FINE), [None] * len(table.levels))
+    return section_angles(_polished(flank_program, best.x, z), half)
 
 
 def _polished(flank_program: Callable[[np.ndarray, int], Program], shares: np.ndarray, z: np.ndarray) -> np.ndarray:

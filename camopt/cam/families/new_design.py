@@ -94,8 +94,8 @@ def _space(scene: Scene, jerk: bool, start_ratio: float | None = None, quintic: 
     if start_ratio is None and _jerk_limited(scene, jerk):
         start_ratio = 0.0
     reading = {"start_ratio": start_ratio, "section_II": "quintic" if quintic else "quartic"}
-    own = {"start_ratio": START_RATIOS} if start_ratio is None else {}
-    return sections_space(scene, jerk, _table_of, STARTS, reading, own)
+    free_settings = {"start_ratio": START_RATIOS} if start_ratio is None else {}
+    return sections_space(scene, jerk, _table_of, STARTS, reading, free_settings)
 
 
 FAMILY = Family(

@@ -14,6 +14,7 @@ from camopt.cam.families.record import Event, Family, Parameter, Parameters, Spa
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import Ramp, symmetric_conditions
 from camopt.scene import InputError, Scene, Train, build_train
+from camopt.scene.design import Design
 from camopt.scene.rest import linearised_at_rest, static_matrices
 from camopt.scene.train import GROUND
 from camopt.scene.units import DEG, MM
@@ -63,10 +64,10 @@ def _condensed(train: Train, closed: np.ndarray, pull: np.ndarray) -> tuple[floa
     if not np.any(at_ground):
         return 0.0, rest
     unit = np.eye(len(train.mass))[train.valve]
-    given, rest[joined] = np.linalg.solve(
+    unit_lift, rest[joined] = np.linalg.solve(
         stiffness[np.ix_(joined, joined)], np.column_stack([unit[joined], pull[joined]])
     ).T
-    return 1.0 / float(given @ unit[joined]), rest
+    return 1.0 / float(unit_lift @ unit[joined]), rest
 
 
 def polydyne(
@@ -103,16 +104,17 @@ def polydyne(
         k_e, k_sp, mass = equivalent_train(build_train(scene))
         dynamic = 1 + k_sp / k_e, scene.cam_speed(speed) ** 2 * mass / k_e
     a, b = dynamic
-    own = {"design_speed_rpm": speed, "A": a, "B_deg2": b / DEG**2, "ramp_height_mm": ramp.height / MM}
+    parameters = {"design_speed_rpm": speed, "A": a, "B_deg2": b / DEG**2, "ramp_height_mm": ramp.height / MM}
     law = a, b, [0.0, 0.0, 0.0, -ramp.velocity / b, 0.0]  # Eq. (3)
-    half_deg = design.duration_deg / 2
-    return power_cam("polydyne", exponents, design, ramp, law, lambda why: _left(why, exponents, own, half_deg), **own)
+    return power_cam(
+        "polydyne", exponents, design, ramp, law, lambda why: _refusal(why, exponents, parameters, design), **parameters
+    )
 
 
-def _left(why: str, exponents: tuple[float, ...], parameters: dict[str, float], half_deg: float) -> str:
+def _refusal(why: str, exponents: tuple[float, ...], parameters: dict[str, float], design: Design) -> str:
     """The sentence on a dynamic correction that leaves the family, with its remedy."""
     speed, follows = parameters["design_speed_rpm"], abs(parameters["B_deg2"] / parameters["A"]) ** 0.5
-    shows = half_deg / max(exponents)
+    shows = design.duration_deg / 2 / max(exponents)
     stiff = follows < shows
     train = "follows its cam within" if stiff else "lags behind its cam by"
     speeds = "a higher speed_rpm, higher exponents" if stiff else "a lower speed_rpm, lower exponents"
@@ -128,16 +130,16 @@ def _construction(_: Scene, cam: Lift) -> tuple[Parameters, Event]:
     speed = cam.parameters["design_speed_rpm"]
 
     def dynamic(p: Parameters, ramp: Ramp) -> tuple:
-        now = b * (p["speed_rpm"] / speed) ** 2  # B = omega^2 M / k_e
-        return a, now, [0, 0, 0, -ramp.velocity / now, 0]
+        b_at_speed = b * (p["speed_rpm"] / speed) ** 2  # B = omega^2 M / k_e
+        return a, b_at_speed, [0, 0, 0, -ramp.velocity / b_at_speed, 0]
 
     return power_construction(cam, {"speed_rpm": speed}, dynamic)
 
 
-def _space(scene: Scene, jerk: bool, **given) -> Space:
+def _space(scene: Scene, jerk: bool, **fixed) -> Space:
     top = scene.required_operation.speeds_rpm[-1]
     bounds = [(DESIGN_SPEEDS[0] * top, DESIGN_SPEEDS[1] * top)]
-    return power_space(lambda exponents, speed: polydyne(scene, exponents, speed, **given), bounds, [top])
+    return power_space(lambda exponents, speed: polydyne(scene, exponents, speed, **fixed), bounds, [top])
 
 
 FAMILY = Family(

@@ -54,7 +54,7 @@ def power_cam(
         raise
     except (np.linalg.LinAlgError, ValueError):
         raise InputError(refusal("its six conditions have no common solution")) from None
-    if why := _no_member(lift, top, ramp):
+    if why := _why_no_cam(lift, top, ramp):
         raise InputError(refusal(why))
     return lift
 
@@ -111,7 +111,7 @@ def piece_shares(powers: np.ndarray) -> np.ndarray:
     return np.array(borders[::-1])
 
 
-def _no_member(lift: Lift, top: float, ramp: Ramp) -> str:
+def _why_no_cam(lift: Lift, top: float, ramp: Ramp) -> str:
     """Why a solution of the six conditions is no cam under the maximum lift `top` [m], as a clause; "" if it is one."""
     half, largest = lift.half_duration, lift.max_lift
     slowest, fastest = lift.extremes(1, -half, 0.0)
@@ -126,20 +126,21 @@ def _no_member(lift: Lift, top: float, ramp: Ramp) -> str:
 
 
 def power_construction(
-    cam: Lift, own: Parameters, dynamic: Callable[[Parameters, Ramp], tuple]
+    cam: Lift, family_parameters: Parameters, dynamic: Callable[[Parameters, Ramp], tuple]
 ) -> tuple[Parameters, Event]:
-    """The free parameters of a cam of powers, `own` and its exponents of at least 8, and the function that builds its
-    event. `dynamic(parameters, ramp)` gives A, B [rad^2] and the five conditions at the end of the flank [m/rad^k]."""
+    """The free parameters of a cam of powers, `family_parameters` and its exponents of at least 8, and the function
+    that builds its event. `dynamic(parameters, ramp)` gives A, B [rad^2] and the five conditions at the end of the
+    flank [m/rad^k]."""
     exponents = np.array(cam.parameters["exponents"])
     free = exponents >= LEAST_REAL_EXPONENT
-    kept, placed = np.where(free, 0.0, exponents), np.eye(len(exponents))[:, free]
+    fixed, into_free = np.where(free, 0.0, exponents), np.eye(len(exponents))[:, free]
     shares = piece_shares(exponents)
 
     def event(p: Parameters, ramp: Ramp, _: Ramp):
         half, rise = p["duration_deg"] * DEG / 2, p["max_lift_mm"] * MM - ramp.height
-        return event_pieces(kept + placed @ p["exponents"], half, rise, ramp.height, dynamic(p, ramp), shares)
+        return event_pieces(fixed + into_free @ p["exponents"], half, rise, ramp.height, dynamic(p, ramp), shares)
 
-    return {"exponents": exponents[free]} | own, event
+    return {"exponents": exponents[free]} | family_parameters, event
 
 
 def power_space(member: Callable[..., Lift], bounds: Sequence[tuple[float, float]], known: Sequence[float]) -> Space:
@@ -147,10 +148,10 @@ def power_space(member: Callable[..., Lift], bounds: Sequence[tuple[float, float
     family with their bounds and a known point; `member(exponents, *own)` designs a member."""
 
     def member_at(x: np.ndarray) -> Lift:
-        found = [2.0]
+        exponents = [2.0]
         for gap in x[:4]:
-            power = found[-1] + float(gap)
-            found.append(power if power >= LEAST_REAL_EXPONENT else float(round(power)))
-        return member(tuple(found), *(float(value) for value in x[4:]))
+            power = exponents[-1] + float(gap)
+            exponents.append(power if power >= LEAST_REAL_EXPONENT else float(round(power)))
+        return member(tuple(exponents), *(float(value) for value in x[4:]))
 
     return Space([*GAPS, *bounds], member_at, [[*PLAIN_GAPS, *known]])

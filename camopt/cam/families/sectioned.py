@@ -13,7 +13,7 @@ import numpy as np
 
 from camopt.cam.families.largest_area import POPULATION, angle_shares, best_angles, best_levels, section_angles
 from camopt.cam.families.record import Event, Family, Parameter, Parameters, Space, number, numbers, yes_or_no
-from camopt.cam.families.sections import Flank, SectionTable, closed, flank
+from camopt.cam.families.sections import Flank, SectionTable, close_flank, opening_flank
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import Ramp, symmetric_conditions
 from camopt.scene import InputError, Scene
@@ -55,29 +55,31 @@ def sectioned_family(
 
 def section_parameters(levels: Sequence[str]) -> dict[str, Parameter]:
     """Section angles, levels and the switch for the jerk limit, by their names on the command line."""
-    own = {level: Parameter(level.partition("_")[0], number) for level in levels}
-    return {"sections_deg": Parameter("sections_deg", numbers)} | own | {"jerk": Parameter("jerk", yes_or_no)}
+    by_level = {level: Parameter(level.partition("_")[0], number) for level in levels}
+    return {"sections_deg": Parameter("sections_deg", numbers)} | by_level | {"jerk": Parameter("jerk", yes_or_no)}
 
 
-def sections_construction(cam: Lift, table_of: TableOf, own: Sequence[str] = ()) -> tuple[Parameters, Event]:
-    """The free parameters of a sectioned cam, including those in `own`, on which its table depends, and its event."""
-    given = cam.parameters
-    table = table_of(given)
+def sections_construction(
+    cam: Lift, table_of: TableOf, table_parameters: Sequence[str] = ()
+) -> tuple[Parameters, Event]:
+    """The free parameters of a sectioned cam and its event; `table_parameters` are those on which its table depends."""
+    values = cam.parameters
+    table = table_of(values)
     names = level_names(table)
-    free = {name: given[name] for name, level in zip(names, table.levels, strict=True) if level not in table.closed_by}
+    free = {name: values[name] for name, level in zip(names, table.levels, strict=True) if level not in table.closed_by}
     if len(table.sections) > 1:
-        free["sections_deg"] = np.array(given["sections_deg"][:-1])
-    free |= {name: given[name] for name in own}
+        free["sections_deg"] = np.array(values["sections_deg"][:-1])
+    free |= {name: values[name] for name in table_parameters}
 
     def event(p: Parameters, ramp: Ramp, _: Ramp):
-        now = table_of(given | p)
+        moved_table = table_of(values | p)
         xp = p["duration_deg"].__array_namespace__()
         first = p.get("sections_deg", xp.zeros(0)) * DEG
         angles = xp.append(first, p["duration_deg"] * DEG / 2 - first.sum())
-        one = flank(now, angles)
-        levels = [p.get(name, 0.0) * unit for name, unit in zip(names, now.units(), strict=True)]
+        flank = opening_flank(moved_table, angles)
+        levels = [p.get(name, 0.0) * unit for name, unit in zip(names, moved_table.units(), strict=True)]
         x = xp.asarray([ramp.height, ramp.velocity, *levels])
-        return one.event(closed(now, one, x, p["max_lift_mm"] * MM, now.closed_by))
+        return flank.event(close_flank(moved_table, flank, x, p["max_lift_mm"] * MM, moved_table.closed_by))
 
     return free, event
 
@@ -88,37 +90,37 @@ def sections_space(
     table_of: TableOf,
     starts: Sequence[Sequence[float]],
     reading: Mapping[str, Any] | None = None,
-    own: Mapping[str, tuple[float, float]] | None = None,
+    free_settings: Mapping[str, tuple[float, float]] | None = None,
 ) -> Space:
-    """The search space, whose vector has the `own` parameters, within their bounds, shares of the half duration, and
-    used shares of the limits.
+    """The search space, whose vector has `free_settings` within their bounds, shares of the half duration, and used
+    shares of the limits.
 
-    `reading` has the parameters on which the table depends; those in `own` take their values from the vector.
+    `reading` has the parameters on which the table depends; those in `free_settings` take their values from the vector.
     """
-    reading, own = reading or {}, own or {}
-    at_most = np.array([high for _, high in own.values()])  # the largest start ratio has the largest area
-    table = table_of({**reading, **dict(zip(own, at_most, strict=True))})
+    reading, free_settings = reading or {}, free_settings or {}
+    at_most = np.array([high for _, high in free_settings.values()])  # the largest start ratio has the largest area
+    table = table_of({**reading, **dict(zip(free_settings, at_most, strict=True))})
     design, ramp = symmetric_conditions(scene, table.family)
     half = design.duration_deg * DEG / 2
-    cuts = len(own) + len(table.sections) - 1
+    cuts = len(free_settings) + len(table.sections) - 1
     names = [n for n in TIGHTENED if getattr(design, n) is not None and (jerk or "jerk" not in n)]
 
     def cam(x: np.ndarray, angles: np.ndarray, limits: Design) -> Lift:
-        now = {**reading, **{name: float(value) for name, value in zip(own, x, strict=False)}}
-        table = table_of(now)
-        one = flank(table, angles)
-        levels, _ = best_levels(table, one, limits, ramp, jerk, {})
-        return cam_of(table, one, angles, levels, ramp, **now)
+        settings = {**reading, **{name: float(value) for name, value in zip(free_settings, x, strict=False)}}
+        table = table_of(settings)
+        flank = opening_flank(table, angles)
+        levels, _ = best_levels(table, flank, limits, ramp, jerk, {})
+        return cam_of(table, flank, angles, levels, ramp, **settings)
 
     def member(x: np.ndarray) -> Lift:
         used = {n: float(u) * getattr(design, n) for n, u in zip(names, x[cuts:], strict=True)}
-        return cam(x, section_angles(x[len(own) : cuts], half), design.model_copy(update=used))
+        return cam(x, section_angles(x[len(free_settings) : cuts], half), design.model_copy(update=used))
 
     def largest(members: int, seed: int) -> Lift:
         generations = max(1, members // POPULATION - 1)
         return cam(at_most, best_angles(table, design, ramp, jerk, starts, generations, seed), design)
 
-    bounds = [*own.values(), *[(0.0, 1.0)] * (len(table.sections) - 1), *[(LEAST_USE, 1.0)] * len(names)]
+    bounds = [*free_settings.values(), *[(0.0, 1.0)] * (len(table.sections) - 1), *[(LEAST_USE, 1.0)] * len(names)]
     known = [[*at_most, *angle_shares(np.array(start) * half, half), *[1.0] * len(names)] for start in starts]
     return Space(bounds, member, known, largest)
 
@@ -140,35 +142,35 @@ def member(
     satisfies the limits.
     """
     design, ramp = symmetric_conditions(scene, table.family)
-    given = {n: float(v) for n, v in levels.items() if v is not None}
-    open_levels = [n for n in table.levels if n not in given]
-    if not all(np.isfinite(v) for v in given.values()):
-        raise InputError(f"{table.family}: levels {given}: finite numbers are needed")
+    stated = {n: float(v) for n, v in levels.items() if v is not None}
+    open_levels = [n for n in table.levels if n not in stated]
+    if not all(np.isfinite(v) for v in stated.values()):
+        raise InputError(f"{table.family}: levels {stated}: finite numbers are needed")
     if len(open_levels) < len(table.closed_by):
         raise InputError(
             f"{table.family}: all of {', '.join(table.levels)} are given; the maximum lift determines one: leave it out"
         )
     if sections_deg is None:
-        if given:
-            raise InputError(f"{table.family}: {', '.join(given)} given without sections_deg; give the angles too")
+        if stated:
+            raise InputError(f"{table.family}: {', '.join(stated)} given without sections_deg; give the angles too")
         angles = best_angles(table, design, ramp, jerk, starts)
     else:
         angles = _checked(table, sections_deg, design.duration_deg / 2) * DEG
-    one = flank(table, angles)
+    flank = opening_flank(table, angles)
     units = dict(zip(table.levels, table.units(), strict=True))
-    si = {n: v * units[n] for n, v in given.items()}
+    si = {n: v * units[n] for n, v in stated.items()}
     if sections_deg is not None and len(open_levels) == len(table.closed_by):
         x = np.array([ramp.height, ramp.velocity, *(si.get(n, 0.0) for n in table.levels)])
-        x = closed(table, one, x, design.max_lift_mm * MM, open_levels)
+        x = close_flank(table, flank, x, design.max_lift_mm * MM, open_levels)
     else:
-        x, stretch = best_levels(table, one, design, ramp, jerk, si)
+        x, stretch = best_levels(table, flank, design, ramp, jerk, si)
         if stretch > STRETCH_ROUND_OFF:
             raise InputError(
                 f"{table.family}: no member found within the limits of [design]; the best breaks one by "
                 f"{100 * stretch:.2g} %: loosen the limits on acceleration and jerk, those of the drawing, or the "
                 f"maximum lift"
             )
-    return cam_of(table, one, angles, x, ramp, **parameters)
+    return cam_of(table, flank, angles, x, ramp, **parameters)
 
 
 def level_names(table: SectionTable) -> list[str]:
@@ -176,11 +178,11 @@ def level_names(table: SectionTable) -> list[str]:
     return [f"{n}_mm_per_deg{k}" for n, k in zip(table.levels, table.orders(), strict=True)]
 
 
-def cam_of(table: SectionTable, one: Flank, angles: np.ndarray, x: np.ndarray, ramp: Ramp, **parameters) -> Lift:
+def cam_of(table: SectionTable, flank: Flank, angles: np.ndarray, x: np.ndarray, ramp: Ramp, **parameters) -> Lift:
     """The cam with the levels x (n) on a flank with these section angles [rad], which become parameters of the cam."""
     levels = dict(zip(level_names(table), (x[2:] / table.units()).tolist(), strict=True))
     parameters = {"sections_deg": (angles / DEG).tolist(), **levels, **parameters}
-    return one.lift(x, ramp, table.family, parameters)
+    return flank.lift(x, ramp, table.family, parameters)
 
 
 def _checked(table: SectionTable, sections_deg: Sequence[float], half_deg: float) -> np.ndarray:

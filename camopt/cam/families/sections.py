@@ -130,7 +130,7 @@ class Flank:
         return borders, xp.concatenate([up, down])
 
 
-def flank(table: SectionTable, angles: np.ndarray) -> Flank:
+def opening_flank(table: SectionTable, angles: np.ndarray) -> Flank:
     """The opening flank of a table for section angles [rad] in an array of NumPy or JAX, section by section."""
     xp = angles.__array_namespace__()
     symbols = table.symbols
@@ -175,11 +175,11 @@ def _unit(terms: Terms, count: int) -> tuple[np.ndarray, np.ndarray]:
     return u, np.stack([osculating_pieces(u, derivatives[:, :, i]) for i in range(count)], axis=2)
 
 
-def closed(table: SectionTable, one: Flank, x: np.ndarray, max_lift: float, by: Sequence[str]) -> np.ndarray:
+def close_flank(table: SectionTable, flank: Flank, x: np.ndarray, max_lift: float, by: Sequence[str]) -> np.ndarray:
     """x (n) with the levels `by` changed so that the lift ends at the maximum lift [m], with two levels at rest."""
     columns = [2 + table.levels.index(level) for level in by]
-    xp = one.borders.__array_namespace__()
-    rows = xp.stack([one.end(k) for k in range(len(columns))])
+    xp = flank.borders.__array_namespace__()
+    rows = xp.stack([flank.end(k) for k in range(len(columns))])
     wanted = xp.asarray([max_lift, 0.0])[: len(columns)]
     chosen = np.eye(len(x))[:, columns]
     x = x * (1 - chosen.sum(axis=1))

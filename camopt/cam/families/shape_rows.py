@@ -95,20 +95,20 @@ def shape_rows(cam: SplineCam, design: Design, about: LinearisationPoint) -> Lim
 
     Raises InputError if the neighbourhood of that cam has lifts that the follower cannot follow.
     """
-    every = [*_bounds(cam, design)]
+    groups = [*_bounds(cam, design)]
     if design.waves_max is not None and about.switches:
         stated = 0.0, MM_PER_DEG3, design.waves_max, 1.0
-        every.append(LimitRows("waves_max", *sign_rows(cam, about.switches), 0.0, stated))
-    every += _sums(cam, design, about)
-    every += near_rows(cam, design, about.near) if about.near else ()
-    first = {rows.name: rows.stated for rows in reversed(every)}
-    names = tuple(dict.fromkeys(rows.name for rows in every))
+        groups.append(LimitRows("waves_max", *sign_rows(cam, about.switches), 0.0, stated))
+    groups += _sums(cam, design, about)
+    groups += near_rows(cam, design, about.near) if about.near else ()
+    first = {rows.name: rows.stated for rows in reversed(groups)}
+    names = tuple(dict.fromkeys(rows.name for rows in groups))
     size, unit, value, sign = np.array([first[name] for name in names], dtype=float).T
     return Limits(
-        matrix=np.concatenate([rows.matrix for rows in every]),
-        bound=np.concatenate([rows.bound for rows in every]),
-        slope=np.concatenate([np.broadcast_to(rows.slope, len(rows.bound)) for rows in every]),
-        group=np.concatenate([np.full(len(rows.bound), names.index(rows.name)) for rows in every]),
+        matrix=np.concatenate([rows.matrix for rows in groups]),
+        bound=np.concatenate([rows.bound for rows in groups]),
+        slope=np.concatenate([np.broadcast_to(rows.slope, len(rows.bound)) for rows in groups]),
+        group=np.concatenate([np.full(len(rows.bound), names.index(rows.name)) for rows in groups]),
         names=names,
         size=size,
         unit=unit,
@@ -217,8 +217,8 @@ def near_rows(cam: SplineCam, design: Design, near: Neighbourhood) -> Iterator[L
     def bounding(name: str, value: float, matrix: np.ndarray, bound: np.ndarray, slope: np.ndarray) -> LimitRows:
         """The rows of the control points of all intervals."""
         matrix, bound, slope = matrix.reshape(-1, matrix.shape[2]), bound.ravel(), np.repeat(slope, matrix.shape[1])
-        matrix, bound, kept = _without_fixed(matrix, bound - ROUNDING * np.abs(bound).max())
-        return LimitRows(name, matrix, bound, slope[kept], (value * MM, MM, value, -1.0))
+        matrix, bound, remaining = _without_fixed(matrix, bound - ROUNDING * np.abs(bound).max())
+        return LimitRows(name, matrix, bound, slope[remaining], (value * MM, MM, value, -1.0))
 
     for key in radii_held_near(design):
         value = getattr(design, key)
@@ -235,5 +235,5 @@ def _without_fixed(matrix: np.ndarray, bound: np.ndarray) -> tuple[np.ndarray, n
     """The rows and bounds that are kept, and their mask. Where the free coefficients have almost no effect, either the
     ramps satisfy a limit, and its row is dropped, or no cam does, and its row is zero with a negative bound."""
     fixed = np.abs(bound) > np.abs(matrix).sum(axis=1) * HUGE
-    kept = ~fixed | (bound < 0)
-    return np.where(fixed[:, None], 0.0, matrix)[kept], bound[kept], kept
+    remaining = ~fixed | (bound < 0)
+    return np.where(fixed[:, None], 0.0, matrix)[remaining], bound[remaining], remaining

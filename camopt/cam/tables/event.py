@@ -35,7 +35,7 @@ MEDIAN_TO_DEVIATION = 1.4826
 """Standard deviation of normal noise over the median of its magnitude."""
 COMPLETED_SHARE = 0.05
 """Largest lift at which a table may end, relative to its maximum lift; above it, camopt would invent the flank."""
-LONGEST = 2.0
+LONGEST_COMPLETION = 2.0
 """Largest length of a completion relative to the scene's ramp; rows with a gentler end do not reach the base circle."""
 LOCAL_ROWS = 10
 """Number of rows at the end of a flank to which a cubic is fitted for the lift and slope there."""
@@ -95,8 +95,8 @@ def find_event(where: str, degrees: np.ndarray, lift: np.ndarray) -> Event:
     end, cut_after = _foot(wide, height, closing, 1, largest_drop)
     row = np.arange(len(index))
     begun, not_over = row >= opening if cut_before else wide > start, row <= closing if cut_after else wide < end
-    kept = np.flatnonzero(begun & not_over)
-    return Event(order[np.mod(index[kept], n)], wide[kept], start, end, (cut_before, cut_after), noise)
+    event_rows = np.flatnonzero(begun & not_over)
+    return Event(order[np.mod(index[event_rows], n)], wide[event_rows], start, end, (cut_before, cut_after), noise)
 
 
 def _noise(angle: np.ndarray, lift: np.ndarray, high: np.ndarray) -> float:
@@ -154,13 +154,13 @@ def completed(where: str, event: Event, lift: np.ndarray, lines: list[int], ramp
             )
         (end, slope, bend), error = _end_of_flank(outward * (angle - angle[0])[:LOCAL_ROWS], flank[:LOCAL_ROWS])
         gentler = slope + 2 * error * event.noise < GENTLER * ramps[side].velocity / MM_PER_DEG
-        found = _profile(end, slope, ramps[side], max(bend, acceleration), gentler)
-        if found is None:
+        profile = _profile(end, slope, ramps[side], max(bend, acceleration), gentler)
+        if profile is None:
             raise InputError(
                 f"{what} with a slope of {slope:.3g} mm/deg, which the scene's ramp does not continue down to the base "
                 f"circle: give the rows of its ramp"
             )
-        length, curve = found
+        length, curve = profile
         away = np.arange(step, length, step)
         event = replace(
             event,
@@ -203,13 +203,13 @@ def _profile(
     left = height - blend * (low + excess / 3)
     if left <= 0:
         return None
-    own = Ramp(left * MM, low * MM_PER_DEG, min(ramp.foot, 2 * left / low * DEG))
-    length = blend + own.length / DEG
-    if length > LONGEST * ramp.length / DEG:
+    completion = Ramp(left * MM, low * MM_PER_DEG, min(ramp.foot, 2 * left / low * DEG))
+    length = blend + completion.length / DEG
+    if length > LONGEST_COMPLETION * ramp.length / DEG:
         return None
-    borders, pieces = own.opening_pieces(0.0)
-    kept = np.diff(borders) > 0  # a ramp no higher than the rise of its foot has no straight piece
-    law = PPoly(pieces[kept, ::-1].T, np.append(borders[:-1][kept], borders[-1]))
+    borders, pieces = completion.opening_pieces(0.0)
+    nonempty = np.diff(borders) > 0  # a ramp no higher than the rise of its foot has no straight piece
+    law = PPoly(pieces[nonempty, ::-1].T, np.append(borders[:-1][nonempty], borders[-1]))
 
     def curve(away: np.ndarray) -> np.ndarray:
         share = np.clip(away / blend, 0.0, 1.0) if blend > 0 else np.ones_like(away)

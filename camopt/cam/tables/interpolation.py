@@ -90,10 +90,15 @@ def own_pieces(
             f"{where}: line {lines[int(wrong[0]) + 1]}: lift_mm does not follow from velocity_mm_per_deg: where the "
             f"lift was changed, take away the columns of its derivatives"
         )
-    pieces = PPoly.from_bernstein_basis(BPoly.from_derivatives(angle, np.column_stack([lift, velocity, acceleration])))
+    bernstein = BPoly.from_derivatives(angle, np.column_stack([lift, velocity, acceleration]))
+    return with_one_base_circle(PPoly.from_bernstein_basis(bernstein))
+
+
+def with_one_base_circle(pieces: PPoly) -> PPoly:
+    """The pieces with successive ones that are zero joined to a single one."""
     zero = ~np.any(pieces.c, axis=0)
-    kept = ~(zero & np.append(False, zero[:-1]))  # the base circle is one piece
-    return PPoly(pieces.c[:, kept], np.append(pieces.x[:-1][kept], pieces.x[-1]))
+    first = ~(zero & np.append(False, zero[:-1]))
+    return PPoly(pieces.c[:, first], np.append(pieces.x[:-1][first], pieces.x[-1]))
 
 
 def _from_base_circle(angle: np.ndarray, lift: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -113,8 +118,8 @@ def _pieces_between(spline: BSpline, start: float, end: float) -> PPoly:
     """The pieces of a spline from `start` to `end`, without those at its end knots that are empty or lie outside."""
     pieces = PPoly.from_spline(spline)
     middles = 0.5 * (pieces.x[1:] + pieces.x[:-1])
-    kept = (np.diff(pieces.x) > 0) & (middles > start) & (middles < end)
-    return PPoly(pieces.c[:, kept], np.append(pieces.x[:-1][kept], end))
+    inside = (np.diff(pieces.x) > 0) & (middles > start) & (middles < end)
+    return PPoly(pieces.c[:, inside], np.append(pieces.x[:-1][inside], end))
 
 
 def event_borders(where: str, pieces: PPoly, opening: float, closing: float) -> tuple[float, float]:
@@ -131,9 +136,9 @@ def event_borders(where: str, pieces: PPoly, opening: float, closing: float) -> 
                 f"ramp_height_mm, or check the unit of the lift"
             )
         crossings.append(np.mod(roots - low, TURN) + low)
-    found = np.array([np.min(crossings[0]), np.max(crossings[1])])
-    nearest = pieces.x[np.argmin(np.abs(pieces.x[:, None] - found), axis=0)]
-    start, end = np.where(np.abs(nearest - found) < ROUNDING, nearest, found)
+    angles = np.array([np.min(crossings[0]), np.max(crossings[1])])
+    nearest = pieces.x[np.argmin(np.abs(pieces.x[:, None] - angles), axis=0)]
+    start, end = np.where(np.abs(nearest - angles) < ROUNDING, nearest, angles)
     return float(start), float(end)
 
 

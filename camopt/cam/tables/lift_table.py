@@ -63,39 +63,40 @@ def read_lift_table(
     table lies between the scene's ramp heights. Raises InputError with file and line for anything else.
     """
     where, table = str(path), parsed(Path(path), table_first_line, table_columns)
-    options = {"angle": table_angle, "lift": table_lift, "ratio": table_ratio, "probe": table_probe_mm}
-    given = {key: table.keys.get(key) if value is None else str(value) for key, value in options.items()}
-    rows = _own(where, table, given) if table.own else mended(_foreign(where, table, given, scene))
+    arguments = {"angle": table_angle, "lift": table_lift, "ratio": table_ratio, "probe": table_probe_mm}
+    options = {key: table.keys.get(key) if value is None else str(value) for key, value in arguments.items()}
+    rows = _own(where, table, options) if table.own else mended(_foreign(where, table, options, scene))
     design = scene.required_design
     _check(where, rows, design.max_lift_mm)
     report = {"file": Path(path).name, "rows": len(rows.degrees)}
     if table.own:
         pieces = _own_pieces(where, table, rows)
     else:
-        pieces, done = _measured(where, rows, scene_ramps(design))
-        report |= {"angle": given["angle"], "lift": given["lift"], "ratio": float(given["ratio"] or 1), **done}
-        if rows.said:
-            report["mended"] = list(rows.said)
+        pieces, changes = _measured(where, rows, scene_ramps(design))
+        report |= {"angle": options["angle"], "lift": options["lift"]}
+        report |= {"ratio": float(options["ratio"] or 1), **changes}
+        if rows.notes:
+            report["mended"] = list(rows.notes)
     report |= _row_error(rows, report)
-    if given["probe"] is not None:
-        pieces = _followed(where, pieces, given, scene)
-        report["probe_mm"] = given["probe"]
+    if options["probe"] is not None:
+        pieces = _followed(where, pieces, options, scene)
+        report["probe_mm"] = options["probe"]
     opening, closing = (h * MM for h, _, _ in design.ramps())
     start, end = event_borders(where, pieces, opening, closing)
-    found_deg, scene_deg = (end - start) / DEG, design.duration_deg
-    if not 1 / PLAUSIBLE_DURATION <= found_deg / scene_deg <= PLAUSIBLE_DURATION:
+    table_deg, scene_deg = (end - start) / DEG, design.duration_deg
+    if not 1 / PLAUSIBLE_DURATION <= table_deg / scene_deg <= PLAUSIBLE_DURATION:
         raise InputError(
-            f"{where}: {found_deg:.0f} cam degrees lie between the ramp heights against the scene's duration_deg of "
+            f"{where}: {table_deg:.0f} cam degrees lie between the ramp heights against the scene's duration_deg of "
             f"{scene_deg:g}: check --table-angle (crank angles are halved)"
         )
     borders, coefficients = centred(pieces, 0.0 if table.own else 0.5 * (start + end))
     return Lift(borders, coefficients, 0.5 * (end - start), "table", report)
 
 
-def _own(where: str, table: TableText, given: dict) -> TableRows:
+def _own(where: str, table: TableText, options: dict) -> TableRows:
     """The rows of a table that camopt wrote."""
-    named = given["angle"] not in (None, "cam") or given["lift"] not in (None, "mm")
-    if named or given["ratio"] is not None or given["probe"] is not None:
+    named = options["angle"] not in (None, "cam") or options["lift"] not in (None, "mm")
+    if named or options["ratio"] is not None or options["probe"] is not None:
         raise InputError(
             f"{where}: its columns are named cam_angle_deg and lift_mm, against the units given for it: "
             f"leave these out, or name the columns otherwise"
@@ -118,23 +119,23 @@ def _own_pieces(where: str, table: TableText, rows: TableRows) -> PPoly:
     return own_pieces(where, rows.degrees * DEG, rows.height * MM, velocity, acceleration, table.lines)
 
 
-def _foreign(where: str, table: TableText, given: dict, scene: Scene) -> TableRows:
+def _foreign(where: str, table: TableText, options: dict, scene: Scene) -> TableRows:
     """The rows of a table from elsewhere."""
-    if given["angle"] not in ANGLE_KINDS or given["lift"] not in LIFT_UNITS_MM:
+    if options["angle"] not in ANGLE_KINDS or options["lift"] not in LIFT_UNITS_MM:
         raise InputError(
             f"{where}: not a table that camopt wrote, so its units must be named: "
             f"--table-angle {'|'.join(ANGLE_KINDS)} --table-lift {'|'.join(LIFT_UNITS_MM)}"
         )
-    ratio = _positive(given["ratio"] or "1")
+    ratio = _positive(options["ratio"] or "1")
     if not (math.isfinite(ratio) and ratio > 0):
         raise InputError(
-            f"{where}: the ratio is {given['ratio']!r}; valve lift over the table's lift must be a number above 0"
+            f"{where}: the ratio is {options['ratio']!r}; valve lift over the table's lift must be a number above 0"
         )
     if len(table.rows) > MOST_ROWS:
         raise InputError(f"{where}: {len(table.rows)} rows, more than {MOST_ROWS}: give every n-th row")
-    per_unit = scene.required_operation.cam_per_crank if given["angle"] == "crank" else 1.0
-    height = table.rows[:, 1] * LIFT_UNITS_MM[given["lift"]] * ratio
-    return TableRows(table.rows[:, 0] * per_unit, height, table.lines, table.said)
+    per_unit = scene.required_operation.cam_per_crank if options["angle"] == "crank" else 1.0
+    height = table.rows[:, 1] * LIFT_UNITS_MM[options["lift"]] * ratio
+    return TableRows(table.rows[:, 0] * per_unit, height, table.lines, table.notes)
 
 
 def _positive(text: str) -> float:
@@ -146,12 +147,12 @@ def _positive(text: str) -> float:
     return value if value > 0 else math.nan
 
 
-def _followed(where: str, pieces: PPoly, given: dict, scene: Scene) -> PPoly:
+def _followed(where: str, pieces: PPoly, options: dict, scene: Scene) -> PPoly:
     """The pieces [rad, m] of the scene's follower on the cam that a probe measured with these pieces."""
-    radius = _positive(given["probe"])
-    if math.isnan(radius) or given["ratio"] is not None:
+    radius = _positive(options["probe"])
+    if math.isnan(radius) or options["ratio"] is not None:
         raise InputError(
-            f"{where}: the probe is {given['probe']!r}; expected the radius of its ball in mm or inf for a flat one, "
+            f"{where}: the probe is {options['probe']!r}; expected the radius of its ball in mm or inf for a flat one, "
             f"and no ratio beside it: the scene's [geometry] has that"
         )
     if scene.geometry is None:

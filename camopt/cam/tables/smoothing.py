@@ -61,9 +61,9 @@ def smoothed(
             f"{event.end - event.start:.3g} cam degrees only: check --table-angle, and that all columns are read"
         )
     _off_base_circle(where, event, lift, event.noise, lines)  # before such rows disturb the fit
-    kept, outliers = _without_outliers(where, event, lift)
-    angles, height, count, free, given = _arguments(kept, lift)
-    fit = (fitted if np.isinf(kept.start) else fitted_non_negative)(angles, height, count, free, given)
+    accepted, outliers = _without_outliers(where, event, lift)
+    angles, height, count, free, added = _arguments(accepted, lift)
+    fit = (fitted if np.isinf(accepted.start) else fitted_non_negative)(angles, height, count, free, added)
     if fit.coefficients.max() <= 0:
         raise InputError(f"{where}: no lift above the base circle is left: count lift from there, positive up")
     outliers = sorted(outliers + _off_base_circle(where, event, lift, fit.noise, lines))
@@ -77,14 +77,14 @@ def smoothed(
     likeliest, rms, at_peak = fit.acceleration_error()
     if likeliest > ERROR_SHARE:
         raise InputError(
-            f"{where}: no usable acceleration: with {len(kept.rows)} rows in the event and a noise of "
+            f"{where}: no usable acceleration: with {len(accepted.rows)} rows in the event and a noise of "
             f"{1e3 * fit.noise:.3g} um its standard error is {100 * likeliest:.0f} % of the "
             f"peak, over {100 * ERROR_SHARE:g} %: measure in finer steps or with less noise"
         )
     pieces = fit.pieces()
     used = _used(degrees, event, outliers)
-    known = np.append(degrees[used], event.added_degrees), np.append(lift[used], event.added_lift)
-    check_between_rows(where, pieces, *known, [*(lines[i] for i in used), *[0] * len(event.added_lift)])
+    points = np.append(degrees[used], event.added_degrees), np.append(lift[used], event.added_lift)
+    check_between_rows(where, pieces, *points, [*(lines[i] for i in used), *[0] * len(event.added_lift)])
     shifts = pieces(np.mod(degrees[used], TURN)) - lift[used]
     most = int(np.argmax(np.abs(shifts)))
     report |= {
@@ -169,21 +169,21 @@ def _without_outliers(where: str, event: Event, lift: np.ndarray) -> tuple[Event
     """The event with the rows that a spline through the others explains, and the rejected rows. The worst row of each
     place is removed and the noise estimated again, until no outlier is left."""
     count, free = _knots(event)
-    kept = event
+    accepted = event
     outliers: list[int] = []
     while True:
-        angles, height, _, _, given = _arguments(kept, lift)
-        fit: Fit = fitted(angles, height, count, free, given)
+        angles, height, _, _, added = _arguments(accepted, lift)
+        fit: Fit = fitted(angles, height, count, free, added)
         size = np.abs(fit.studentised())
         deleted = np.abs(fit.residuals) / np.maximum(1 - fit.leverage, 1e-12)
         near = np.max([np.roll(size, k) for k in range(-NEIGHBOURS, NEIGHBOURS + 1)], axis=0)
         worst = (size > OUTLIER) & (size == near) & (deleted > OUTLIER_SHARE * lift[event.rows].max())
         if not worst.any():
-            return kept, sorted(outliers)
-        outliers += [int(row) for row in kept.rows[worst]]
+            return accepted, sorted(outliers)
+        outliers += [int(row) for row in accepted.rows[worst]]
         if len(outliers) > MOST_OUTLIERS * len(event.rows):
             raise InputError(
                 f"{where}: more than {100 * MOST_OUTLIERS:g} % of its {len(event.rows)} rows in the event stand out "
                 f"from their neighbours by {OUTLIER:g} standard deviations: check the columns and the measurement"
             )
-        kept = replace(kept, rows=kept.rows[~worst], degrees=kept.degrees[~worst])
+        accepted = replace(accepted, rows=accepted.rows[~worst], degrees=accepted.degrees[~worst])

@@ -18,6 +18,8 @@ from scipy.optimize import fminbound
 from scipy.sparse import csr_array
 from scipy.special import comb, gammaln
 
+from camopt.cam.tables.interpolation import with_one_base_circle
+
 DEGREE = 5
 """Degree of the spline."""
 BAND = 2 * DEGREE + 1
@@ -30,7 +32,7 @@ third ones where the acceleration steps, and state half of it or less. Generalis
 tables (1 and 2 deg) for noise-free."""
 RULED_OUT = 13.8
 """Twice the logarithm of the odds, 1000 to 1, from which the rows rule out an order."""
-GIVEN_PRECISION = 100.0
+ADDED_PRECISION = 100.0
 """Precision of added rows over that of measured ones; the spline follows them to a tenth of the noise."""
 WEIGHTS = np.arange(-18.0, 16.0, 3.0)
 """Logarithms of the penalty's weight that are tried before the best is refined. Below them, the equations are singular
@@ -55,11 +57,11 @@ def basis(degrees: np.ndarray, count: int, order: int = 0) -> csr_array:
 class Equations:
     """Normal equations of the measured and the added rows, and the restricted likelihood of a penalty."""
 
-    def __init__(self, degrees: np.ndarray, lift: np.ndarray, count: int, free: np.ndarray, given: int):
-        self.count, self.free, self.measured = count, free, len(lift) - given
+    def __init__(self, degrees: np.ndarray, lift: np.ndarray, count: int, free: np.ndarray, added: int):
+        self.count, self.free, self.measured = count, free, len(lift) - added
         self.rows = basis(degrees, count)[:, free]
         self.lift = lift
-        self.precision = np.where(np.arange(len(lift)) < self.measured, 1.0, GIVEN_PRECISION)
+        self.precision = np.where(np.arange(len(lift)) < self.measured, 1.0, ADDED_PRECISION)
         weighted = self.rows.multiply(self.precision[:, None]).tocsr()
         self.normal, self.right = _bands(weighted.T @ self.rows), weighted.T @ lift
         self.penalties = {order: _bands(_penalty(count, order)[free][:, free]) for order in PENALTY_ORDERS}
@@ -92,8 +94,8 @@ class Equations:
     def likeliest(self, order: int) -> tuple[int, float]:
         """The order, and the logarithm of the weight that has the largest restricted likelihood for it."""
         best = WEIGHTS[int(np.argmin([self.cost(order, weight) for weight in WEIGHTS]))]
-        found = fminbound(lambda weight: self.cost(order, float(weight)), best - 3, best + 3, xtol=0.05)
-        return order, float(np.asarray(found))
+        refined = fminbound(lambda weight: self.cost(order, float(weight)), best - 3, best + 3, xtol=0.05)
+        return order, float(np.asarray(refined))
 
 
 @dataclass(frozen=True)
@@ -117,9 +119,7 @@ class Fit:
         knots = np.arange(-DEGREE, count + DEGREE + 1) * (360.0 / count)
         all_pieces = PPoly.from_spline(BSpline(knots, np.append(self.coefficients, self.coefficients[:DEGREE]), DEGREE))
         c = all_pieces.c[:, DEGREE : DEGREE + count]
-        zero = ~np.any(c, axis=0)
-        kept = ~(zero & np.append(False, zero[:-1]))
-        return PPoly(c[:, kept], np.append(knots[DEGREE : DEGREE + count][kept], 360.0))
+        return with_one_base_circle(PPoly(c, np.append(knots[DEGREE : DEGREE + count], 360.0)))
 
     def acceleration_error(self) -> tuple[float, float, float]:
         """Standard errors of the acceleration over its largest magnitude: the root mean square over the event under the
@@ -131,15 +131,16 @@ class Fit:
         rows = basis(np.mod(at, 360.0), count, 2)[:, equations.free]
         acceleration = rows @ self.coefficients[equations.free]
         peaks = [int(np.argmax(acceleration)), int(np.argmin(acceleration))]
-        found = []
+        errors = []
         for order in PENALTY_ORDERS:
             penalty = equations.likeliest(order)
             factor, _, variance = equations.solved(*penalty)
             error = variance * _quadratic_forms(rows, cho_solve_banded((factor, True), np.eye(len(equations.free))))
-            found.append((equations.cost(*penalty), float(np.sqrt(error.mean())), float(np.sqrt(error[peaks].max()))))
-        best = min(found)
-        allowed = [one for one in found if one[0] - best[0] < RULED_OUT]
-        rms, at_peak = (max(one[i] for one in allowed) for i in (1, 2))
+            rms, at_peak = np.sqrt(error.mean()), np.sqrt(error[peaks].max())
+            errors.append((equations.cost(*penalty), float(rms), float(at_peak)))
+        best = min(errors)
+        allowed = [entry for entry in errors if entry[0] - best[0] < RULED_OUT]
+        rms, at_peak = (max(entry[i] for entry in allowed) for i in (1, 2))
         largest = float(np.abs(acceleration).max())
         return best[1] / largest, rms / largest, at_peak / largest
 
@@ -149,34 +150,34 @@ def fitted(
     lift: np.ndarray,
     count: int,
     free: np.ndarray,
-    given: int = 0,
+    added: int = 0,
     penalty: tuple[int, float] | None = None,
 ) -> Fit:
     """The spline through rows `degrees`, `lift` [mm] (r); its coefficients `free` (k) are in cyclic order, all others
     zero.
 
     Without a `penalty` (order, logarithm of the weight) the one of largest restricted likelihood is taken. The last
-    `given` rows are added and not measured.
+    `added` rows are not measured.
     """
     if len(free) == count:  # full turn: taken alternately from both ends, neighbours on the ring stay close
         free = np.stack([free, free[::-1]], axis=1).ravel()[:count]
-    equations = Equations(degrees, lift, count, free, given)
+    equations = Equations(degrees, lift, count, free, added)
     if penalty is None:
         penalty = min((equations.likeliest(order) for order in PENALTY_ORDERS), key=lambda p: equations.cost(*p))
     factor, c, variance = equations.solved(*penalty)
     covariance = cho_solve_banded((factor, True), np.eye(len(free)))
     coefficients = np.zeros(count)
     coefficients[free] = c
-    rows = equations.rows[: len(lift) - given]
-    residuals = lift[: len(lift) - given] - rows @ c
+    rows = equations.rows[: len(lift) - added]
+    residuals = lift[: len(lift) - added] - rows @ c
     leverage = _quadratic_forms(rows, covariance)
     return Fit(equations, coefficients, penalty, float(np.sqrt(variance)), residuals, leverage)
 
 
-def fitted_non_negative(degrees: np.ndarray, lift: np.ndarray, count: int, free: np.ndarray, given: int = 0) -> Fit:
+def fitted_non_negative(degrees: np.ndarray, lift: np.ndarray, count: int, free: np.ndarray, added: int = 0) -> Fit:
     """As `fitted`, with the ends of the event moved inwards until no coefficient is negative, or none is positive (a
     table that is no lift). The feet then lie where the lift exceeds the noise."""
-    fit = fitted(degrees, lift, count, free, given)
+    fit = fitted(degrees, lift, count, free, added)
     while True:
         c = fit.coefficients[free]
         negative, top = np.flatnonzero(c < 0), int(np.argmax(c))
@@ -185,7 +186,7 @@ def fitted_non_negative(degrees: np.ndarray, lift: np.ndarray, count: int, free:
         first = int(negative[negative < top].max(initial=-1)) + 1
         last = int(negative[negative > top].min(initial=len(c)))
         free = free[first:last]  # shorter by one coefficient at least
-        fit = fitted(degrees, lift, count, free, given, fit.penalty)
+        fit = fitted(degrees, lift, count, free, added, fit.penalty)
 
 
 def _penalty(count: int, order: int) -> csr_array:

@@ -2,7 +2,7 @@
 
 Where semicolons, tabs or blanks separate the columns, a comma between digits is a decimal sign. The rows begin where
 lines of numbers with equally many columns begin; the last line before them may name the columns. Rows in another order
-and half a lobe are corrected, and gaps are reported, with one sentence for each.
+and half a lobe are corrected, and gaps are reported, with one sentence (a note) on each.
 """
 
 import re
@@ -45,7 +45,7 @@ class TableText:
     keys: dict[str, str]
     rows: np.ndarray  # (r, c)
     lines: list[int]  # line number of each row
-    said: tuple[str, ...] = ()  # one sentence per correction made in reading it
+    notes: tuple[str, ...] = ()  # one sentence per correction made in reading it
 
     @property
     def own(self) -> bool:
@@ -71,9 +71,9 @@ def parsed(path: Path, first_line: int | None = None, columns: Sequence[str | in
     columns.
     """
     text = read_text(path, MAX_FILE_BYTES, "lift table", encoding="utf-8-sig")
-    every = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1)]
-    keys = dict(found for _, line in every if line.startswith("#") for found in _HEADER_KEY.findall(line))
-    lines = [_line(number, line) for number, line in every if line and not line.startswith("#")]
+    numbered = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1)]
+    keys = dict(match for _, line in numbered if line.startswith("#") for match in _HEADER_KEY.findall(line))
+    lines = [_line(number, line) for number, line in numbered if line and not line.startswith("#")]
     begin = _first_row(lines) if first_line is None else sum(line.number < first_line for line in lines)
     if begin == len(lines) or not any(line.values for line in lines[begin:]):
         after = "" if first_line is None else f" from line {first_line} on"
@@ -85,12 +85,13 @@ def parsed(path: Path, first_line: int | None = None, columns: Sequence[str | in
             f"{path}: line {lines[begin].number}: commas stand between its columns and in its numbers: part the "
             f"columns by semicolons, or write the numbers with points"
         )
-    said = (
-        ("its commas are read as decimal signs",) if any(_decimal_commas(line.text) for line in lines[begin:]) else ()
-    )
+    decimal_commas = any(_decimal_commas(line.text) for line in lines[begin:])
+    notes = ("its commas are read as decimal signs",) if decimal_commas else ()
     if begin > 1:
-        said += (f"its rows begin in line {lines[begin].number}: the {begin} lines of text before them are its header",)
-    table = TableText(names, keys, rows, [line.number for line in lines[begin:]], said)
+        notes += (
+            f"its rows begin in line {lines[begin].number}: the {begin} lines of text before them are its header",
+        )
+    table = TableText(names, keys, rows, [line.number for line in lines[begin:]], notes)
     return table if columns is None else _chosen(path, table, columns)
 
 
@@ -141,13 +142,13 @@ def _names(path: Path, header: list[_Line], width: int) -> list[str]:
 
 def _chosen(path: Path, table: TableText, columns: Sequence[str | int]) -> TableText:
     """The table with only two of its columns, as angle and lift."""
-    known = [name.lower() for name in table.names]
+    names = [name.lower() for name in table.names]
     at = []
     for column in map(str, columns):
         if column.isdecimal() and 1 <= int(column) <= table.rows.shape[1]:
             at.append(int(column) - 1)
-        elif known.count(column.strip().lower()) == 1:
-            at.append(known.index(column.strip().lower()))
+        elif names.count(column.strip().lower()) == 1:
+            at.append(names.index(column.strip().lower()))
         else:
             named = f", named {', '.join(map(repr, table.names))}" if table.names else " without names"
             raise InputError(
@@ -155,8 +156,8 @@ def _chosen(path: Path, table: TableText, columns: Sequence[str | int]) -> Table
                 f"give a name that one column has"
             )
     if len(at) != 2 or at[0] == at[1]:
-        given = excerpt(",".join(map(str, columns)))
-        raise InputError(f"{path}: its columns are to be {given}: give that of the angle and that of the lift")
+        wanted = excerpt(",".join(map(str, columns)))
+        raise InputError(f"{path}: its columns are to be {wanted}: give that of the angle and that of the lift")
     return replace(table, names=[], rows=table.rows[:, at])
 
 
@@ -187,7 +188,7 @@ class TableRows:
     degrees: np.ndarray = field(repr=False)
     height: np.ndarray = field(repr=False)
     lines: list[int] = field(repr=False)
-    said: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def mended(rows: TableRows) -> TableRows:
@@ -199,8 +200,8 @@ def mended(rows: TableRows) -> TableRows:
 def _ascending(rows: TableRows) -> TableRows:
     if len(rows.degrees) < 2 or np.any(np.diff(rows.degrees) >= 0):
         return rows
-    said = "its angles descend throughout: the rows are read from the last to the first"
-    return TableRows(rows.degrees[::-1], rows.height[::-1], rows.lines[::-1], (*rows.said, said))
+    note = "its angles descend throughout: the rows are read from the last to the first"
+    return TableRows(rows.degrees[::-1], rows.height[::-1], rows.lines[::-1], (*rows.notes, note))
 
 
 def _unwrapped(rows: TableRows) -> TableRows:
@@ -212,13 +213,13 @@ def _unwrapped(rows: TableRows) -> TableRows:
     degrees = np.append(rows.degrees[:at], rows.degrees[at:] + TURN)
     if rows.degrees[at - 1] - rows.degrees[at] < TURN / 2 or degrees[-1] - degrees[0] > TURN + 1e-9:
         return rows
-    said = f"from line {rows.lines[at]} on its angles begin anew: they are read as those of the following turn"
+    note = f"from line {rows.lines[at]} on its angles begin anew: they are read as those of the following turn"
     height, lines = rows.height, rows.lines
     shared = degrees[at] == degrees[at - 1] and abs(height[at] - height[at - 1]) <= CLOSING_SHARE * height.max()
     if shared:  # the same row at the end of a turn and at its beginning
         degrees, height, lines = np.delete(degrees, at), np.delete(height, at), [*lines[:at], *lines[at + 1 :]]
-        said += f", line {rows.lines[at]} as the one before"
-    return TableRows(degrees, height, lines, (*rows.said, said))
+        note += f", line {rows.lines[at]} as the one before"
+    return TableRows(degrees, height, lines, (*rows.notes, note))
 
 
 def _whole_lobe(rows: TableRows) -> TableRows:
@@ -237,8 +238,8 @@ def _whole_lobe(rows: TableRows) -> TableRows:
     whole = np.append(a, b), np.append(h, g), [*n, *m]
     if whole[0][-1] - whole[0][0] > TURN - 1e-9:  # both halves end in the same row of the base circle
         whole = whole[0][:-1], whole[1][:-1], whole[2][:-1]
-    said = f"it is half a lobe, from line {rows.lines[nose]} at its nose: the other half is taken as its mirror image"
-    return TableRows(*whole, (*rows.said, said))
+    note = f"it is half a lobe, from line {rows.lines[nose]} at its nose: the other half is taken as its mirror image"
+    return TableRows(*whole, (*rows.notes, note))
 
 
 def _gaps_named(rows: TableRows) -> TableRows:
@@ -248,11 +249,11 @@ def _gaps_named(rows: TableRows) -> TableRows:
         return rows
     beside = np.maximum(np.append(steps[1], steps[:-1]), np.append(steps[1:], steps[-2]))
     long = np.flatnonzero(steps > GAP * beside)
-    said = [
+    notes = [
         f"rows are missing between lines {rows.lines[i]} and {rows.lines[i + 1]}, {steps[i]:g} cam degrees apart: "
         f"the law there is that of their neighbours"
         for i in long[:MOST_GAPS]
     ]
     if len(long) > MOST_GAPS:
-        said.append(f"rows are missing at {len(long) - MOST_GAPS} places more")
-    return TableRows(rows.degrees, rows.height, rows.lines, (*rows.said, *said))
+        notes.append(f"rows are missing at {len(long) - MOST_GAPS} places more")
+    return TableRows(rows.degrees, rows.height, rows.lines, (*rows.notes, *notes))
