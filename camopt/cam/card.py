@@ -1,8 +1,7 @@
 """The cam card: when a valve opens and closes at stated lifts, for how long, about which centre, and with what overlap.
 
 Events are the exact crossings of the lift, from the roots of its pieces. On an asymmetric cam neither of them is half a
-duration from the centre. Crank angles count from the top dead centre of the gas exchange, at which intake and exhaust
-overlap.
+duration from the centre. Crank angles count from the top dead centre of gas exchange, where intake and exhaust overlap.
 """
 
 from collections.abc import Sequence
@@ -16,7 +15,6 @@ from camopt.scene import InputError
 from camopt.scene.units import DEG, MM
 
 LIFTS_MM = tuple(DURATION_LIFTS_MM.values())
-"""Lifts [mm] of a card by default."""
 MOST_LIFTS = 1000
 DECIMALS = 4
 """Decimals of an angle [deg] in a file: a third of a second of arc, far below the tolerance of a ground shaft."""
@@ -57,9 +55,8 @@ class CrankTiming:
 
     @classmethod
     def of(cls, lift: Lift, by: str, value: float, *, at_mm: float, closing: bool = False, cam_per_crank=0.5):
-        """The timing from a `value` of the kind `by`: the "centre" [crank deg], the crank angle of "opening" or
-        "closing", at which the lift passes `at_mm`, or the lift at top dead centre, "tdc-lift" [mm], which is on the
-        opening flank, or on the closing one with `closing`.
+        """The timing by one `value`: the "centre" [crank deg], the crank angle of "opening" or "closing", where the
+        lift passes `at_mm`, or the lift at top dead centre "tdc-lift" [mm], on the opening or the `closing` flank.
 
         Raises InputError if the cam never has that lift.
         """
@@ -146,10 +143,9 @@ def cam_card(
 ) -> CamCard:
     """The card of a cam at these lifts [mm], by default 1 mm and 0.050 in; with a `timing`, also in crank angles.
 
-    `other` is the card of the other cam of the cylinder, with the same lifts and with a timing. It adds the overlap:
-    the crank angle from the later opening to the earlier closing about top dead centre, which is negative if both
-    valves are below the lift in between. Raises InputError for a lift that the cam does not pass, and for cards that do
-    not match.
+    The card of the `other` cam of the cylinder, with the same lifts and a timing, adds the overlap: the crank angle
+    from the later opening to the earlier closing about top dead centre, negative if both valves are below the lift in
+    between. Raises InputError for a lift that the cam does not pass, and for cards that do not match.
     """
     if not 0 < len(lifts_mm) <= MOST_LIFTS:
         raise InputError(f"cam card: {len(lifts_mm)} lifts: from 1 to {MOST_LIFTS} are needed")

@@ -23,8 +23,7 @@ class Contact:
     is infinite where the cam is straight. `eccentricity` [m] is the distance of the contact from the valve axis on a
     flat face, its distance from the place with the valve shut on a pad, and zero for a roller. `pressure_angle` [rad]
     is zero for a flat follower. `ratio` is the velocity of the valve over that of the part that touches the cam.
-    `entrainment` and `sliding`, the velocity of the cam over the follower, are in [m/rad], to be multiplied by the cam
-    speed.
+    `entrainment` and `sliding`, the velocity of the cam over the follower, are in [m/rad], per cam speed.
     """
 
     geometry: Geometry
@@ -54,7 +53,7 @@ class Contact:
     def smallest_concave(self) -> float | None:
         """Smallest concave radius of curvature, as a positive length [m]; None if the cam is nowhere concave.
 
-        A cusp (flat follower) and an undercut (roller, pad) also appear as a concave radius; `faults` distinguishes
+        A cusp (flat follower) and an undercut (roller, pad) appear as a concave radius too; `faults` distinguishes
         them.
         """
         concave = self.radius_of_curvature[self.radius_of_curvature <= 0]

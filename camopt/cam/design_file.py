@@ -15,7 +15,6 @@ from camopt.storage import write_json
 
 MAX_FILE_BYTES = 50_000_000
 BORDER_SLACK_DEG = 1e-9
-"""Gap [deg] between two pieces that counts as rounding."""
 STEP_SLACK_MM = 1e-6
 """Step in lift [mm] between two pieces that counts as rounding; a cam has no larger one."""
 

@@ -171,9 +171,8 @@ def write_dxf(path: str | Path, lift: Lift, geometry: Geometry, tolerance: float
 
 
 def contour_arcs(lift: Lift, geometry: Geometry, tolerance: float) -> tuple[np.ndarray, Float[np.ndarray, " k"], float]:
-    """A closed chain of arcs in ascending cam angle, from the back of the cam: the start of each (k), complex [m], its
-    bulge (k), and their largest distance from the contour [m], at most `tolerance` [m] unless `MOST_HALVINGS` do not
-    suffice.
+    """A closed chain of arcs in ascending cam angle: the start of each (k), complex [m], its bulge (k), and their
+    largest distance from the contour [m], at most `tolerance` [m] unless `MOST_HALVINGS` do not suffice.
 
     The bulge is the tangent of a quarter of the angle of the arc, positive for a turn to the left.
     """
@@ -191,8 +190,7 @@ def contour_arcs(lift: Lift, geometry: Geometry, tolerance: float) -> tuple[np.n
 
 
 def _biarcs(lift: Lift, geometry: Geometry, edges: np.ndarray):
-    """The first and the second arc of every interval, as start points (k) and bulges (k), and the largest distance of
-    the contour from both (k) [m]."""
+    """The first and the second arc of every interval, as points (k) and bulges (k), and their largest error (k) [m]."""
     ends = contact(lift, geometry, edges)
     points, tangent = ends.contour @ (1, 1j), ends.normal @ (1j, -1)
     p0, p1, t0, t1 = points[:-1], points[1:], tangent[:-1], tangent[1:]

@@ -35,8 +35,8 @@ def pairs(numbers: np.ndarray) -> np.ndarray:
 
 
 def signed_radius(velocity: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-    """Radius of curvature (k) of a curve with these complex derivatives (k), positive for a turn to the left, infinite
-    where the curve is straight."""
+    """Radius of curvature (k) of a curve with these complex derivatives (k), positive to the left, infinite if
+    straight."""
     with np.errstate(divide="ignore"):
         return np.abs(velocity) ** 3 / cross(velocity, acceleration)
 
@@ -176,8 +176,7 @@ class Arm:
         return distance * np.exp(1j * (np.angle(self.pivot) + self.valve_side * np.arccos(cos)))
 
     def swing(self, law: np.ndarray) -> np.ndarray:
-        """Angle [rad] by which the body has turned from its position with the valve shut, and its first two derivatives
-        (3, k).
+        """Angle [rad] by which the body has turned since the valve was shut, and its first two derivatives (3, k).
 
         Raises InputError if the valve arm does not reach that far.
         """

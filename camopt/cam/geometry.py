@@ -3,8 +3,7 @@
 `camopt.cam.followers` computes the contact of each kind of follower; this module evaluates it along a lift law.
 
 The acceleration of a plain cam rises on the opening flank, falls to the nose, rises after it and falls again: its jerk
-changes its sign three times. Every ripple, or wave, adds two changes. Over intervals of constant acceleration the jerk
-has no sign.
+changes its sign three times. Every ripple, or wave, adds two changes. At constant acceleration the jerk has no sign.
 """
 
 import numpy as np

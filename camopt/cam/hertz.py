@@ -5,7 +5,7 @@ the contact, is (Hertz 1881; Johnson, Contact Mechanics, 1985, Eq. (4.45))
     p_0 = sqrt(P E* / (pi R)),   1/R = 1/R_cam + 1/R_follower,   1/E* = (1 - nu_cam^2)/E_cam + (1 - nu_f^2)/E_f.
 A flat face has 1/R_follower = 0; a concave flank has a negative radius. The simulated force acts on the valve axis. The
 force along the path of the part that touches the cam is this force times the ratio of the valve's velocity to that of
-the part, and the normal force is that divided by the cosine of the pressure angle. Friction, edges and lubrication are
+the part, and the normal force is that divided by the cosine of the pressure angle. Friction, edges and oil are
 neglected.
 
 The least thickness of the oil film is Dowson's for elastic bodies and a piezoviscous oil (Dowson, Elastohydrodynamics,
@@ -13,8 +13,7 @@ Proc. IMechE 182(3A), 1968):
     h / R = 2.65 U^0.7 G^0.54 W^-0.13,   U = eta u / (E' R),   G = alpha E',   W = P / (E' R),
 with the entrainment velocity u, the combined radius R, the combined modulus E' = 2 E*, the force per length P, the
 viscosity eta at zero pressure and its pressure coefficient alpha. Every angle is treated by itself, without squeezing,
-heating and edges: the film vanishes where the entrainment velocity changes its sign, while squeezing maintains a real
-film there.
+heating and edges: the film vanishes where the entrainment velocity is zero, where squeezing keeps a real one.
 """
 
 from dataclasses import dataclass
@@ -110,9 +109,9 @@ def combined_curvature(along: Contact) -> np.ndarray:
 def film_ratio(
     along: Contact, cam_speed: float, normal_force: Float[np.ndarray, " k"]
 ) -> Float[np.ndarray, " k"] | None:
-    """Film thickness over roughness at a cam speed [rad/s] under the normal force [N]; infinite without force, and NaN
-    where there is no line contact. It is None if the scene states no oil or no roughness. Raises InputError if the
-    scene gives no width of the contact."""
+    """Film thickness over roughness at a cam speed [rad/s] under the normal force [N]; infinite without force, NaN
+    without a line contact, None if the scene has no oil or roughness. Raises InputError if it has no width of the
+    contact."""
     geometry = along.geometry
     if geometry.oil_viscosity_mPa_s is None or geometry.roughness_um is None:
         return None

@@ -175,8 +175,7 @@ def without_narrow(borders: np.ndarray) -> np.ndarray:
 
 
 def steps_at_borders(borders, coefficients) -> Any:
-    """Largest steps of lift [m] and velocity [m/rad] between neighbouring pieces, including the end and the start of
-    the turn (2), for arrays of NumPy or of JAX."""
+    """Largest steps of lift [m] and velocity [m/rad] (2) between successive pieces of a turn; in NumPy or JAX."""
     xp = coefficients.__array_namespace__()
     widths, order = xp.diff(borders)[:, None], np.arange(coefficients.shape[1])
     lift = xp.sum(coefficients * widths**order, axis=1)
@@ -191,8 +190,8 @@ def permitted_steps(cam: Lift) -> np.ndarray:
 
 def lift_with(cam: Lift, numbers: Mapping[str, Any]) -> Lift:
     """The cam with its "lift" (p, q) [m/rad^k], "borders" (p + 1) [rad] and "half_duration" [rad] replaced by those in
-    `numbers`. Raises InputError for borders that do not ascend from -pi to pi, or pieces that join less well than the
-    cam's."""
+    `numbers`. Raises InputError for borders that do not ascend from -pi to pi, or pieces that join less well than
+    those."""
     names = {"lift": "coefficients", "borders": "borders", "half_duration": "half_duration"}
     changes: dict[str, Any] = {
         field: np.asarray(numbers[name], float) for name, field in names.items() if name in numbers

@@ -41,8 +41,7 @@ from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
 
 FLANK = 0.25
-"""Share of the maximum lift at which cams are usually most concave. The tangent is taken there; at other lifts the
-limit is stricter than necessary."""
+"""Share of the lift at which cams are most concave, where the tangent is taken; elsewhere the limit is stricter."""
 PIECE = 1.0 * DEG
 """Longest piece of the polynomials for the piston's room [rad of the cam]; their error is a few nanometres."""
 SERIES_END = 1e-18
@@ -54,9 +53,8 @@ class LinearLimit:
     """sum_k weights[k] * lift^(k) <= level at every angle of the level.
 
     `key` is that of the design or of the geometry. `name` distinguishes the limit from others, `value` is the number
-    that the scene states, in its key's unit, and `rate` is the change of that number per SI unit of the level. A limit
-    with `chosen` is one of several ways to satisfy its key, which a cam need not take, so it must not enter an upper
-    bound.
+    that the scene states, in its key's unit, and `rate` is the change of that number per SI unit of the level. If
+    `chosen`, it is one of several ways to satisfy the key, which a cam need not take: no upper bound may use it.
     """
 
     key: str
@@ -86,9 +84,8 @@ class LinearLimit:
 def linear_limits(design: Design, centres: tuple[float, ...] = ()) -> list[LinearLimit]:
     """The linear limits of a design; `centres` [rad] has the middle of each duration, by default zero.
 
-    A duration of at least D at a lift is imposed as that lift at both ends of an interval D, and a duration of at most
-    D as a lift below that outside such an interval. The middle of the interval is free, so that a cam may satisfy the
-    duration about another middle.
+    A duration of at least D at a lift is imposed as that lift at both ends of an interval D, one of at most D as a lift
+    below that outside it. The middle of the interval is free, so that a cam may have the duration about another middle.
     """
     half = design.duration_deg / 2 * DEG
     limits = []

@@ -1,8 +1,7 @@
 """Manufacturing scatter: the numbers of a scene that its tolerances change, and their random draws.
 
 The draws are common random numbers: those of train i depend only on the seed, on i and on the tolerance's label. A
-larger ensemble therefore begins with the trains of a smaller one, and a change of a tolerance's width leaves every draw
-as it was.
+larger ensemble thus begins with a smaller one's trains, and another width of a tolerance leaves every draw as it was.
 """
 
 import zlib
@@ -22,9 +21,7 @@ from camopt.scene.train import SceneKey
 REACH = 4.0
 """Standard deviations at which normal draws are cut off; one draw in 16 000 exceeds them, and is not built in."""
 MAY_BE_NEGATIVE = ("force_N", "preload_N")
-"""Keys whose numbers may be negative."""
 MAY_BE_ZERO = ("damping_N_s_per_m", "gap_mm", "installed_mm", "check_travel_mm")
-"""Keys whose numbers may be zero."""
 GRINDING = "grinding"
 """Label of the scene's grinding error in results."""
 

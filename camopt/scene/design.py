@@ -163,8 +163,7 @@ class Design(Table, frozen=True):
         return design
 
     def missing(self) -> list[str]:
-        """Sentences on limits without the geometry or operation that they need, and on radii that the follower
-        excludes."""
+        """Sentences on limits without the geometry or operation they need, and on radii that the follower excludes."""
         follower = None if self._geometry is None else self._geometry.follower
         faults = []
         for key, followers in DRAWN_FOR.items():

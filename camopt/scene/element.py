@@ -43,8 +43,7 @@ NOT_OF = {
 """Key -> the forms of element for which it must be zero, and the reason."""
 MOST_TABLE_ROWS = 200
 NEAREST_MM, FURTHEST_MM = 1e-6, 500.0
-"""Least and largest distance [mm] between neighbouring rows of a table. Rows that are closer are one row written twice,
-and no spring travels half a metre."""
+"""Least and largest distance [mm] of neighbouring rows: closer ones are one row, and no spring travels half a metre."""
 StiffnessTable = Annotated[tuple[tuple[float, Positive], ...], Field(min_length=2, max_length=MOST_TABLE_ROWS)]
 ForceTable = Annotated[tuple[tuple[float, float], ...], Field(min_length=2, max_length=MOST_TABLE_ROWS)]
 
@@ -73,8 +72,7 @@ class Element(Table, frozen=True):
     An "adjuster" is a hydraulic lash adjuster, installed in the middle of its `stroke_mm`. It consists of a plunger
     spring, with the rate `spring_N_per_m` and the preload `preload_N`, and of a parallel oil column with the stiffness
     `stiffness_N_per_m`. The oil leaks under the force `leak_N_s_per_m` per m/s of leaking down, and refills without
-    force. The ball of its check valve travels by `check_travel_mm` before it shuts. The stops of the plunger are as
-    stiff as the oil.
+    force. The ball of its check valve travels by `check_travel_mm` before it shuts. Its stops are as stiff as the oil.
 
     A "friction" element sticks, with the stiffness `stiffness_N_per_m`, until its force reaches `slip_N`, and then
     slides (Jenkins 1962).

@@ -33,8 +33,8 @@ class Geometry(Table, frozen=True):
     `arm_mm` is the distance from the pivot to the centre of the roller, or of the circle of the pad, that touches the
     cam. `valve_arm_mm` is the distance from the pivot to the centre of the pad on the flat valve tip. `valve_arm_deg`
     is the angle between that arm and the perpendicular to the valve axis with the valve shut, positive if the arm
-    points in the opening direction. Seen from the pivot, the valve of a finger is on the side of the cam, and that of a
-    rocker is on the other side.
+    points in the opening direction. Seen from the pivot, the valve of a finger is on the cam's side, that of a rocker
+    on the other.
 
     `face_width_mm` is the width of the flat face across the cam axis. `contact_width_mm` is the length of the line of
     contact, along the cam axis, and is the face width if left out. The moduli and Poisson's ratios default to those of

@@ -113,10 +113,9 @@ CONTACT_LAWS = {
 BEYOND = 1e-3
 """Width [m] of the pieces that extrapolate a table's curve beyond its rows."""
 KINDS = {name: kind for kind, name in enumerate(("linear", "hertz", "progressive", "table", "oil", "friction"))}
-"""Number of each law. Contact laws after the first one follow in the order of their registry."""
 LINEAR, HERTZ, PROGRESSIVE, TABLE, OIL, FRICTION = KINDS.values()
 KINDS |= {name: FRICTION + i for i, name in enumerate(CONTACT_LAWS) if name != "hertz"}
-"""The number of each law; those of contacts beyond the first follow in the order of their registry."""
+"""Number of each law. Contact laws after the first one follow in the order of their registry."""
 OF_CONTACTS = {KINDS[name]: registered.law for name, registered in CONTACT_LAWS.items()}
 CURVED = *OF_CONTACTS, PROGRESSIVE
 """Laws whose force is not piecewise linear."""

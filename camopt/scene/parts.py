@@ -110,8 +110,7 @@ def laws_of(parts: Sequence[Part]) -> Laws:
 
 
 def _padded_tables(parts: Sequence[Part]) -> np.ndarray:
-    """The tables of all parts as one array (e, q, 2), the shorter ones padded by rows, a metre apart, on their last
-    line."""
+    """The tables of all parts as one array (e, q, 2); shorter ones get rows, a metre apart, that extrapolate them."""
     tables = [np.array(part.table or [(0.0, part.stiffness)]) for part in parts]
     rows = max(map(len, tables))
     slopes = [last_slope(table) if part.law == "table" else 0.0 for part, table in zip(parts, tables, strict=True)]

@@ -2,8 +2,7 @@
 
 Every elastic force rises with its compression and contacts only push, so the energy is convex, and piecewise quadratic
 under linear laws. Newton's method therefore converges after a few changes of the set of closed contacts, however many
-there are (Qi and Sun 1993, Mathematical Programming 58, for the nonsmooth method; step halving of Armijo's kind ensures
-descent).
+there are (Qi and Sun 1993, Mathematical Programming 58, for the nonsmooth method; Armijo's step halving).
 """
 
 from dataclasses import replace
@@ -34,8 +33,7 @@ GROUNDING = 1e-12
 
 
 def static_matrices(train: Train, closed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness matrix (n, n) [N/m] and load (n) [N] at zero lift with the elements `closed` (e) acting; those with a
-    memory exert no force at rest."""
+    """Stiffness matrix (n, n) [N/m] and load (n) [N] at zero lift of the acting elements (e) without a memory."""
     acting = np.setdiff1d(np.flatnonzero(closed), train.memory)
     rows, k = train.incidence[acting], train.stiffness[acting]
     load = train.mass_force - rows.T @ (train.preload[acting] - k * train.gap[acting])
@@ -43,8 +41,8 @@ def static_matrices(train: Train, closed: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def rest_position(train: Train) -> np.ndarray:
-    """Positions at rest on the base circle [m], shape (n). Raises InputError if a mass is not held, or if no set of
-    closed contacts is in equilibrium."""
+    """Positions at rest on the base circle [m], shape (n). Raises InputError if a mass is not held, or if none is
+    found."""
     return _rest_of(train).copy()
 
 
@@ -92,8 +90,7 @@ def state_at_rest(train: Train) -> np.ndarray:
 
 
 def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:
-    """Forces of the elements (k, e) [N] with the cam at rest at lifts (k) [m], zero in open contacts. Errors as for
-    `rest_position`."""
+    """Forces of the elements (k, e) [N] with the cam at rest at lifts (k) [m]; errors as for `rest_position`."""
     forces, (heights, where) = [], np.unique(lift, return_inverse=True)  # all angles on the base circle share one lift
     for height in heights:
         d = train.compression(rest_position(replace(train, gap=train.gap - train.cam_driven * height)), height)
@@ -103,9 +100,8 @@ def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:
 
 
 def _equilibrium(train: Train, x: np.ndarray) -> tuple[np.ndarray, bool]:
-    """(positions (n) [m], whether the forces balance there), by Newton's method on the convex energy from positions x
-    (n). The step is halved while it overshoots. A small stiffness to ground keeps the matrix regular with open
-    contacts."""
+    """(positions (n) [m], whether forces balance there) by Newton's method on the convex energy from positions x (n),
+    its step halved while it overshoots. A small stiffness to ground keeps the matrix regular with open contacts."""
     rows = train.incidence
 
     def residual(x):
@@ -144,8 +140,7 @@ def is_linear(train: Train) -> bool:
 
 @lru_cache(maxsize=64)
 def linearised_at_rest(train: Train) -> Train:
-    """The train with every law replaced by a linear one, by `Laws.stand_in`; oil does not leak, and friction has almost
-    no stiffness (`NO_STIFFNESS`)."""
+    """The train with linear laws, by `Laws.stand_in`; oil does not leak, and friction has almost no stiffness."""
     laws = train.laws
     if laws is None:
         return replace(train, forcing=()) if train.forcing else train

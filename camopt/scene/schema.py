@@ -14,7 +14,6 @@ from camopt.scene.table import Name, NonNegative, Positive, Table
 from camopt.scene.units import RPM
 
 HIGHEST_HARMONIC = 200
-"""Largest harmonic of a revolution in the grinding error."""
 Part = Literal["valve", "seat", "operation", "design", "geometry"]
 """Optional tables and keys of a scene that a caller may require."""
 SIMULATED: tuple[Part, ...] = ("valve", "seat", "operation", "design")
@@ -39,8 +38,8 @@ class Tolerance(Table, frozen=True):
     """Scatter of one number, or of several, from train to train.
 
     `of` is NAME.KEY of a mass or an element. With wildcards in NAME, as in "*", it refers to each of those whose number
-    under the key is not zero, and every number has an independent draw. If `of` is an array, one draw changes all its
-    numbers together.
+    under the key is not zero, and every number has an independent draw. If `of` is an array, one draw changes them
+    together.
 
     The width of the scatter is given as a share of the number, `relative`, or in the unit of the key, `plus_minus`.
     Under "normal" it is the standard deviation, and draws are cut off at `camopt.scene.as_built.REACH` standard
@@ -48,8 +47,7 @@ class Tolerance(Table, frozen=True):
     exp(relative * a standard normal draw).
 
     A spring with a force_table also has a stiffness and a preload, those of its table with the valve closed. Both in
-    one array scatter its loads (`camopt.scene.parameters`). `name` is the label of the tolerance in results, by default
-    `of` itself.
+    one array scatter its loads (`camopt.scene.parameters`). `name` is its label in results, by default `of` itself.
     """
 
     of: Annotated[str | tuple[str, ...], BeforeValidator(_text_or_texts)]
@@ -106,7 +104,6 @@ class Grinding(Table, frozen=True):
 
 
 MOST_ROWS = {"mass": 200, "element": 400, "force": 20, "tolerance": 200}
-"""Largest number of rows, by table."""
 AS_BUILT = {"tolerance", "grinding"}
 """Tables used only for manufacturing scatter."""
 

@@ -11,8 +11,7 @@ SETTLED_POSITION = 1e-6
 SETTLED_VELOCITY = 1e-3
 """Largest difference that a velocity of a settled motion still has from the periodic motion [m/s]."""
 STILL = 1e-4
-"""Distance of two states a revolution apart, over the tolerances above, up to which they are equal: 0.1 nm, 0.1 um/s.
-"""
+"""Distance of two states a revolution apart, in these tolerances, up to which they are equal: 0.1 nm and 0.1 um/s."""
 SHRUNK = 0.03
 """A motion settles if the distance between states a revolution apart falls to this share of its largest value since it
 last came below the tolerances. If the motion wanders by less than the tolerances, the distance does not fall."""
@@ -53,8 +52,7 @@ def goes_back(settles: bool, late: int, within: int) -> bool:
 
 
 def shrinks(largest: float, start: float, before: float, last: float, turns: int) -> bool:
-    """Whether the distance between states a revolution apart shrinks, so that the remaining changes are within the
-    tolerances.
+    """Whether the distance of states a revolution apart shrinks and leaves changes within the tolerances.
 
     All distances are in units of the tolerances: the `largest` since they fell below the tolerances, the one at the
     `start` of the measurement, and the last two, `before` and `last`, which come `turns` and `turns` + 1 revolutions

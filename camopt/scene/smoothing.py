@@ -33,8 +33,8 @@ class Smoothing(NamedTuple):
 def smoothing(verb: str, width_um, tie, steps_per_revolution) -> Smoothing:
     """The smoothing for the arguments of a public function `verb`; None stands for the default.
 
-    Raises InputError for a width that is not a positive number [um], a share outside 0 to 1, and a number of steps
-    outside the limits of this module.
+    Raises InputError for a width that is not a positive number [um], a share outside 0 to 1, and steps outside the
+    limits above.
     """
     usual = Smoothing()
     width_um, tie = usual.width / UM if width_um is None else width_um, usual.tie if tie is None else tie

@@ -27,8 +27,8 @@ def excerpt(text: str) -> str:
 def usable_path(path: str | Path, what: str) -> Path:
     """The path, if the operating system accepts it, whether or not a file is there; `what` begins the error sentence.
 
-    Raises InputError for a path that is too long, contains a NUL or a character that no file name may have, or lies in
-    a folder that may not be accessed.
+    Raises InputError for a path that is too long, contains a character that no file name may have, or lies in a folder
+    without access.
     """
     try:
         os.stat(path)

@@ -15,7 +15,6 @@ from camopt.scene.schema import Scene
 from camopt.scene.units import DEG
 
 GROUND = -1
-"""Index of the ground in `Train.a` and `Train.b`."""
 Computed = TypeVar("Computed")
 TRAIN_PARAMETERS = ("mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap")
 """Fields of `Train` whose numbers a user may vary, and with respect to which metrics have derivatives."""

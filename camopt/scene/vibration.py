@@ -43,9 +43,8 @@ def assembled(train: Train, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def oscillations(train: Train, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Angular frequencies |lambda| [rad/s] (m) in ascending order, damping ratios -Re(lambda) / |lambda| (m) and real
-    shapes (m, n) of the oscillating modes; overdamped pairs are left out. The shapes are not normalised, and are taken
-    at the phase at which they are largest."""
+    """Angular frequencies |lambda| [rad/s] (m), ascending, damping ratios -Re(lambda) / |lambda| (m) and real shapes
+    (m, n), not normalised, in their largest phase, of the oscillating modes; overdamped pairs are left out."""
     damping, stiffness = assembled(train, acting)
     if not np.any(damping):
         squares, vectors = eigh(stiffness, np.diag(train.mass))

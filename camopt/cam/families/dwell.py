@@ -3,8 +3,8 @@
 Norton, Cam Design and Manufacturing Handbook, 2009, ch. 3: the 3-4-5 polynomial has zero acceleration at both ends of
 the rise, the 4-5-6-7 polynomial also has zero jerk, and the acceleration of the cycloid is a sine. Since their
 acceleration is zero at the nose they waste lift: these cams are test cases, whose derivatives are known in closed form.
-They start with the ramp velocity of the scene, which the cycloid reduces to zero by half a cosine wave, without
-acceleration at the ends.
+They start with the ramp velocity of the scene, which the cycloid reduces by half a cosine wave, without acceleration at
+the ends.
 """
 
 from collections.abc import Callable

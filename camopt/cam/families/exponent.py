@@ -16,8 +16,7 @@ def exponent(scene: Scene, exponents: tuple[float, ...] = (2, 10, 18, 26, 34)) -
     """The exponent polynomial of a scene's duration, maximum lift and ramps, y_r + y_m (1 + sum_i C_i x^p_i).
 
     `exponents`: five distinct numbers from 2 up, integers or at least 8. Raises InputError for unusable exponents, for
-    a scene whose two ramps differ, and for exponents so close together that rounding or the conditions leave no valid
-    cam.
+    a scene whose two ramps differ, and for exponents too close together for a cam.
     """
     design, ramp = symmetric_conditions(scene, "exponent")
     named = f"exponent: exponents {'/'.join(f'{p:g}' for p in exponents)} give no cam"

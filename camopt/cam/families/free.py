@@ -32,8 +32,8 @@ def free_cam(design: Design, knot_deg: float = 3.0) -> FreeCam:
     """The free cam of a design, with the longest knot interval up to `knot_deg` that divides the duration.
 
     The spline has the lift, the velocity and zero acceleration of the ramps at both ramp tops. The remaining freedom of
-    its coefficients x (n) is that of the free coefficients z (m) [mm/deg^2]. Raises ValueError for a knot interval that
-    leaves no free coefficient.
+    its coefficients x (n) is that of the free coefficients z (m) [mm/deg^2]. Raises ValueError if no coefficient is
+    free.
     """
     half = design.duration_deg / 2 * DEG
     count = int(np.ceil(design.duration_deg / knot_deg - 1e-9))

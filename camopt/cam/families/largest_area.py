@@ -4,8 +4,7 @@ For fixed section angles a linear program gives the levels: the area is linear i
 (`section_limits`). The angles are varied by an outer search. The largest area for given angles is continuous in them,
 because limits that cannot be met are relaxed at a penalty instead of making the program infeasible, but it has several
 maxima. The outer search is therefore a population search (differential evolution, Storn and Price 1997). Its best point
-is refined in angles and levels together, where the problem is smooth, by sequential quadratic programming (SLSQP, Kraft
-1988).
+is refined in angles and levels together, where the problem is smooth, by quadratic programs (SLSQP, Kraft 1988).
 """
 
 from collections.abc import Callable, Mapping, Sequence

@@ -29,8 +29,7 @@ STARTS = (
     (0.139, 0.095, 0.095, 0.381, 0.290),
 )
 """Section angles, as shares of half the duration, of the members with the largest area under the paper's Table 4,
-without and with a jerk limit of 0.003 mm/deg^3. Without any start, the search of experiments/cam_families.py finds at
-most 2e-4 more area ratio."""
+without and with a jerk limit of 0.003 mm/deg^3. The search of experiments/cam_families.py finds 2e-4 more at most."""
 
 
 def multi_pol(

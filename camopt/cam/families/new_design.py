@@ -3,8 +3,7 @@
 The paper is ambiguous in two places, and both readings can be chosen. Section II is quartic in the text but has six
 conditions in the table. A quartic satisfies five, so that its end jerk j23 = -2 a12 / theta_II is a result; with a
 quintic, j23 is free. Section I starts at a12* = 50 to 95 % of a12, which after the ramp of a scene is a step in
-acceleration, where no jerk limit can be satisfied; a ratio of 0 avoids the step. As in Table 1, the maximum lift is
-added.
+acceleration, where no jerk limit holds; a ratio of 0 avoids the step. The maximum lift is added, as in Table 1.
 """
 
 from collections.abc import Mapping, Sequence
@@ -41,10 +40,10 @@ belong to a ratio of 0.95, to 0, to 0 with a jerk limit of 0.003 mm/deg^3, and t
 Without any start, the search of experiments/cam_families.py finds at most 2e-4 more area ratio."""
 
 
-def table_2(quintic: bool, start_ratio: float) -> SectionTable:
-    """Table 2 in one of its readings: section II has degree five, or degree four with its end jerk as a result."""
-    multiples = (("a12*", start_ratio, "a12"),)
-    if quintic:
+def table_2(reading: Mapping[str, Any]) -> SectionTable:
+    """Table 2 with a `start_ratio` and a `section_II`, a quintic or a quartic with its end jerk as a result."""
+    multiples = (("a12*", reading["start_ratio"], "a12"),)
+    if reading["section_II"] == "quintic":
         return replace(TABLE_2, multiples=multiples)
     first, second, *others = TABLE_2.sections
     sections = (first, replace(second, jerk=(0, U)), *others)
@@ -78,15 +77,11 @@ def new_design(
         raise InputError("new-design: j23 is a level only where section II is quintic; leave it out or set quintic")
     levels = {"a12": a12, "a34": a34, "j34": j34, "j23": j23}
     reading = {"start_ratio": start_ratio, "section_II": "quintic" if quintic else "quartic"}
-    return member(scene, table_2(quintic, start_ratio), STARTS, sections_deg, levels, jerk, **reading)
+    return member(scene, table_2(reading), STARTS, sections_deg, levels, jerk, **reading)
 
 
 def _jerk_limited(scene: Scene, jerk: bool) -> bool:
     return jerk and scene.design is not None and scene.design.jerk_max_mm_per_deg3 is not None
-
-
-def _table_of(reading: Mapping[str, Any]) -> SectionTable:
-    return table_2(reading["section_II"] == "quintic", reading["start_ratio"])
 
 
 def _space(scene: Scene, jerk: bool, start_ratio: float | None = None, quintic: bool = False) -> Space:
@@ -95,7 +90,7 @@ def _space(scene: Scene, jerk: bool, start_ratio: float | None = None, quintic: 
         start_ratio = 0.0
     reading = {"start_ratio": start_ratio, "section_II": "quintic" if quintic else "quartic"}
     free_settings = {"start_ratio": START_RATIOS} if start_ratio is None else {}
-    return sections_space(scene, jerk, _table_of, STARTS, reading, free_settings)
+    return sections_space(scene, jerk, table_2, STARTS, reading, free_settings)
 
 
 FAMILY = Family(
@@ -106,7 +101,7 @@ FAMILY = Family(
         "start_ratio": Parameter("start_ratio", number, searched=False),
         "quintic": Parameter("quintic", yes_or_no, searched=False),
     },
-    lambda _, cam: sections_construction(cam, _table_of, ["start_ratio"]),
+    lambda _, cam: sections_construction(cam, table_2, ["start_ratio"]),
     space=_space,
     line=("#B0518E", (0, (1.3, 1.1))),
 )

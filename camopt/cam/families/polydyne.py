@@ -1,10 +1,9 @@
 """Polydyne (Dudley 1948; Thoren, Engemann, Stoddart 1952), in the form of Kodama et al., Eqs. (1) to (3).
 
 The required valve lift is y(x) = y_max (1 + sum_i C_i x^p_i) with x = theta / half duration. The cam lift with which a
-train of stiffness k_e, spring rate k_sp and mass M follows it at the design speed is y_r + A y + B y'', with
-A = (k_e + k_sp) / k_e and B = omega^2 M / k_e. Eq. (2) is printed with A dy/dt; only A y has the right dimension and
-agrees with Eq. (3). Six linear unknowns (y_max and the five y_max C_i) satisfy the five conditions of Eq. (3) and the
-total lift.
+train of stiffness k_e, spring rate k_sp and mass M follows it at the design speed is y_r + A y + B y'', with A = (k_e +
+k_sp) / k_e and B = omega^2 M / k_e. Eq. (2) is printed with A dy/dt; only A y has the right dimension and fits Eq. (3).
+Six linear unknowns (y_max and the five y_max C_i) satisfy the five conditions of Eq. (3) and the total lift.
 """
 
 import numpy as np
@@ -22,7 +21,6 @@ from camopt.scene.units import DEG, MM
 LEAST_SHARE = 1e-9
 """Stiffness towards the cam, relative to the total stiffness at the valve, up to which it may be rounding alone."""
 LEAST_SPEED_RPM, MOST_SPEED_RPM = 1.0, 1e6
-"""Range of design speeds [r/min]."""
 DESIGN_SPEEDS = 0.4, 1.1
 """Range of design speeds in a search, relative to the highest listed speed."""
 
@@ -33,8 +31,8 @@ def equivalent_train(train: Train) -> tuple[float, float, float]:
     The train is condensed statically to the valve, whatever kinds of elements lie between cam and valve, with the
     contacts between them closed and the seat open. k_sp is the stiffness at the valve with those contacts open; masses
     that are then not connected to the valve do not count. Nonlinear laws are linearised. M weighs each mass with the
-    square of its displacement relative to the valve's in a slow lift (Rayleigh). Raises InputError if a slow cam does
-    not move the valve.
+    square of its displacement relative to the valve's in a slow lift (Rayleigh). Raises InputError if the valve does
+    not move.
     """
     train = linearised_at_rest(train)
     way = np.isin(np.arange(len(train.a)), train.cam_side)

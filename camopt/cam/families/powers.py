@@ -128,9 +128,8 @@ def _why_no_cam(lift: Lift, top: float, ramp: Ramp) -> str:
 def power_construction(
     cam: Lift, family_parameters: Parameters, dynamic: Callable[[Parameters, Ramp], tuple]
 ) -> tuple[Parameters, Event]:
-    """The free parameters of a cam of powers, `family_parameters` and its exponents of at least 8, and the function
-    that builds its event. `dynamic(parameters, ramp)` gives A, B [rad^2] and the five conditions at the end of the
-    flank [m/rad^k]."""
+    """The free parameters of a cam of powers, `family_parameters` and exponents of at least 8, and the function that
+    builds its event, in which `dynamic(parameters, ramp)` returns the `dynamic` of `event_pieces`."""
     exponents = np.array(cam.parameters["exponents"])
     free = exponents >= LEAST_REAL_EXPONENT
     fixed, into_free = np.where(free, 0.0, exponents), np.eye(len(exponents))[:, free]

@@ -4,8 +4,8 @@ At a lift s and a velocity v, the curvature of the centre's path relative to the
 decreases with a (`camopt.cam.followers`): it equals k at a = g(s, v; k). With the circle's radius r, a convex cam has
 at least the radius rho if a >= g(s, v; 1 / (rho + r)), and a concave one if a <= g(s, v; -1 / (rho - r)). Neither
 condition is linear in the lift. Near a given cam, g is replaced by a plane on the safe side: the tangent at the given
-cam, shifted by the largest deviation of g from it within the neighbourhood. As the neighbourhood shrinks, the planes
-approach g to second order.
+cam, shifted by the largest deviation of g from it within the neighbourhood. The planes approach g to second order in
+its size.
 """
 
 from dataclasses import dataclass
@@ -26,8 +26,7 @@ ACCELERATION = 0.01
 
 @dataclass(frozen=True)
 class Neighbourhood:
-    """Cams whose lift differs from that of `lift` by at most the `share` of the maximum lift, and whose velocity by at
-    most that share of its largest velocity."""
+    """Cams whose lift and velocity differ from a cam's by at most this `share` of the largest lift and velocity."""
 
     lift: Lift
     share: float

@@ -18,8 +18,7 @@ LEAST, MOST = 1e-6, 1e6
 Parameters = dict[str, Any]
 """Arrays or numbers by name, in the unit that the name states."""
 Event = Callable[[Parameters, Ramp, Ramp], tuple[Any, Any]]
-"""Function of parameters (arrays of NumPy or JAX) and both ramps; returns borders (p + 1) [rad] and pieces (p, q)
-[m/rad^k]."""
+"""From parameters (arrays of NumPy or JAX) and both ramps to borders (p + 1) [rad] and pieces (p, q) [m/rad^k]."""
 
 
 def number(text: str) -> float:

@@ -1,5 +1,4 @@
-"""The members of a sectioned family, and its record: its table determines the construction for gradients and the search
-space.
+"""The members of a sectioned family and its record, whose construction and search space follow from its table.
 
 A sectioned family is searched over its section angles and over the share of each limit that it may use. At each such
 point its levels have the largest area under the limits tightened to these shares. A cam that uses less than its limits
@@ -92,8 +91,7 @@ def sections_space(
     reading: Mapping[str, Any] | None = None,
     free_settings: Mapping[str, tuple[float, float]] | None = None,
 ) -> Space:
-    """The search space, whose vector has `free_settings` within their bounds, shares of the half duration, and used
-    shares of the limits.
+    """The search space, over `free_settings` in their bounds, shares of half the duration, and used shares of limits.
 
     `reading` has the parameters on which the table depends; those in `free_settings` take their values from the vector.
     """
@@ -139,7 +137,7 @@ def member(
     If `levels` gives all levels except those that the nose determines, the cam is that member, whatever the limits.
     Otherwise the remaining levels, and the section angles if they are None, are chosen for the largest area under the
     limits; the jerk limit applies only with `jerk`. Raises InputError for unusable angles or levels, and if no member
-    satisfies the limits.
+    satisfies them.
     """
     design, ramp = symmetric_conditions(scene, table.family)
     stated = {n: float(v) for n, v in levels.items() if v is not None}

@@ -20,7 +20,6 @@ from camopt.scene.units import DEG, MM
 U = None
 """A boundary condition that is not stated, in the tables' own notation."""
 QUANTITIES = ("lift", "velocity", "acceleration", "jerk")
-"""Lift and its derivatives that a table states, in ascending order."""
 RAMP = {"y_r": 0, "v_r": 1}
 """Columns of the ramp's height and velocity; those of the levels follow."""
 OSCULATING_PARTS = 4

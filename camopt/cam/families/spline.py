@@ -130,8 +130,7 @@ class SplineCam:
         self, weights: Sequence[float | np.ndarray], start: np.ndarray, width: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Matrix (k, 6, m) and offset (k, 6) of the control points of sum_k weights[k] * lift^(k), of degree five, from
-        `start` (k) [rad] over `width` (k). A weight is one number, or one per interval. No interval may contain a knot.
-        """
+        `start` (k) [rad] over `width` (k). A weight is a number, or one per interval, which contains no knot."""
         degree = DEGREE + 2
         inside = start + 1e-9 * width  # where a derivative steps at a knot, its value in the interval
         taylor = np.zeros((degree + 1, len(start), len(self.x_p)))

@@ -1,8 +1,4 @@
-"""The event of a measured table: its rows between the feet of the flanks, and the scene's ramp for a flank that was
-cut.
-
-A flank that ends above the base circle is completed by that ramp.
-"""
+"""The event of a measured table: its rows between the feet of the flanks, and the scene's ramp where one is missing."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -16,7 +12,6 @@ from camopt.scene import InputError
 from camopt.scene.units import DEG, MM, MM_PER_DEG
 
 TURN = 360.0
-"""A turn [deg]."""
 BASE_MM = 0.03
 """Lift [mm] below which a row may belong to the base circle: three times the largest noise expected, 10 um."""
 CLOSING_SHARE = 0.01
@@ -26,9 +21,8 @@ FOOT_REACH_DEG = 15.0
 SHORTEST_BASE_DEG = 10.0
 """Shortest base circle [deg]; with a shorter one the table counts as a turn without base circle."""
 CUT = 15.0
-"""A flank has no ramp if its last step, to the base circle, is larger than twice the step before by more than this many
-times the noise, which is four standard deviations of that difference. The steps of a ramp shrink there or stay equal.
-"""
+"""A flank was cut, and has no ramp, if its last step, to the base circle, exceeds twice the step before by this many
+times the noise, four standard deviations of that difference. The steps of a ramp shrink there or stay equal."""
 LEAST_CUT_MM = 2e-3
 """The same limit [mm] for a table without noise: two units of a table with three decimals."""
 MEDIAN_TO_DEVIATION = 1.4826
@@ -47,11 +41,10 @@ WINDOW_DEG = 5.0
 
 @dataclass(frozen=True)
 class Event:
-    """The rows (indices into the table, angles ascending) that determine the law, and the angles [deg] between which it
-    lies.
+    """The rows (indices into the table, angles ascending) of the law, and the angles [deg] between which it lies.
 
     `start` and `end` are infinite for a turn without base circle. `cut` states for the opening and the closing flank
-    whether it ends without a ramp; `completed` adds the rows that continue it. `noise` [mm] is a first estimate.
+    whether it ends without a ramp; `completed` adds rows that continue it. `noise` [mm] is a first estimate.
     """
 
     rows: np.ndarray = field(repr=False)

@@ -12,7 +12,6 @@ from camopt.scene import InputError
 from camopt.scene.units import DEG, MM
 
 TURN = 2 * np.pi
-"""A turn [rad]."""
 ZERO = 1e-12 * MM
 """Lift [m] up to which a sample counts as base circle."""
 END_MM = 1e-3
@@ -20,7 +19,6 @@ END_MM = 1e-3
 ROUNDING = 1e-12
 """Error [rad] of the roots of a ramp by rounding alone."""
 AT_REST = [(1, 0.0), (2, 0.0)]
-"""End conditions of a spline: velocity and acceleration are zero."""
 DISAGREEMENT = 0.5
 """Largest step in lift between two rows that its velocities do not explain, over the squared step in angle times the
 largest acceleration. That acceleration along the whole step gives 0.5, and 0.25 from the mean of both velocities."""

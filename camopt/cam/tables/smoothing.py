@@ -14,13 +14,12 @@ from camopt.scene import InputError
 OUTLIER = 5.0
 """Studentised residual from which a row is an outlier; by chance one row in 1.7 million reaches it."""
 OUTLIER_SHARE = 2.5e-4
-"""Least distance of an outlier from the spline through the other rows, relative to the maximum lift. It is less at
-corners of the jerk, which the spline rounds: 7e-5 of an exact polydyne in steps of 2 deg, 1.1e-4 of a motorbike's
-exhaust cam."""
+"""Least distance of an outlier from the spline through the other rows, over the maximum lift. Corners of the jerk,
+which the spline rounds, stay below: 7e-5 of an exact polydyne in steps of 2 deg, 1.1e-4 of a motorbike's exhaust cam.
+"""
 NEIGHBOURS = 3
 """Number of rows on either side of an outlier that are judged again without it, as it has attracted the spline."""
 MOST_OUTLIERS = 0.05
-"""Largest share of outliers among the rows."""
 NOISE_FREE_MM = 1e-6
 """Noise [mm] below which a table counts as computed: interpolation then changes the acceleration less than smoothing
 does. Tables of an exact polydyne stay below it at 0.5 deg and finer."""
@@ -28,14 +27,10 @@ ERROR_SHARE = 0.1
 """Largest standard error of the acceleration (root mean square over the event) relative to its peak. With a larger one,
 the dynamics of the table would be the dynamics of its noise."""
 ERROR_FACTOR = 1.7
-"""The error of the acceleration (root mean square over the event), and that of its largest and smallest value, over
-their standard errors, which 95 % of the tables of experiments/measured_tables.py do not exceed in any family of cams,
-with or without a jerk limit. The factors are larger than one because a cam is not a random function: its jerk or its
-acceleration steps at a few angles."""
 PEAK_FACTOR = 2.8
-"""The acceleration's error (root mean square over the event) and that of its largest and smallest value, over their
-standard errors, that 95 % of the tables of experiments/measured_tables.py stay below in every family of cams, its jerk
-limited or not. More than one, as a cam is no random function: its jerk or its acceleration steps at few angles."""
+"""The error of the acceleration (root mean square over the event) and that of its largest and smallest value, over
+their standard errors, that 95 % of the tables of experiments/measured_tables.py do not exceed in any family of cams,
+with or without a jerk limit. More than one, as a cam is no random function: it has steps of jerk or acceleration."""
 INVENTED_SHARE = 0.01
 """Largest distance of the law from a straight line between two rows, relative to the maximum lift; the table gives no
 evidence for more. At a step of 4 deg a cam of 0.015 mm/deg^2 has a third of that."""
@@ -62,8 +57,7 @@ def smoothed(
         )
     _off_base_circle(where, event, lift, event.noise, lines)  # before such rows disturb the fit
     accepted, outliers = _without_outliers(where, event, lift)
-    angles, height, count, free, added = _arguments(accepted, lift)
-    fit = (fitted if np.isinf(accepted.start) else fitted_non_negative)(angles, height, count, free, added)
+    fit = (fitted if np.isinf(accepted.start) else fitted_non_negative)(*_arguments(accepted, lift))
     if fit.coefficients.max() <= 0:
         raise InputError(f"{where}: no lift above the base circle is left: count lift from there, positive up")
     outliers = sorted(outliers + _off_base_circle(where, event, lift, fit.noise, lines))
@@ -147,15 +141,13 @@ def _off_base_circle(where: str, event: Event, lift: np.ndarray, noise: float, l
 
 
 def _arguments(event: Event, lift: np.ndarray) -> tuple[np.ndarray, np.ndarray, int, np.ndarray, int]:
-    """The arguments of `fitted`: angles and lifts of the rows, the added ones last, number of knots of a turn, free
-    coefficients, and number of added rows."""
+    """Arguments of `fitted`: angles and lifts (added ones last), knots per turn, free coefficients, number added."""
     angles = np.append(event.degrees, event.added_degrees)
     return angles, np.append(lift[event.rows], event.added_lift), *_knots(event), len(event.added_lift)
 
 
 def _knots(event: Event) -> tuple[int, np.ndarray]:
-    """Number of knots of a turn, and the coefficients whose functions lie inside the event or extend beyond it by at
-    most one knot on each side."""
+    """Number of knots of a turn, and the coefficients whose functions exceed the event by at most a knot per side."""
     step = float(np.median(np.diff(event.degrees)))
     count = round(TURN / float(np.clip(step / 2, *KNOTS_DEG)))
     if np.isinf(event.start):

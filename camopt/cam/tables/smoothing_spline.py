@@ -21,10 +21,8 @@ from scipy.special import comb, gammaln
 from camopt.cam.tables.interpolation import with_one_base_circle
 
 DEGREE = 5
-"""Degree of the spline."""
 BAND = 2 * DEGREE + 1
-"""Number of diagonals of the equations from the main one down: two coefficients of a full turn are at most twice as far
-apart in the equations as on the ring."""
+"""Diagonals of the equations from the main one down: at most twice the distance of two coefficients on the ring."""
 PENALTY_ORDERS = (4, 3)
 """Orders of the differences that are compared. On the tables of experiments/measured_tables.py third differences alone
 have 1.1 to 2 times the error of fourth ones on cams of limited jerk; fourth ones alone have up to 1.4 times that of
@@ -38,7 +36,6 @@ WEIGHTS = np.arange(-18.0, 16.0, 3.0)
 """Logarithms of the penalty's weight that are tried before the best is refined. Below them, the equations are singular
 to rounding if the knots are denser than the rows."""
 _CARDINAL = BSpline.basis_element(np.arange(DEGREE + 2.0), extrapolate=False)
-"""The basis function on the knots 0, 1, ..., DEGREE + 1."""
 
 
 def basis(degrees: np.ndarray, count: int, order: int = 0) -> csr_array:
@@ -153,11 +150,10 @@ def fitted(
     added: int = 0,
     penalty: tuple[int, float] | None = None,
 ) -> Fit:
-    """The spline through rows `degrees`, `lift` [mm] (r); its coefficients `free` (k) are in cyclic order, all others
-    zero.
+    """The spline through rows `degrees`, `lift` [mm] (r), with coefficients `free` (k) in cyclic order, others zero.
 
-    Without a `penalty` (order, logarithm of the weight) the one of largest restricted likelihood is taken. The last
-    `added` rows are not measured.
+    Without a `penalty` (order, logarithm of weight) the one of largest restricted likelihood is taken. The last `added`
+    rows are not measured.
     """
     if len(free) == count:  # full turn: taken alternately from both ends, neighbours on the ring stay close
         free = np.stack([free, free[::-1]], axis=1).ravel()[:count]

@@ -67,8 +67,7 @@ def parsed(path: Path, first_line: int | None = None, columns: Sequence[str | in
     """Numbers of a text file with any common delimiter, a header before them, and # comments.
 
     `first_line` is the line in which the rows begin, if the text does not show it; `columns` names the two that hold
-    angle and lift, or counts them from 1. Raises InputError for rows that are not all numbers with equally many
-    columns.
+    angle and lift, or counts them from 1. Raises InputError for rows that are not numbers in equal columns.
     """
     text = read_text(path, MAX_FILE_BYTES, "lift table", encoding="utf-8-sig")
     numbered = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1)]
