@@ -74,14 +74,14 @@ def table_error(lift: Lift, step_deg: float, digits: int | None) -> TableError:
     from scipy.interpolate import CubicSpline  # imported here because only this function needs SciPy's splines
 
     degrees = angles_deg(step_deg)
-    true = lift(degrees * DEG) / MM
-    table = true if digits is None else np.round(true, digits)
+    exact = lift(degrees * DEG) / MM
+    table = exact if digits is None else np.round(exact, digits)
     table[-1] = table[0]
     between = np.linspace(-180.0, 180.0, BETWEEN * (len(degrees) - 1) + 1)
-    there = lift(between * DEG) / MM
+    exact_between = lift(between * DEG) / MM
     curves = np.interp(between, degrees, table), CubicSpline(degrees, table, bc_type="periodic")(between)
-    lines, spline = (float(np.abs(curve - there).max()) for curve in curves)
-    return TableError(float(np.abs(table - true).max()), lines, spline)
+    lines, spline = (float(np.abs(curve - exact_between).max()) for curve in curves)
+    return TableError(float(np.abs(table - exact).max()), lines, spline)
 
 
 def write_contour(path: str | Path, lift: Lift, geometry: Geometry, step_deg: float, digits: int) -> None:
@@ -201,10 +201,12 @@ def _biarcs(lift: Lift, geometry: Geometry, edges: np.ndarray):
     first, last = _angle(t0, joint - p0), _angle(p1 - joint, t1)
     share = (np.arange(POINTS_PER_INTERVAL) + 0.5) / POINTS_PER_INTERVAL
     theta = (edges[:-1, None] + np.diff(edges)[:, None] * share).ravel()
-    there = (contact(lift, geometry, theta).contour @ (1, 1j)).reshape(len(p0), POINTS_PER_INTERVAL)
-    before = np.real(np.conj(v)[:, None] * (there - joint[:, None])) < 0
-    away = np.where(before, _distance(there, p0, t0, first, joint - p0), _distance(there, p1, t1, last, p1 - joint))
-    return (p0, np.tan(first / 2)), (joint, np.tan(last / 2)), np.abs(away).max(axis=1)
+    samples = (contact(lift, geometry, theta).contour @ (1, 1j)).reshape(len(p0), POINTS_PER_INTERVAL)
+    before = np.real(np.conj(v)[:, None] * (samples - joint[:, None])) < 0
+    error = np.where(
+        before, _distance(samples, p0, t0, first, joint - p0), _distance(samples, p1, t1, last, p1 - joint)
+    )
+    return (p0, np.tan(first / 2)), (joint, np.tan(last / 2)), np.abs(error).max(axis=1)
 
 
 def _angle(a: np.ndarray, b: np.ndarray) -> np.ndarray:
@@ -217,6 +219,6 @@ def _distance(points: np.ndarray, on: np.ndarray, tangent: np.ndarray, half_turn
     turns by twice `half_turn` over its chord."""
     length = np.abs(chord)
     curvature = np.divide(2 * np.sin(half_turn), length, out=np.zeros_like(length), where=length > 0)[:, None]
-    from_there = points - on[:, None]
-    side = 2 * cross(tangent[:, None], from_there) - curvature * np.abs(from_there) ** 2
+    offset = points - on[:, None]
+    side = 2 * cross(tangent[:, None], offset) - curvature * np.abs(offset) ** 2
     return side / (1 + np.sqrt(np.maximum(1 - curvature * side, 0.0)))

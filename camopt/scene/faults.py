@@ -84,14 +84,14 @@ def _place(loc: tuple) -> tuple:
 
 def _without_keys(data: dict, places: set[tuple]) -> dict:
     """The tables without the keys at these places. No row is removed."""
-    left = deepcopy(data)
+    remaining = deepcopy(data)
     for place in map(_place, places):
-        table: Any = left
+        table: Any = remaining
         for part in place[:-1]:
             table = table[part]
         if isinstance(table, dict) and not isinstance(table.get(place[-1]), dict):
             table.pop(place[-1], None)
-    return left
+    return remaining
 
 
 def _key(loc: tuple) -> str:
@@ -216,10 +216,10 @@ def _unheld(data: dict, masses: list[str]) -> list[str]:
     pairs = [_texts(row, "between") for row in _rows(data, "element")]
     if "seat" not in data or any(len(pair) != 2 for pair in pairs):
         return []
-    held, more = set(), {"ground"}
-    while more:
-        held |= more
-        more = {end for pair in pairs if held & set(pair) for end in pair} - held
+    held, joined = set(), {"ground"}
+    while joined:
+        held |= joined
+        joined = {end for pair in pairs if held & set(pair) for end in pair} - held
     return [
         f"mass.{i}: no element joins {name!r} to the ground, not even by way of other masses: it would fly away"
         for i, name in enumerate(masses, 1)

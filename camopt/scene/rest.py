@@ -120,9 +120,9 @@ def _equilibrium(train: Train, x: np.ndarray) -> tuple[np.ndarray, bool]:
             return x, True
         stiffness = rows.T @ (tangent[:, None] * rows) + np.eye(len(x)) * GROUNDING * train.stiffness.max()
         step = np.linalg.solve(stiffness, force)
-        most = -0.1 * abs(force @ step)
+        accepted = -0.1 * abs(force @ step)
         force, tangent = residual(x + step)
-        while force @ step < most:
+        while force @ step < accepted:
             step = step / 2
             force, tangent = residual(x + step)
         x = x + step

@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from camopt.cam.families.record import Event, Family, Parameters
+from camopt.cam.families.record import BuildEvent, Family, Parameters
 from camopt.cam.families.shape_rows import Limits, LinearisationPoint, shape_rows
 from camopt.cam.families.spline import SplineCam, basis_lift
 from camopt.cam.lift import Lift
@@ -64,7 +64,7 @@ def free_cam_of(design: Design, cam: Lift) -> tuple[FreeCam, np.ndarray]:
     return free, free.Z.T @ (np.array(cam.parameters["coefficients_mm_per_deg2"]) - free.x_p)
 
 
-def _construction(scene: Scene, cam: Lift) -> tuple[Parameters, Event]:
+def _construction(scene: Scene, cam: Lift) -> tuple[Parameters, BuildEvent]:
     """The free coefficients z [mm/deg^2], from which the event is built between the scene's ramps."""
     if scene.design is None:
         raise InputError("free: the scene needs [design]")

@@ -9,7 +9,7 @@ Six linear unknowns (y_max and the five y_max C_i) satisfy the five conditions o
 import numpy as np
 
 from camopt.cam.families.powers import power_cam, power_construction, power_space
-from camopt.cam.families.record import Event, Family, Parameter, Parameters, Space, number, numbers
+from camopt.cam.families.record import BuildEvent, Family, Parameter, Parameters, Space, number, numbers
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import Ramp, symmetric_conditions
 from camopt.scene import InputError, Scene, Train, build_train
@@ -123,7 +123,7 @@ def _refusal(why: str, exponents: tuple[float, ...], parameters: dict[str, float
     )
 
 
-def _construction(_: Scene, cam: Lift) -> tuple[Parameters, Event]:
+def _construction(_: Scene, cam: Lift) -> tuple[Parameters, BuildEvent]:
     a, b = cam.parameters["A"], cam.parameters["B_deg2"] * DEG**2
     speed = cam.parameters["design_speed_rpm"]
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from camopt.cam.families.record import Event, Parameters, Space
+from camopt.cam.families.record import BuildEvent, Parameters, Space
 from camopt.cam.lift import Lift, with_ramps
 from camopt.cam.polynomials import MATCHED, osculating_pieces, power_derivatives
 from camopt.cam.ramps import Ramp
@@ -127,7 +127,7 @@ def _why_no_cam(lift: Lift, top: float, ramp: Ramp) -> str:
 
 def power_construction(
     cam: Lift, family_parameters: Parameters, dynamic: Callable[[Parameters, Ramp], tuple]
-) -> tuple[Parameters, Event]:
+) -> tuple[Parameters, BuildEvent]:
     """The free parameters of a cam of powers, `family_parameters` and exponents of at least 8, and the function that
     builds its event, in which `dynamic(parameters, ramp)` returns the `dynamic` of `event_pieces`."""
     exponents = np.array(cam.parameters["exponents"])

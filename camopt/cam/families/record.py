@@ -17,7 +17,7 @@ LEAST, MOST = 1e-6, 1e6
 
 Parameters = dict[str, Any]
 """Arrays or numbers by name, in the unit that the name states."""
-Event = Callable[[Parameters, Ramp, Ramp], tuple[Any, Any]]
+BuildEvent = Callable[[Parameters, Ramp, Ramp], tuple[Any, Any]]
 """From parameters (arrays of NumPy or JAX) and both ramps to borders (p + 1) [rad] and pieces (p, q) [m/rad^k]."""
 
 
@@ -86,7 +86,7 @@ class Family:
     name: str
     design: Callable[..., Lift] | None = None
     parameters: Mapping[str, Parameter] = field(default_factory=dict)
-    construction: Callable[[Scene, Lift], tuple[Parameters, Event]] | None = None
+    construction: Callable[[Scene, Lift], tuple[Parameters, BuildEvent]] | None = None
     symmetric: bool = True
     space: Callable[..., Space] | None = None
     line: tuple[str, Any] | None = None

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from camopt.cam.families.largest_area import POPULATION, angle_shares, best_angles, best_levels, section_angles
-from camopt.cam.families.record import Event, Family, Parameter, Parameters, Space, number, numbers, yes_or_no
+from camopt.cam.families.record import BuildEvent, Family, Parameter, Parameters, Space, number, numbers, yes_or_no
 from camopt.cam.families.sections import Flank, SectionTable, close_flank, opening_flank
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import Ramp, symmetric_conditions
@@ -60,7 +60,7 @@ def section_parameters(levels: Sequence[str]) -> dict[str, Parameter]:
 
 def sections_construction(
     cam: Lift, table_of: TableOf, table_parameters: Sequence[str] = ()
-) -> tuple[Parameters, Event]:
+) -> tuple[Parameters, BuildEvent]:
     """The free parameters of a sectioned cam and its event; `table_parameters` are those on which its table depends."""
     values = cam.parameters
     table = table_of(values)

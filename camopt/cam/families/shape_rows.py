@@ -160,12 +160,12 @@ def sign_rows(cam: SplineCam, switches: tuple[float, ...]) -> tuple[np.ndarray, 
     matrix, offset = cam.control_points(3, edges)
     positive = np.searchsorted(switches, 0.5 * (edges[1:] + edges[:-1])) % 2 == 0
     width = (len(offset) - 1) // len(positive)
-    may = []
+    permitted = []
     for sign in (positive, ~positive):
         within = np.append(np.repeat(sign, width), sign[-1])
         within[width:-1:width] &= sign[:-1]  # a control point that two intervals share
-        may.append(within)
-    bound = np.concatenate([np.where(may[0], FREE, 0.0) - offset, np.where(may[1], FREE, 0.0) + offset])
+        permitted.append(within)
+    bound = np.concatenate([np.where(permitted[0], FREE, 0.0) - offset, np.where(permitted[1], FREE, 0.0) + offset])
     return np.vstack([matrix, -matrix]), bound
 
 

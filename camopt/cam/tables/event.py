@@ -79,17 +79,18 @@ def find_event(where: str, degrees: np.ndarray, lift: np.ndarray) -> Event:
     after = above[(widest + 1) % len(above)]
     n = len(order)
     index = np.arange(after - n, after + 2 * n)
-    wide, height = angle[np.mod(index, n)] + TURN * np.floor_divide(index, n), turned[np.mod(index, n)]
+    angles, lifts = angle[np.mod(index, n)] + TURN * np.floor_divide(index, n), turned[np.mod(index, n)]
     opening = n
     closing = opening + int(np.mod(above[widest] - after, n))
     noise = _noise(angle, turned, high)
     largest_drop = max(CUT * noise, LEAST_CUT_MM)
-    start, cut_before = _foot(wide, height, opening, -1, largest_drop)
-    end, cut_after = _foot(wide, height, closing, 1, largest_drop)
+    start, cut_before = _foot(angles, lifts, opening, -1, largest_drop)
+    end, cut_after = _foot(angles, lifts, closing, 1, largest_drop)
     row = np.arange(len(index))
-    begun, not_over = row >= opening if cut_before else wide > start, row <= closing if cut_after else wide < end
-    event_rows = np.flatnonzero(begun & not_over)
-    return Event(order[np.mod(index[event_rows], n)], wide[event_rows], start, end, (cut_before, cut_after), noise)
+    after_start = row >= opening if cut_before else angles > start
+    before_end = row <= closing if cut_after else angles < end
+    event_rows = np.flatnonzero(after_start & before_end)
+    return Event(order[np.mod(index[event_rows], n)], angles[event_rows], start, end, (cut_before, cut_after), noise)
 
 
 def _noise(angle: np.ndarray, lift: np.ndarray, high: np.ndarray) -> float:
@@ -188,15 +189,17 @@ def _profile(
     """Length [deg] and lift [mm] against the angle beyond the last row, from its lift and slope; None if no profile
     fits. A slope that is `gentler` than the ramp's is kept."""
     scene_height, scene_slope = ramp.height / MM, ramp.velocity / MM_PER_DEG
-    low = slope if gentler else scene_slope
-    if not (height > 0 and low > 0 and acceleration > 0):
+    ramp_slope = slope if gentler else scene_slope
+    if not (height > 0 and ramp_slope > 0 and acceleration > 0):
         return None
-    excess = max(slope - low, 0.0)
-    blend = max(3 * (height - scene_height) / (slope + 2 * low), 2 * excess / acceleration) if excess > 0 else 0.0
-    left = height - blend * (low + excess / 3)
-    if left <= 0:
+    excess = max(slope - ramp_slope, 0.0)
+    blend = 0.0
+    if excess > 0:
+        blend = max(3 * (height - scene_height) / (slope + 2 * ramp_slope), 2 * excess / acceleration)
+    ramp_height = height - blend * (ramp_slope + excess / 3)
+    if ramp_height <= 0:
         return None
-    completion = Ramp(left * MM, low * MM_PER_DEG, min(ramp.foot, 2 * left / low * DEG))
+    completion = Ramp(ramp_height * MM, ramp_slope * MM_PER_DEG, min(ramp.foot, 2 * ramp_height / ramp_slope * DEG))
     length = blend + completion.length / DEG
     if length > LONGEST_COMPLETION * ramp.length / DEG:
         return None
@@ -206,7 +209,7 @@ def _profile(
 
     def curve(away: np.ndarray) -> np.ndarray:
         share = np.clip(away / blend, 0.0, 1.0) if blend > 0 else np.ones_like(away)
-        above = left + (blend - np.minimum(away, blend)) * low + excess * blend / 3 * (1 - share) ** 3
+        above = ramp_height + (blend - np.minimum(away, blend)) * ramp_slope + excess * blend / 3 * (1 - share) ** 3
         return np.where(away < blend, above, law(-np.maximum(away - blend, 0.0) * DEG) / MM)
 
     return length, curve

@@ -31,10 +31,10 @@ def spline_pieces(where: str, angle: np.ndarray, lift: np.ndarray) -> PPoly:
     is exactly zero. A full turn without base circle is interpolated periodically. Raises InputError for a table that
     neither closes on itself nor begins and ends on the base circle.
     """
-    left = check_ends(where, angle / DEG, lift / MM, END_MM, END_MM)
-    if left == 0.0:
+    missing = check_ends(where, angle / DEG, lift / MM, END_MM, END_MM)
+    if missing == 0.0:
         angle, lift = angle[:-1], lift[:-1]
-    elif left > 1.5 * float(np.diff(angle).max()) / DEG:  # one event, the rest of the turn is base circle
+    elif missing > 1.5 * float(np.diff(angle).max()) / DEG:  # one event, the rest of the turn is base circle
         lift = np.concatenate([[0.0], lift[1:-1], [0.0]])
         angle, lift = np.append(angle, 0.5 * (angle[-1] + angle[0] + TURN)), np.append(lift, 0.0)
     angle, lift = _from_base_circle(angle, lift)
@@ -58,20 +58,20 @@ def spline_pieces(where: str, angle: np.ndarray, lift: np.ndarray) -> PPoly:
 def check_ends(where: str, degrees: np.ndarray, lift_mm: np.ndarray, closing_mm: float, base_mm: float) -> float:
     """The part of a turn [deg] that the rows leave out, zero if they close it. Raises InputError if they close it with
     a step above `closing_mm`, and if they leave out more than 1.5 of their steps and begin or end above `base_mm`."""
-    left, (first, last) = 360.0 - (degrees[-1] - degrees[0]), lift_mm[[0, -1]]
-    if left <= 1e-7:
+    missing, (first, last) = 360.0 - (degrees[-1] - degrees[0]), lift_mm[[0, -1]]
+    if missing <= 1e-7:
         if abs(last - first) > closing_mm:
             raise InputError(
                 f"{where}: the lift is {first:g} mm at the first row and {last:g} mm one turn later: the two must be "
                 f"equal"
             )
         return 0.0
-    if left > 1.5 * float(np.diff(degrees).max()) and max(abs(first), abs(last)) > base_mm:
+    if missing > 1.5 * float(np.diff(degrees).max()) and max(abs(first), abs(last)) > base_mm:
         raise InputError(
-            f"{where}: the table covers {360.0 - left:g} cam degrees and must begin and end on the base circle, but "
+            f"{where}: the table covers {360.0 - missing:g} cam degrees and must begin and end on the base circle, but "
             f"its ends are {first:g} and {last:g} mm: give one whole turn"
         )
-    return left
+    return missing
 
 
 def own_pieces(
