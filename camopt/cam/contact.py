@@ -51,11 +51,8 @@ class Contact:
 
     @property
     def smallest_concave(self) -> float | None:
-        """Smallest concave radius of curvature, as a positive length [m]; None if the cam is nowhere concave.
-
-        A cusp (flat follower) and an undercut (roller, pad) appear as a concave radius too; `faults` distinguishes
-        them.
-        """
+        """Smallest concave radius of curvature, as a positive length [m]; None if the cam is nowhere concave. A cusp
+        (flat follower) and an undercut (roller, pad) appear as a concave radius too; `faults` distinguishes them."""
         concave = self.radius_of_curvature[self.radius_of_curvature <= 0]
         return float(-concave.max()) if len(concave) else None
 

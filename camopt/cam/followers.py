@@ -177,9 +177,7 @@ class Arm:
 
     def swing(self, law: np.ndarray) -> np.ndarray:
         """Angle [rad] by which the body has turned since the valve was shut, and its first two derivatives (3, k).
-
-        Raises InputError if the valve arm does not reach that far.
-        """
+        Raises InputError if the valve arm does not reach that far."""
         sine = np.sin(self._shut) + law[0] / self._valve_arm
         if np.any(np.abs(sine) >= 1):
             raise InputError(

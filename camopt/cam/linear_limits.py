@@ -201,10 +201,8 @@ def piston_drop(piston: Piston, crank: Float[np.ndarray, "*k"], order: int = 0) 
 
 
 def piston_room(piston: Piston, cam_per_crank: float, half: float) -> PiecewiseLevel:
-    """The largest lift [m] that keeps the clearance, at cam angles from -half to half [rad].
-
-    It consists of cubic Hermite pieces, whose error is width^4 / 384 times a bound on the fourth derivative.
-    """
+    """The largest lift [m] that keeps the clearance, at cam angles from -half to half [rad]. It consists of cubic
+    Hermite pieces, whose error is width^4 / 384 times a bound on the fourth derivative."""
     from scipy.interpolate import CubicHermiteSpline  # imported here because only a scene with a piston needs it
 
     slope = cos(piston.valve_angle_deg * DEG)

@@ -93,10 +93,8 @@ _UPPER = np.array([falling(_POWERS, k) for k in range(MATCHED)], dtype=float)
 
 
 def osculating_pieces(borders: np.ndarray, derivatives: np.ndarray) -> np.ndarray:
-    """Local coefficients (p, 12) on `borders` (p + 1) from the values and five `derivatives` (p + 1, 6).
-
-    Both arrays are NumPy's or both are JAX's.
-    """
+    """Local coefficients (p, 12) on `borders` (p + 1) from the values and five `derivatives` (p + 1, 6). Both arrays
+    are NumPy's or both are JAX's."""
     xp = derivatives.__array_namespace__()
     width = xp.diff(borders)[:, None]
     orders = np.arange(MATCHED)

@@ -34,9 +34,7 @@ class Ramp:
 
     def opening_pieces(self, top: float, xp=np) -> tuple[np.ndarray, np.ndarray]:
         """Borders (3) [rad] up to the angle `top` and local coefficients (2, 7) [m/rad^k], without the base circle.
-
-        With `xp` = jax.numpy, `top`, height and velocity may be traced.
-        """
+        With `xp` = jax.numpy, `top`, height and velocity may be traced."""
         start = top - self.length
         powers = np.arange(6)
         shape = FOOT_VELOCITY / (powers + 1) / self.foot**powers if self.foot > 0 else np.zeros(6)

@@ -31,11 +31,8 @@ class Smoothing(NamedTuple):
 
 
 def smoothing(verb: str, width_um, tie, steps_per_revolution) -> Smoothing:
-    """The smoothing for the arguments of a public function `verb`; None stands for the default.
-
-    Raises InputError for a width that is not a positive number [um], a share outside 0 to 1, and steps outside the
-    limits above.
-    """
+    """The smoothing for the arguments of a public function `verb`; None stands for the default. Raises InputError for a
+    width that is not a positive number [um], a share outside 0 to 1, and steps outside the limits above."""
     usual = Smoothing()
     width_um, tie = usual.width / UM if width_um is None else width_um, usual.tie if tie is None else tie
     steps = usual.steps if steps_per_revolution is None else steps_per_revolution
@@ -51,10 +48,8 @@ def smoothing(verb: str, width_um, tie, steps_per_revolution) -> Smoothing:
 
 
 def smoothing_in(settings: Mapping[str, Any]) -> Smoothing:
-    """The smoothing in the settings of a run (`Smoothing.as_asked`).
-
-    Raises InputError if it differs from the default in a run without a smoothed motion, or in a search for a yield.
-    """
+    """The smoothing in the settings of a run (`Smoothing.as_asked`). Raises InputError if it differs from the default
+    in a run without a smoothed motion, or in a search for a yield."""
     chosen = smoothing("optimize", *(settings.get(name) for name in NAMES))
     if chosen != Smoothing() and (settings.get("gradient") == "exact" or "yield" in settings):
         raise InputError(

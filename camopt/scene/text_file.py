@@ -42,9 +42,7 @@ def usable_path(path: str | Path, what: str) -> Path:
 
 def read_text(path: Path, most_bytes: int, what: str, encoding: str = "utf-8") -> str:
     """The text of a file of at most `most_bytes` bytes; `what` names its purpose ("scene file") in the error sentences.
-
-    Raises InputError if the file is larger, cannot be read or is not UTF-8.
-    """
+    Raises InputError if the file is larger, cannot be read or is not UTF-8."""
     try:
         if path.stat().st_size > most_bytes:
             raise InputError(f"{path}: larger than {most_bytes} bytes, which no {what} needs")

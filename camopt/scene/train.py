@@ -101,10 +101,8 @@ class Train:
 
     @property
     def parameters(self) -> dict[str, np.ndarray]:
-        """The numbers named in TRAIN_PARAMETERS and, in a train with laws, in LAW_PARAMETERS.
-
-        In a train with laws, "stiffness" is the coefficient of each law, which for a contact law is in N/m^exponent.
-        """
+        """The numbers named in TRAIN_PARAMETERS and, in a train with laws, in LAW_PARAMETERS. In a train with laws,
+        "stiffness" is the coefficient of each law, which for a contact law is in N/m^exponent."""
         numbers = {name: getattr(self, name) for name in TRAIN_PARAMETERS}
         if self.laws is None:
             return numbers

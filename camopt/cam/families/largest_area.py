@@ -111,10 +111,8 @@ def best_angles(
     generations: int = GENERATIONS,
     seed: int = SEED,
 ) -> np.ndarray:
-    """Section angles [rad] of the largest area, none below `SHORTEST`; the same call gives the same angles.
-
-    `starts` holds section angles, as shares of half the duration, that join the first population.
-    """
+    """Section angles [rad] of the largest area, none below `SHORTEST`; the same call gives the same angles. `starts`
+    holds section angles, as shares of half the duration, that join the first population."""
     asked = table, design, ramp, jerk, tuple(map(tuple, starts)), generations, seed
     return _best_angles(*asked).copy()
 

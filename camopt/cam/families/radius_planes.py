@@ -32,10 +32,8 @@ class Neighbourhood:
     share: float
 
     def box(self, edges: np.ndarray, top: float) -> tuple[np.ndarray, np.ndarray]:
-        """Least and largest lift and velocity, both (2, k), between neighbouring `edges` (k + 1) [rad].
-
-        Lifts are limited to 0 to `top` [m].
-        """
+        """Least and largest lift and velocity, both (2, k), between neighbouring `edges` (k + 1) [rad]. Lifts are
+        limited to 0 to `top` [m]."""
         ends = np.stack([self.lift(edges), self.lift(edges, 1)])
         reach = self.share * np.array([[top], [np.abs(self.lift.extremes(1)).max()]])
         low, high = (pick(ends[:, 1:], ends[:, :-1]) for pick in (np.minimum, np.maximum))

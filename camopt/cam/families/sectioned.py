@@ -58,17 +58,15 @@ def section_parameters(levels: Sequence[str]) -> dict[str, Parameter]:
     return {"sections_deg": Parameter("sections_deg", numbers)} | by_level | {"jerk": Parameter("jerk", yes_or_no)}
 
 
-def sections_construction(
-    cam: Lift, table_of: TableOf, table_parameters: Sequence[str] = ()
-) -> tuple[Parameters, BuildEvent]:
-    """The free parameters of a sectioned cam and its event; `table_parameters` are those on which its table depends."""
+def sections_construction(cam: Lift, table_of: TableOf, settings: Sequence[str] = ()) -> tuple[Parameters, BuildEvent]:
+    """The free parameters of a sectioned cam and its event; `settings` are those on which its table depends."""
     values = cam.parameters
     table = table_of(values)
     names = level_names(table)
     free = {name: values[name] for name, level in zip(names, table.levels, strict=True) if level not in table.closed_by}
     if len(table.sections) > 1:
         free["sections_deg"] = np.array(values["sections_deg"][:-1])
-    free |= {name: values[name] for name in table_parameters}
+    free |= {name: values[name] for name in settings}
 
     def event(p: Parameters, ramp: Ramp, _: Ramp):
         moved_table = table_of(values | p)

@@ -91,10 +91,8 @@ class Limits:
 
 
 def shape_rows(cam: SplineCam, design: Design, about: LinearisationPoint) -> Limits:
-    """All limits of a design on the shape of a cam; those that are not linear are linearised `about` a cam.
-
-    Raises InputError if the neighbourhood of that cam has lifts that the follower cannot follow.
-    """
+    """All limits of a design on the shape of a cam; those that are not linear are linearised `about` a cam. Raises
+    InputError if the neighbourhood of that cam has lifts that the follower cannot follow."""
     groups = [*_bounds(cam, design)]
     if design.waves_max is not None and about.switches:
         stated = 0.0, MM_PER_DEG3, design.waves_max, 1.0
@@ -153,9 +151,7 @@ def cells(cam: SplineCam) -> Float[np.ndarray, " k"]:
 
 def sign_rows(cam: SplineCam, switches: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Rows (r, m) and bounds (r) that require a jerk of one sign between neighbouring `switches` [rad], positive first.
-
-    The left-hand sides are the same for all switches at `cells`; rows for the permitted sign are not active.
-    """
+    The left-hand sides are the same for all switches at `cells`; rows for the permitted sign are not active."""
     edges = merged(np.concatenate([cells(cam), cam.breaks]))
     matrix, offset = cam.control_points(3, edges)
     positive = np.searchsorted(switches, 0.5 * (edges[1:] + edges[:-1])) % 2 == 0

@@ -82,10 +82,8 @@ class SplineCam:
         return np.stack([self.lift(unit).coefficients - offset for unit in np.eye(size)], axis=-1), offset
 
     def basis(self, theta, order: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """Matrix (k, n) and offset (k) with lift^(order)(theta) = matrix @ x + offset [m/rad^order].
-
-        `theta` (k) [rad] may lie anywhere; derivatives go up to the sixth, one-sided from the right at the knots.
-        """
+        """Matrix (k, n) and offset (k) with lift^(order)(theta) = matrix @ x + offset [m/rad^order]. `theta` (k) [rad]
+        may lie anywhere; derivatives go up to the sixth, one-sided from the right at the knots."""
         theta = np.mod(np.asarray(theta, dtype=float) + np.pi, 2 * np.pi) - np.pi
         inside = (theta >= self.breaks[0]) & (theta < self.breaks[-1])
         matrix = np.zeros((len(theta), len(self.x_p)))
