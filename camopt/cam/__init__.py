@@ -1,3 +1,3 @@
-"""Cams: the polynomial pieces every stage reads, ramps, tables, and the families of the literature."""
+"""Cams: the polynomial pieces of a lift law, ramps, lift tables, and the cam families of the literature."""
 
 from camopt.cam.lift import Lift as Lift

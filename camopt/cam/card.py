@@ -1,7 +1,7 @@
 """The cam card: when a valve opens and closes at stated lifts, for how long, about which centre, and with what overlap.
 
-Events are the true crossings of the lift, from the roots of its pieces: on asymmetric cams neither lies half a duration
-from the centre. Crank angles count from the top dead centre of the gas exchange, at which intake and exhaust overlap.
+Events are the exact crossings of the lift, from the roots of its pieces. On an asymmetric cam neither of them is half a
+duration from the centre. Crank angles count from the top dead centre of gas exchange, where intake and exhaust overlap.
 """
 
 from collections.abc import Sequence
@@ -17,19 +17,19 @@ from camopt.scene.units import DEG, MM
 LIFTS_MM = tuple(DURATION_LIFTS_MM.values())
 MOST_LIFTS = 1000
 DECIMALS = 4
-"""Of an angle [deg] in a file: a third of a second of arc, far below what a shaft is ground to."""
+"""Decimals of an angle [deg] in a file: a third of a second of arc, far below the tolerance of a ground shaft."""
 SAME_TOP = 1e-12
-"""Difference from the largest lift, over it, that is rounding."""
+"""Difference from the largest lift, relative to it, that counts as rounding."""
 COLUMNS = (
     "cam", "lift_mm", "opening_deg", "closing_deg", "duration_deg", "centre_deg",
     "opening_crank_deg", "closing_crank_deg", "duration_crank_deg", "overlap_crank_deg",
 )  # fmt: skip
-"""Columns of a card as a table; those of crank angles are None where the card has no crank."""
+"""Columns of a card as a table; those of crank angles are None if the card has no timing."""
 
 
 @dataclass(frozen=True)
 class ValveEvent:
-    """A valve above `lift_mm`: cam angles of opening and closing, from the middle of the cam's duration."""
+    """The event above the lift `lift_mm`: cam angles of opening and closing, from the middle of the cam's duration."""
 
     lift_mm: float
     opening_deg: float
@@ -47,18 +47,18 @@ class ValveEvent:
 
 @dataclass(frozen=True)
 class CrankTiming:
-    """How a cam stands to the crank: `centre_deg` is the crank angle after top dead centre of the cam's angle zero.
-    The cam turns at `cam_per_crank` of the crank."""
+    """Phase of a cam relative to the crank: `centre_deg` is the crank angle after top dead centre at which the cam
+    angle is zero. The cam turns at `cam_per_crank` times the speed of the crank."""
 
     centre_deg: float
     cam_per_crank: float = 0.5
 
     @classmethod
     def of(cls, lift: Lift, by: str, value: float, *, at_mm: float, closing: bool = False, cam_per_crank=0.5):
-        """The timing by one of: the "centre" [crank deg], the crank angle of "opening" or "closing", where the lift
-        passes `at_mm`, or the lift at top dead centre "tdc-lift" [mm], on the opening or the `closing` flank.
+        """The timing by one `value`: the "centre" [crank deg], the crank angle of "opening" or "closing", where the
+        lift passes `at_mm`, or the lift at top dead centre "tdc-lift" [mm], on the opening or the `closing` flank.
 
-        Raises InputError where the lift is never so high.
+        Raises InputError if the cam never has that lift.
         """
         if by == "centre":
             return cls(value, cam_per_crank)
@@ -75,9 +75,9 @@ class CrankTiming:
 class CamCard:
     """A cam's events at stated lifts; `str(card)` is the card as text, `rows()` as a table.
 
-    `timing` is None where the cam's place on the crank is not known. `max_lift_deg` is the cam angle of the largest
-    lift (middle of a dwell there), `tdc_lift_mm` the lift at top dead centre, and `overlaps` are crank degrees of
-    overlap with another cam's card, one for each event.
+    `timing` is None if the phase of the cam relative to the crank is not known. `max_lift_deg` is the cam angle of the
+    largest lift (the middle of a dwell there), `tdc_lift_mm` is the lift at top dead centre, and `overlaps` are the
+    overlaps with another cam in crank degrees, one for each event.
     """
 
     name: str
@@ -89,19 +89,19 @@ class CamCard:
     overlaps: tuple[float, ...] = ()
 
     def rows(self) -> list[list]:
-        """A row of `COLUMNS` for every event."""
+        """One row of `COLUMNS` for every event."""
         rows = []
         for e, overlap in zip(self.events, self.overlaps or [None] * len(self.events), strict=True):
             crank: list[float | None] = [None] * 3
             if self.timing is not None:
                 opening, closing = (self.timing.crank_deg(a) for a in (e.opening_deg, e.closing_deg))
                 crank = [opening, closing, closing - opening]
-            own = self.name, e.lift_mm, e.opening_deg, e.closing_deg, e.duration_deg, e.centre_deg
-            rows.append([*own, *crank, overlap])
+            cam = self.name, e.lift_mm, e.opening_deg, e.closing_deg, e.duration_deg, e.centre_deg
+            rows.append([*cam, *crank, overlap])
         return rows
 
     def cells(self) -> list[list[str | None]]:
-        """The rows as a file has them: angles with as many decimals as the text, lifts as they were asked."""
+        """The rows as written to a file: angles with `DECIMALS` decimals, lifts as the user gave them."""
         return [
             [name, f"{lift:.10g}", *(None if angle is None else f"{angle:z.{DECIMALS}f}" for angle in angles)]
             for name, lift, *angles in self.rows()
@@ -141,11 +141,11 @@ def cam_card(
     timing: CrankTiming | None = None,
     other: "CamCard | None" = None,
 ) -> CamCard:
-    """The card of a cam at these lifts [mm], by default 1 mm and 0.050 in; with a `timing`, also on the crank.
+    """The card of a cam at these lifts [mm], by default 1 mm and 0.050 in; with a `timing`, also in crank angles.
 
-    With the card of the `other` cam of a cylinder, which needs the same lifts and a timing too, it has the overlap: the
-    crank degrees from the later opening to the earlier closing about top dead centre, negative where both are below the
-    lift in between. Raises InputError for a lift that the cam does not pass, and for cards that do not match.
+    The card of the `other` cam of the cylinder, with the same lifts and a timing, adds the overlap: the crank angle
+    from the later opening to the earlier closing about top dead centre, negative if both valves are below the lift in
+    between. Raises InputError for a lift that the cam does not pass, and for cards that do not match.
     """
     if not 0 < len(lifts_mm) <= MOST_LIFTS:
         raise InputError(f"cam card: {len(lifts_mm)} lifts: from 1 to {MOST_LIFTS} are needed")
@@ -164,14 +164,14 @@ def cam_card(
     turn = 360 / timing.cam_per_crank
     nearest = turn * round((timing.centre_deg - other.timing.centre_deg) / turn)
     overlaps = []
-    for own, its in zip(card.rows(), other.rows(), strict=True):
-        (opening, closing), (its_opening, its_closing) = own[6:8], its[6:8]
-        overlaps.append(min(closing, its_closing + nearest) - max(opening, its_opening + nearest))
+    for row, other_row in zip(card.rows(), other.rows(), strict=True):
+        (opening, closing), (other_opening, other_closing) = row[6:8], other_row[6:8]
+        overlaps.append(min(closing, other_closing + nearest) - max(opening, other_opening + nearest))
     return replace(card, overlaps=tuple(overlaps))
 
 
 def top_angle(cam: Lift) -> float:
-    """Cam angle [rad] of the largest lift; the middle where the cam dwells there."""
+    """Cam angle [rad] of the largest lift, or the middle of a dwell there."""
     angles = np.concatenate([cam.borders, cam.roots(1)])
     heights = cam(angles)
     top = angles[heights >= heights.max() * (1 - SAME_TOP)]
@@ -179,7 +179,7 @@ def top_angle(cam: Lift) -> float:
 
 
 def dead_centre_words(crank_deg: float | None) -> str:
-    """A crank angle after top dead centre as `12.00 deg before TDC`; the nearer dead centre is named."""
+    """A crank angle after top dead centre relative to the nearer dead centre, such as `12.00 deg before TDC`."""
     assert crank_deg is not None, "a card with a timing"
     half_turns = round(crank_deg / 180)
     away = crank_deg - 180 * half_turns

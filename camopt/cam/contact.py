@@ -1,6 +1,6 @@
-"""The contact of a cam with its follower: what it is at every angle, and whether the cam can be made and run.
+"""The contact between a cam and its follower at every cam angle, and whether the cam can be made and run.
 
-Radii are positive where the cam is convex and negative where it is concave.
+Radii of curvature are positive where the cam is convex and negative where it is concave.
 """
 
 from dataclasses import dataclass, field
@@ -15,14 +15,15 @@ from camopt.scene.units import DEG, MM
 
 @dataclass(frozen=True)
 class Contact:
-    """A follower on its cam at cam angles `theta` [rad].
+    """The contact of a follower with its cam at cam angles `theta` [rad].
 
-    `contour` [m] and its outward `normal`, Cartesian about the cam's axis in the cam, the nose towards +x (for a finger
-    or rocker turned by where that touches), for a cam that turns against the angle (mirror it for the other sense).
-    Signed `radius_of_curvature` [m], infinite where the cam is straight; `eccentricity` [m] of the contact on a flat
-    face from the valve's axis, on a pad from where it is with the valve shut, zero for a roller; `pressure_angle`
-    [rad], zero for a flat follower; `ratio` of the valve's velocity to that of what rides on the cam; velocities of
-    `entrainment` and of the cam's `sliding` over the follower [m/rad], to be multiplied by the cam's speed.
+    `contour` [m] and its outward `normal` are Cartesian coordinates fixed in the cam, with their origin on its axis,
+    for a cam that turns against the angle (mirror them for the other direction). The nose points towards +x; for a
+    finger or rocker it is rotated by the angle at which that touches the cam. `radius_of_curvature` [m] has a sign, and
+    is infinite where the cam is straight. `eccentricity` [m] is the distance of the contact from the valve axis on a
+    flat face, its distance from the place with the valve shut on a pad, and zero for a roller. `pressure_angle` [rad]
+    is zero for a flat follower. `ratio` is the velocity of the valve over that of the part that touches the cam.
+    `entrainment` and `sliding`, the velocity of the cam over the follower, are in [m/rad], per cam speed.
     """
 
     geometry: Geometry
@@ -50,20 +51,18 @@ class Contact:
 
     @property
     def smallest_concave(self) -> float | None:
-        """Smallest concave radius of curvature, as a positive length [m]; None where the cam is nowhere concave.
-
-        A cusp (flat follower) or an undercut (roller, pad) shows as a concave radius too; `faults` tells them apart.
-        """
+        """Smallest concave radius of curvature, as a positive length [m]; None if the cam is nowhere concave. A cusp
+        (flat follower) and an undercut (roller, pad) appear as a concave radius too; `faults` distinguishes them."""
         concave = self.radius_of_curvature[self.radius_of_curvature <= 0]
         return float(-concave.max()) if len(concave) else None
 
     @property
     def face_width(self) -> float:
-        """Width of a centred flat face that the contact needs [m], without the width of the contact itself."""
+        """Width of a centred flat face that the contact requires [m], without the width of the contact itself."""
         return 2 * float(np.abs(self.eccentricity).max())
 
     def figures(self) -> dict[str, float | None]:
-        """The contact in the field's units; None where a figure does not apply."""
+        """The contact in field units; None if a value does not apply to the follower."""
         flat, slides = self.geometry.follower == "flat", self.geometry.roller_radius_mm is None
         concave = self.smallest_concave
         figures = {
@@ -80,7 +79,7 @@ class Contact:
 
     @property
     def contour_fault(self) -> str | None:
-        """Why no contour gives this lift to this follower, as a sentence; None where one does."""
+        """Why no contour produces this lift with this follower, as a sentence; None if one does."""
         concave, radius = self.smallest_concave, self.geometry.contact_radius_mm
         if radius is None:
             sentence = "a flat follower needs a contour without cusp or concave flank: enlarge the base radius"
@@ -94,14 +93,14 @@ class Contact:
         return None
 
     def require_contour(self, what: str) -> None:
-        """Raises InputError, whose sentence begins with `what`, where no contour gives this lift to this follower."""
+        """Raises InputError, whose sentence begins with `what`, if no contour produces this lift with this follower."""
         if self.contour_fault is not None:
             raise InputError(f"{what}: {self.contour_fault}")
 
     def faults(self) -> list[str]:
-        """What keeps the cam from being made or run with this follower, a sentence each."""
-        found = [] if self.contour_fault is None else [self.contour_fault]
+        """One sentence per reason why the cam cannot be made or run with this follower."""
+        faults = [] if self.contour_fault is None else [self.contour_fault]
         width = self.geometry.face_width_mm
         if self.geometry.follower == "flat" and width is not None and self.face_width > width * MM:
-            found.append(f"the contact needs a face {self.face_width / MM:.2f} mm wide, which has {width:g} mm")
-        return found
+            faults.append(f"the contact needs a face {self.face_width / MM:.2f} mm wide, which has {width:g} mm")
+        return faults

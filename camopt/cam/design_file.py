@@ -1,4 +1,4 @@
-"""`design.json`: a cam's lift pieces in millimetres and degrees, exact both ways."""
+"""`design.json`: the pieces of a cam's lift in millimetres and degrees, without loss in either direction."""
 
 import json
 from functools import lru_cache
@@ -16,11 +16,11 @@ from camopt.storage import write_json
 MAX_FILE_BYTES = 50_000_000
 BORDER_SLACK_DEG = 1e-9
 STEP_SLACK_MM = 1e-6
-"""Step in lift between pieces that rounding explains; a larger one is no cam."""
+"""Step in lift [mm] between two pieces that counts as rounding; a cam has no larger one."""
 
 
 def design_record(lift: Lift, max_lift: float, **further: object) -> dict:
-    """The content of `design.json` for a lift law under a scene's maximum lift [m], with any further keys."""
+    """The content of `design.json` for a lift law, with the area ratio for a maximum lift [m] and any further keys."""
     powers = np.arange(lift.coefficients.shape[1])
     degrees = lift.borders / DEG
     return {
@@ -45,17 +45,17 @@ def write_design(path: str | Path, lift: Lift, max_lift: float, **further: objec
 
 
 def read_design(path: str | Path, scene: Scene) -> Lift:
-    """The lift law of a `design.json`; where it gives no duration_deg, the scene's is taken.
+    """The lift law of a `design.json`; without a duration_deg in the file, it has the duration of the scene.
 
-    Raises InputError for a file that is no design: unreadable, not JSON, missing or misshapen pieces, pieces that do
-    not cover -180 to 180 deg without gap or step in lift.
+    Raises InputError for a file that is not a design: unreadable, not JSON, with missing or malformed pieces, or with
+    pieces that do not cover -180 to 180 deg or have a step in lift.
     """
     return lift_of_text(read_text(Path(path), MAX_FILE_BYTES, "design"), scene, path)
 
 
-@lru_cache(maxsize=8)  # what is known of a cam is known of the same file's
+@lru_cache(maxsize=8)  # the same file gives the same object, for which results are cached
 def lift_of_text(text: str, scene: Scene, path: object) -> Lift:
-    """The lift law of the text of a `design.json`; `path` begins the sentences. Errors as of `read_design`."""
+    """The lift law in the text of a `design.json`; `path` begins the error sentences. Errors as for `read_design`."""
     data = _json_object(text, path)
     try:
         pieces = data["pieces"]
@@ -93,8 +93,8 @@ def lift_of_text(text: str, scene: Scene, path: object) -> Lift:
 
 
 def as_written(lift: Lift) -> Lift:
-    """The lift law that its `design.json` gives back, bit by bit: units move the last digits, and a motion that parts
-    its contacts multiplies them, so that the cam as it is written is judged."""
+    """The lift law as its `design.json` returns it, bit by bit. The conversion of units changes the last digits, and a
+    motion in which contacts separate amplifies the difference, so the cam is verified as it is stored."""
     record = design_record(lift, lift.max_lift)
     pieces = record["pieces"]
     borders = np.append(pieces["start_deg"], pieces["end_deg"][-1])
@@ -113,7 +113,7 @@ def _json_object(text: str, path: object) -> dict:
         data = json.loads(text)
     except (json.JSONDecodeError, RecursionError) as error:
         raise InputError(f"{path}: not valid JSON: {error}") from error
-    except ValueError:  # Python turns no more than some thousand digits into an integer
+    except ValueError:  # Python limits an integer to a few thousand digits
         raise InputError(
             f"{path}: an integer of thousands of digits, which no design has: write the design again"
         ) from None

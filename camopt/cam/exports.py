@@ -1,19 +1,19 @@
-"""Files for grinding and for engine simulation: lift tables and the contour, in millimetres with a number of digits.
+"""Files for grinding and for engine simulation: rounded lift tables and the contour, in millimetres.
 
-The contour gives the point that touches the follower at each cam angle of the table. Its coordinates carry one digit
-more than the lift, so that the support function of the points (flat follower), or the roller laid on them, meets the
-lift within half a unit of its last digit: two rounded coordinates miss a point by up to 0.71 of a unit.
+The contour gives the point that touches the follower at each cam angle of the table. Its coordinates have one digit
+more than the lift, so that the support function of the points (flat follower), or a roller placed on them, reproduces
+the lift to half a unit of its last digit. Two rounded coordinates displace a point by up to 0.71 of a unit.
 
-Engine simulations read the valve's lift, static or at a speed, by the crank's angle, a row each degree: EngMod4T takes
-two columns without a header, parted by a tab. Degree 0 is the last whole one before the valve opens.
+Engine simulations read the valve lift, static or at a speed, against the crank angle, with one row per degree. EngMod4T
+takes two columns without a header, separated by a tab. Degree 0 is the last whole degree before the valve opens.
 
-A drawing of the contour (DXF; needs the extra `dxf`, ezdxf) has circular arcs that join without a corner and keep a
-tolerance. Between two points p0, p1 of the contour with the unit tangents t0, t1 lie two arcs (Bolton 1975,
-Computer-Aided Design 7, 101), which with v = p1 - p0 meet at (p0 + p1 + d (t0 - t1)) / 2, where
+A drawing of the contour (DXF; needs the extra `dxf`, ezdxf) consists of circular arcs that join without a corner and
+keep a tolerance. Between two points p0, p1 of the contour with the unit tangents t0, t1 there are two arcs (Bolton
+1975, Computer-Aided Design 7, 101), which with v = p1 - p0 meet at (p0 + p1 + d (t0 - t1)) / 2, where
 
     v v - 2 d v (t0 + t1) - 2 d^2 (1 - t0 t1) = 0.
 
-Where two arcs miss the contour by more than the tolerance, their interval of the cam angle is halved.
+If two arcs deviate from the contour by more than the tolerance, their interval of the cam angle is halved.
 """
 
 import io
@@ -24,7 +24,7 @@ import numpy as np
 
 from camopt.cam.followers import cross, pairs
 from camopt.cam.geometry import contact, crossing
-from camopt.cam.lift import APART, Lift, angles_deg
+from camopt.cam.lift import Lift, angles_deg, without_narrow
 from camopt.scene import InputError
 from camopt.scene.geometry import Geometry
 from camopt.scene.shapes import Float
@@ -33,16 +33,16 @@ from camopt.storage import write_csv, write_text
 
 MOST_DIGITS = 12
 BETWEEN = 8
-"""Places between two rows at which an interpolation is looked at."""
-NOTHING = 5e-4 * MM
-"""Lift [m] from which a valve without lash counts as open."""
+"""Number of intervals between two rows at whose ends an interpolation is evaluated."""
+OPEN_LIFT = 5e-4 * MM
+"""Lift [m] above which a valve without lash counts as open."""
 
 
 def write_rounded_table(path: str | Path, lift: Lift, step_deg: float, digits: int, rocker_ratio: float = 1.0) -> None:
     """Writes cam_angle_deg, lift_mm (at the valve) and, with a rocker ratio other than 1, tappet_lift_mm.
 
-    Lifts carry `digits` decimals: at the table's angles what is read back differs by at most half a unit of the last;
-    between them the interpolation of rounded lifts adds up to a third of a unit where the step is 0.1 deg.
+    Lifts have `digits` decimals. At the angles of the table the rounded lift is within half a unit of the last decimal;
+    between them, the interpolation of rounded lifts adds up to a third of a unit if the step is 0.1 deg.
     """
     degrees = angles_deg(step_deg)
     height = lift(degrees * DEG) / MM
@@ -54,7 +54,7 @@ def write_rounded_table(path: str | Path, lift: Lift, step_deg: float, digits: i
 
 def write_crank_table(path: str | Path, lift: Lift, step_crank_deg: float, digits: int, cam_per_crank: float) -> None:
     """Writes crank_angle_deg, zero at the middle of the duration, and lift_mm over one turn of the cam, below a #
-    header with the units. Raises InputError for a step that does not divide the cam's turn."""
+    header with the units. Raises InputError for a step that does not divide the turn of the cam."""
     degrees = angles_deg(step_crank_deg * cam_per_crank)
     cells = zip(_angle_cells(degrees / cam_per_crank), rounded(lift(degrees * DEG) / MM, digits), strict=True)
     head = ["# table-angle = crank", "# table-lift = mm", "crank_angle_deg,lift_mm"]
@@ -62,7 +62,7 @@ def write_crank_table(path: str | Path, lift: Lift, step_crank_deg: float, digit
 
 
 class TableError(NamedTuple):
-    """What a table is off by [mm]: at its `rows`, between them along straight `lines` and along a cubic `spline`."""
+    """Largest errors of a table [mm]: at its `rows`, and between them along straight `lines` and a cubic `spline`."""
 
     rows: float
     lines: float
@@ -70,25 +70,25 @@ class TableError(NamedTuple):
 
 
 def table_error(lift: Lift, step_deg: float, digits: int | None) -> TableError:
-    """The largest errors of a table in steps of cam degrees with this many decimals, every digit where None."""
-    from scipy.interpolate import CubicSpline  # brings SciPy's splines, which nothing else here needs
+    """The largest errors of a table with this step in cam degrees and this many decimals; None means no rounding."""
+    from scipy.interpolate import CubicSpline  # imported here because only this function needs SciPy's splines
 
     degrees = angles_deg(step_deg)
-    true = lift(degrees * DEG) / MM
-    table = true if digits is None else np.round(true, digits)
+    exact = lift(degrees * DEG) / MM
+    table = exact if digits is None else np.round(exact, digits)
     table[-1] = table[0]
     between = np.linspace(-180.0, 180.0, BETWEEN * (len(degrees) - 1) + 1)
-    there = lift(between * DEG) / MM
+    exact_between = lift(between * DEG) / MM
     curves = np.interp(between, degrees, table), CubicSpline(degrees, table, bc_type="periodic")(between)
-    lines, spline = (float(np.abs(curve - there).max()) for curve in curves)
-    return TableError(float(np.abs(table - true).max()), lines, spline)
+    lines, spline = (float(np.abs(curve - exact_between).max()) for curve in curves)
+    return TableError(float(np.abs(table - exact).max()), lines, spline)
 
 
 def write_contour(path: str | Path, lift: Lift, geometry: Geometry, step_deg: float, digits: int) -> None:
-    """Writes the contour by cam angle: x_mm, y_mm, polar_angle_deg and radius_mm of the point of contact.
+    """Writes the contour against cam angle: x_mm, y_mm, polar_angle_deg and radius_mm of the point of contact.
 
-    Its axes are those of `Contact.contour`. `digits` are the lift's; lengths carry one more, the polar angle three
-    more. Raises InputError where no contour gives this lift to this follower.
+    The axes are those of `Contact.contour`. `digits` is the number of decimals of the lift; lengths have one more, the
+    polar angle three more. Raises InputError if no contour produces this lift with this follower.
     """
     contact(lift, geometry).require_contour("contour")
     degrees = angles_deg(step_deg)
@@ -106,46 +106,46 @@ def write_contour(path: str | Path, lift: Lift, geometry: Geometry, step_deg: fl
 
 
 def rounded(values: Float[np.ndarray, " k"], digits: int) -> list[str]:
-    """Numbers with a fixed number of decimals, 0 to 12; no minus before a zero."""
+    """Numbers with a fixed number of decimals, 0 to 12, and without a minus sign before zero."""
     if not 0 <= digits <= MOST_DIGITS:
         raise InputError(f"export: {digits} digits: give 0 to {MOST_DIGITS} decimals of a millimetre")
     return [f"{value:z.{digits}f}" for value in values]
 
 
 def _angle_cells(degrees: np.ndarray) -> list[str]:
-    """Angles to 1e-9 deg, whole ones without a point."""
+    """Angles to 1e-9 deg, whole ones without a decimal point."""
     return [f"{angle:.12g}" for angle in degrees]
 
 
 def crank_rows(lift: Lift, lash: float, cam_per_crank: float) -> Float[np.ndarray, " k"]:
-    """Crank angles [deg] from the middle of the cam's duration, a degree apart, from before to after the lift is above
-    the lash [m], or half a micrometre without one. Raises InputError where it never is."""
-    opens, closes = (angle / DEG / cam_per_crank for angle in crossing(lift, max(lash, NOTHING)))
+    """Crank angles [deg] from the middle of the cam's duration, a degree apart, from just before to just after the lift
+    exceeds the lash [m], or half a micrometre without lash. Raises InputError if it never does."""
+    opens, closes = (angle / DEG / cam_per_crank for angle in crossing(lift, max(lash, OPEN_LIFT)))
     return np.arange(np.floor(opens), np.ceil(closes) + 1)
 
 
 def write_valve_lift(path: str | Path, lift: Float[np.ndarray, " k"], digits: int) -> None:
-    """Writes a valve's lifts [m], a crank degree apart, with this many decimals of a millimetre."""
+    """Writes lifts of a valve [m], a crank degree apart, with this many decimals of a millimetre."""
     rows = enumerate(rounded(lift / MM, digits))
     write_text(path, "".join(f"{degree}\t{height}\n" for degree, height in rows))
 
 
 CONTOUR, BASE_CIRCLE, AXES = "CONTOUR", "BASE_CIRCLE", "AXES"
 """Layers of the drawing."""
-LONGEST = 15.0 * DEG
-"""Interval of the cam angle with which the search for arcs begins."""
-LOOKED_AT = 16
-"""Places in each interval at which the distance of the contour from its arcs is taken."""
-FINEST = 12
-"""Halvings of an interval, at most."""
+FIRST_INTERVAL = 15.0 * DEG
+"""Interval of the cam angle [rad] with which the search for arcs begins."""
+POINTS_PER_INTERVAL = 16
+"""Number of points per interval at which the distance of the contour from its arcs is evaluated."""
+MOST_HALVINGS = 12
+"""Largest number of times that an interval is halved."""
 
 
 def write_dxf(path: str | Path, lift: Lift, geometry: Geometry, tolerance: float) -> tuple[int, float]:
-    """Writes the contour as a closed polyline of arcs that join without a corner, in millimetres with every digit.
+    """Writes the contour as a closed polyline of arcs that join without a corner, in millimetres at full precision.
 
-    The contour misses them by at most `tolerance` [m]; returned is how many there are, and by how much it misses them
-    [m]. Base circle and axes lie on layers of their own. Raises InputError where no contour gives this lift to this
-    follower, and where ezdxf is not installed.
+    Returns the number of arcs and their largest distance from the contour [m], which is at most `tolerance` [m] unless
+    `MOST_HALVINGS` do not suffice. Base circle and axes are on layers of their own. Raises InputError if no contour
+    produces this lift with this follower, and if ezdxf is not installed.
     """
     try:
         from ezdxf import units  # pyright: ignore[reportMissingImports]  # an extra
@@ -171,27 +171,26 @@ def write_dxf(path: str | Path, lift: Lift, geometry: Geometry, tolerance: float
 
 
 def contour_arcs(lift: Lift, geometry: Geometry, tolerance: float) -> tuple[np.ndarray, Float[np.ndarray, " k"], float]:
-    """A closed chain of arcs in ascending cam angle from the back of the cam: where each begins (k), complex [m], its
-    bulge, and by how much the contour is missed at most [m], which is no more than `tolerance` [m].
+    """A closed chain of arcs in ascending cam angle: the start of each (k), complex [m], its bulge (k), and their
+    largest distance from the contour [m], at most `tolerance` [m] unless `MOST_HALVINGS` do not suffice.
 
-    A bulge is the tangent of a quarter of the angle that the arc turns through, positive to the left.
+    The bulge is the tangent of a quarter of the angle of the arc, positive for a turn to the left.
     """
-    edges = np.unique(np.append(lift.borders, np.arange(lift.borders[0], lift.borders[-1], LONGEST)))
-    edges = edges[np.append(np.diff(edges) > APART, True)]
-    for _ in range(FINEST):
-        first, second, missed = _biarcs(lift, geometry, edges)
+    regular = np.arange(lift.borders[0], lift.borders[-1], FIRST_INTERVAL)
+    edges = without_narrow(np.union1d(lift.borders, regular))
+    first, second, missed = _biarcs(lift, geometry, edges)
+    for _ in range(MOST_HALVINGS):
         wide = np.flatnonzero(missed > tolerance)
         if len(wide) == 0:
             break
         edges = np.sort(np.append(edges, 0.5 * (edges[wide] + edges[wide + 1])))
-    else:
         first, second, missed = _biarcs(lift, geometry, edges)
-    begins, bulge = (np.stack([one, other], axis=1).ravel() for one, other in zip(first, second, strict=True))
+    begins, bulge = (np.stack(both, axis=1).ravel() for both in zip(first, second, strict=True))
     return begins, bulge, float(missed.max())
 
 
 def _biarcs(lift: Lift, geometry: Geometry, edges: np.ndarray):
-    """The first and the second arc of every interval, as points (k) and bulges (k), and what both miss (k) [m]."""
+    """The first and the second arc of every interval, as points (k) and bulges (k), and their largest error (k) [m]."""
     ends = contact(lift, geometry, edges)
     points, tangent = ends.contour @ (1, 1j), ends.normal @ (1j, -1)
     p0, p1, t0, t1 = points[:-1], points[1:], tangent[:-1], tangent[1:]
@@ -200,24 +199,26 @@ def _biarcs(lift: Lift, geometry: Geometry, edges: np.ndarray):
     d = square / (along + np.sqrt(along**2 + turn * square))
     joint = 0.5 * (p0 + p1 + d * (t0 - t1))
     first, last = _angle(t0, joint - p0), _angle(p1 - joint, t1)
-    share = (np.arange(LOOKED_AT) + 0.5) / LOOKED_AT
+    share = (np.arange(POINTS_PER_INTERVAL) + 0.5) / POINTS_PER_INTERVAL
     theta = (edges[:-1, None] + np.diff(edges)[:, None] * share).ravel()
-    there = (contact(lift, geometry, theta).contour @ (1, 1j)).reshape(len(p0), LOOKED_AT)
-    before = np.real(np.conj(v)[:, None] * (there - joint[:, None])) < 0
-    away = np.where(before, _distance(there, p0, t0, first, joint - p0), _distance(there, p1, t1, last, p1 - joint))
-    return (p0, np.tan(first / 2)), (joint, np.tan(last / 2)), np.abs(away).max(axis=1)
+    samples = (contact(lift, geometry, theta).contour @ (1, 1j)).reshape(len(p0), POINTS_PER_INTERVAL)
+    before = np.real(np.conj(v)[:, None] * (samples - joint[:, None])) < 0
+    error = np.where(
+        before, _distance(samples, p0, t0, first, joint - p0), _distance(samples, p1, t1, last, p1 - joint)
+    )
+    return (p0, np.tan(first / 2)), (joint, np.tan(last / 2)), np.abs(error).max(axis=1)
 
 
 def _angle(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Angle (k) from a (k) to b, to the left; zero where one is no longer than rounding."""
+    """Angle (k) from a (k) to b, positive to the left; zero if one of them is zero."""
     return np.where(np.abs(b) * np.abs(a) > 0, np.angle(np.conj(a) * b), 0.0)
 
 
 def _distance(points: np.ndarray, on: np.ndarray, tangent: np.ndarray, half_turn: np.ndarray, chord: np.ndarray):
-    """Distance (k, q) of points (k, q) from circles through `on` (k) with a tangent there, to the left; one turns by
-    twice `half_turn` over a chord."""
+    """Distance (k, q) of points (k, q) from arcs through `on` (k) with this tangent there, positive to the left. An arc
+    turns by twice `half_turn` over its chord."""
     length = np.abs(chord)
     curvature = np.divide(2 * np.sin(half_turn), length, out=np.zeros_like(length), where=length > 0)[:, None]
-    from_there = points - on[:, None]
-    side = 2 * cross(tangent[:, None], from_there) - curvature * np.abs(from_there) ** 2
+    offset = points - on[:, None]
+    side = 2 * cross(tangent[:, None], offset) - curvature * np.abs(offset) ** 2
     return side / (1 + np.sqrt(np.maximum(1 - curvature * side, 0.0)))

@@ -1,15 +1,16 @@
-"""The followers of a scene's [geometry]: from valve lift to where each touches its cam, and back from a contour.
+"""The followers of a scene's [geometry]: their contact with the cam for a valve lift, and their lift on a contour.
 
-The engine's frame is the complex plane: the cam's axis is the origin, the real axis runs along the valve's and is
-positive where the valve opens to, the imaginary one lies across it. The cam turns from the imaginary axis to the real
-one, so that what lies in the cam at the angle theta faces the opening at the cam angle theta. Derivatives are by cam
-angle.
+The frame of the engine is the complex plane. The cam axis is its origin. The real axis is parallel to the valve axis
+and positive in the direction in which the valve opens; the imaginary axis is perpendicular to it. The cam turns from
+the imaginary to the real axis, so that the point of the cam at the angle theta faces the opening direction at the cam
+angle theta. Derivatives are by cam angle.
 
-Seen from the cam the centre of a roller or pad runs along the pitch curve, with w = i C + C' the velocity of the centre
-C over the cam. Its normal is the contour's, whose radius of curvature is less by the circle's (Norton 2009, ch. 7):
+Relative to the cam, the centre C of a roller or pad moves along the pitch curve with the velocity w = i C + C'. The
+normal of this curve is that of the contour, whose radius of curvature is smaller by the radius r of the circle (Norton
+2009, ch. 7):
     n = -i w / |w|,   contour C - r n,   pitch radius |w|^3 / (w x (i w + w')).
-The normal turns over the cam at psi' = (w x (i w + w')) / |w|^2, so that the contact runs along the cam at |w| - r psi'
-and, on a pad whose body turns at gamma', along the pad at r (psi' - 1 - gamma').
+The normal turns relative to the cam at psi' = (w x (i w + w')) / |w|^2, so that the contact moves along the cam at
+|w| - r psi' and, on a pad whose body turns at gamma', along the pad at r (psi' - 1 - gamma').
 """
 
 from collections.abc import Sequence
@@ -34,8 +35,8 @@ def pairs(numbers: np.ndarray) -> np.ndarray:
 
 
 def signed_radius(velocity: np.ndarray, acceleration: np.ndarray) -> np.ndarray:
-    """Radius of curvature (k) of a curve with these complex derivatives (k), positive where it bends to the left,
-    infinite where it is straight."""
+    """Radius of curvature (k) of a curve with these complex derivatives (k), positive to the left, infinite if
+    straight."""
     with np.errstate(divide="ignore"):
         return np.abs(velocity) ** 3 / cross(velocity, acceleration)
 
@@ -49,11 +50,12 @@ def circle_contact(
     ratio: np.ndarray,
     shut: float = 0.0,
 ) -> Contact:
-    """The contact of the roller, which rolls without slip, or of the pad, which slides.
+    """The contact of a roller, which rolls without slip, or of a pad, which slides.
 
-    `centre` (k) [m] of the circle with its first two derivatives, and the unit `ahead` in which it moves as the valve
-    opens, lie in the engine's frame; its body turns by `turning` (k) [rad/rad]. `ratio` (k) is that of the valve's
-    velocity to the centre's, and `shut` the pressure angle [rad] from which the eccentricity on a pad counts.
+    `centre` has the centre of the circle (k) [m] and its first two derivatives, and `ahead` is the unit vector of its
+    motion while the valve opens, both in the frame of the engine. The body of the circle turns by `turning` (k)
+    [rad/rad]. `ratio` (k) is the velocity of the valve over that of the centre, and `shut` is the pressure angle [rad]
+    at which the eccentricity on a pad is zero.
     """
     assert geometry.contact_radius_mm is not None, "by the schema"
     radius, rolls, (place, velocity, acceleration) = geometry.contact_radius_mm * MM, geometry.roller_radius_mm, centre
@@ -81,19 +83,19 @@ def circle_contact(
 
 
 class Flat:
-    """A flat face at right angles to its axis, which is the valve's and passes through the cam's.
+    """A flat face perpendicular to the valve axis, which passes through the cam axis.
 
-    With R the base radius and s the follower's lift (Norton, Cam Design and Manufacturing Handbook, 2009, ch. 7): the
-    distance r = R + s of the face is the contour's support function, so that its radius of curvature is r + s'' and the
-    contact lies at s' from the axis. The contact runs along the cam at r + s'' and along the face at s'' a radian, of
-    which the mean, r/2 + s'', entrains oil.
+    With the base radius R and the lift s of the follower (Norton, Cam Design and Manufacturing Handbook, 2009, ch. 7),
+    the distance r = R + s of the face is the support function of the contour. The radius of curvature is therefore
+    r + s'', and the contact is at the distance s' from the axis. The contact moves along the cam at r + s'' and along
+    the face at s'' per radian; the mean of both, r/2 + s'', entrains oil.
     """
 
     def __init__(self, geometry: Geometry):
         self.geometry, self.base = geometry, geometry.base_radius_mm * MM
 
     def contact(self, law: Float[np.ndarray, "3 k"], theta: Float[np.ndarray, " k"]) -> Contact:
-        """The contact at valve lifts, with their first two derivatives [m/rad^n], at cam angles [rad]."""
+        """The contact for valve lifts, with their first two derivatives [m/rad^n], at cam angles [rad]."""
         s, velocity, acceleration = law / self.geometry.rocker_ratio
         r, none, turned = self.base + s, np.zeros_like(s), np.exp(1j * theta)
         return Contact(
@@ -110,14 +112,14 @@ class Flat:
         )
 
     def lift_on(self, points: np.ndarray, normals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Cam angles (k) [rad], neither wrapped nor ordered, at which the follower touches these complex points (k) [m]
-        of a contour with these outward normals, both in the cam, and the valve lift (k) [m] there."""
+        """Cam angles (k) [rad], neither wrapped nor ordered, at which the follower touches the complex points (k) [m]
+        of a contour with these outward normals, both relative to the cam, and the valve lift (k) [m] there."""
         distance = np.real(np.conj(normals) * points)
         return np.angle(normals), self.geometry.rocker_ratio * (distance - self.base)
 
 
 class Roller:
-    """A roller whose centre moves along the valve's axis, through the cam's, and which rolls without slip."""
+    """A roller whose centre moves along the valve axis, through the cam axis, and which rolls without slip."""
 
     def __init__(self, geometry: Geometry):
         assert geometry.roller_radius_mm is not None, "by the schema"
@@ -136,18 +138,19 @@ class Roller:
 
 
 class Arm:
-    """A body that swings about a pivot between cam and valve, in the engine's frame: a finger, whose valve is on the
-    cam's side, or a rocker, whose valve is on the other one.
+    """A body that swings about a pivot between cam and valve, in the frame of the engine. The valve of a finger is on
+    the cam's side of the pivot, and that of a rocker is on the other side.
 
-    The pad on the flat valve tip keeps its distance to the tip, so that the valve's lift h is that of the pad's centre:
-    with l the valve arm and beta its angle against the square to the valve's axis, h = l (sin beta - sin beta_0). The
-    ratio of the valve's velocity to that of the roller or pad on the cam, l cos beta over the cam arm, varies with the
-    lift. The centre on the cam swings on a circle about the pivot; of the two places that the triangle of cam axis,
-    pivot and centre allows on the base circle it has the one from which the opening valve takes it away from the cam.
+    The pad on the flat valve tip has its centre at a constant distance from the tip, so that the lift h of the valve is
+    that of this centre. With the valve arm l and its angle beta to the perpendicular of the valve axis,
+    h = l (sin beta - sin beta_0). The ratio of the velocity of the valve to that of the roller or pad on the cam, l cos
+    beta over the cam arm, varies with the lift. The centre on the cam moves on a circle about the pivot. The triangle
+    of cam axis, pivot and centre permits two places on the base circle; the centre is at the one from which it moves
+    away from the cam as the valve opens.
 
-    `pivot`, `centre` of the roller or pad on the base circle and the pad on the shut `valve`'s tip are places [m];
-    `radius` [m] is that of the roller or pad on the cam, and `valve_side` (1 or -1) the side of the pivot on which the
-    valve lies, across its axis.
+    `pivot`, `centre` (of the roller or pad on the base circle) and `valve` (of the pad on the tip of the shut valve)
+    are positions [m]. `radius` [m] is that of the roller or pad on the cam. `valve_side` (1 or -1) is the side of the
+    pivot, across the valve axis, on which the valve lies.
     """
 
     def __init__(self, geometry: Geometry):
@@ -163,7 +166,7 @@ class Arm:
         self.valve = self.pivot + self._valve_arm * complex(np.sin(self._shut), self.valve_side * np.cos(self._shut))
 
     def _centre_at(self, distance: np.ndarray) -> np.ndarray:
-        """Centres (k) at these distances [m] from the cam's axis, on the side to which the opening valve moves."""
+        """Centres (k) at these distances [m] from the cam axis, on the side to which the opening valve moves them."""
         away = abs(self.pivot)
         cos = (distance**2 + away**2 - self._arm**2) / (2 * distance * away)
         if np.any(np.abs(cos) > 1):
@@ -173,10 +176,8 @@ class Arm:
         return distance * np.exp(1j * (np.angle(self.pivot) + self.valve_side * np.arccos(cos)))
 
     def swing(self, law: np.ndarray) -> np.ndarray:
-        """Angle [rad] by which the body has turned from where it is with the valve shut, and its derivatives (3, k).
-
-        Raises InputError where the valve arm does not reach so far.
-        """
+        """Angle [rad] by which the body has turned since the valve was shut, and its first two derivatives (3, k).
+        Raises InputError if the valve arm does not reach that far."""
         sine = np.sin(self._shut) + law[0] / self._valve_arm
         if np.any(np.abs(sine) >= 1):
             raise InputError(
@@ -213,5 +214,5 @@ FOLLOWERS = {"flat": Flat, "roller": Roller, "finger": Arm, "rocker": Arm}
 
 
 def follower_of(geometry: Geometry) -> Flat | Roller | Arm:
-    """The follower that a [geometry] describes, whose methods are those of `Flat`."""
+    """The follower that a [geometry] describes; all followers have the methods of `Flat`."""
     return FOLLOWERS[geometry.follower](geometry)

@@ -1,9 +1,9 @@
-"""Curvature, eccentricity, pressure angle and contour along a lift law, durations above a lift, and waves.
+"""Curvature, eccentricity, pressure angle and contour along a lift law, durations above a lift, and waves of the jerk.
 
-Each follower tells where it touches the cam (`camopt.cam.followers`); here that is laid along a lift law.
+`camopt.cam.followers` computes the contact of each kind of follower; this module evaluates it along a lift law.
 
-The acceleration of a plain cam rises on the opening flank, falls to the nose, rises out of it and falls again: its jerk
-changes its sign three times. Every ripple, or wave, adds two changes. Stretches of constant acceleration have no sign.
+The acceleration of a plain cam rises on the opening flank, falls to the nose, rises after it and falls again: its jerk
+changes its sign three times. Every ripple, or wave, adds two changes. At constant acceleration the jerk has no sign.
 """
 
 import numpy as np
@@ -17,22 +17,22 @@ from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
 
 STEP = 0.05 * DEG
-"""Widest spacing of the samples; every piece is sampled at both its ends, from inside. An extreme between two samples
-is missed by about step^2 / 8 times its second derivative, 1e-7 of it."""
+"""Largest spacing of the samples [rad]; every piece is sampled at both its ends, from inside. An extreme between two
+samples is missed by about step^2 / 8 times its second derivative, 1e-7 of it."""
 CLOSER = 20
-"""Parts of `STEP` in which the extremes of the curvature are looked for."""
+"""Factor by which the samples are closer than `STEP` around the extremes of the curvature."""
 DURATION_LIFTS_MM = {"1_mm": 1.0, "0.050_in": 1.27}
-"""Lifts at which durations are quoted; they are compared at 0.050 in where inches are used."""
+"""Lifts [mm] at which durations are quoted; 0.050 in is usual where inches are used."""
 SIGNLESS = 1e-6
-"""A jerk that is no larger than this share of the largest one has no sign: rounding of a cam designed to have none."""
+"""Magnitude of the jerk, relative to the largest one, up to which it counts as zero, because it is rounding."""
 STEPPED = 1e-6
-"""A step of the acceleration larger than this share of the largest one is a jerk beyond all others."""
+"""Step of the acceleration, relative to the largest acceleration, above which it counts as an infinite jerk."""
 
 
 def contact(lift: Lift, geometry: Geometry, theta: Float[np.ndarray, " k"] | None = None) -> Contact:
-    """The contact of a cam with its follower at `theta` [rad], any turn, from the right where a derivative steps; by
-    default over one turn, every piece sampled at both its ends and at least every `STEP`. Raises InputError where a
-    finger or rocker cannot follow."""
+    """The contact of a cam with its follower at `theta` [rad], of any turn, from the right where a derivative steps. By
+    default `theta` covers one turn, with every piece sampled at both its ends and at least every `STEP`. Raises
+    InputError if a finger or rocker cannot follow the lift."""
     if theta is None:
         counts = np.ceil(np.diff(lift.borders) / STEP).astype(int) + 1
         ends = zip(lift.borders[:-1], lift.borders[1:], counts, strict=True)
@@ -45,21 +45,21 @@ def contact(lift: Lift, geometry: Geometry, theta: Float[np.ndarray, " k"] | Non
 
 
 def smallest_radii(lift: Lift, geometry: Geometry) -> tuple[float, float | None]:
-    """`Contact.smallest_convex` and `Contact.smallest_concave` of a cam, with samples `CLOSER` times as close about
-    every extreme. Raises InputError where a finger or rocker cannot follow."""
-    found = contact(lift, geometry)
-    turns = np.diff(1 / found.radius_of_curvature)
-    at = found.theta[1 + np.flatnonzero(turns[1:] * turns[:-1] < 0)]
+    """`Contact.smallest_convex` and `Contact.smallest_concave` of a cam, with samples `CLOSER` times as close around
+    every extreme. Raises InputError if a finger or rocker cannot follow the lift."""
+    coarse = contact(lift, geometry)
+    turns = np.diff(1 / coarse.radius_of_curvature)
+    at = coarse.theta[1 + np.flatnonzero(turns[1:] * turns[:-1] < 0)]
     if len(at) == 0:
-        return found.smallest_convex, found.smallest_concave
-    closer = contact(lift, geometry, (at[:, None] + STEP * np.linspace(-1, 1, 2 * CLOSER + 1)).ravel())
-    concave = [size for one in (found, closer) if (size := one.smallest_concave) is not None]
-    return min(found.smallest_convex, closer.smallest_convex), min(concave, default=None)
+        return coarse.smallest_convex, coarse.smallest_concave
+    fine = contact(lift, geometry, (at[:, None] + STEP * np.linspace(-1, 1, 2 * CLOSER + 1)).ravel())
+    concave = [size for samples in (coarse, fine) if (size := samples.smallest_concave) is not None]
+    return min(coarse.smallest_convex, fine.smallest_convex), min(concave, default=None)
 
 
 def crossing(lift: Lift, height: float) -> tuple[float, float]:
-    """Cam angles [rad] at which the lift first rises to and last falls from `height` [m] > 0; those of the whole turn
-    where it never lies so low."""
+    """Cam angles [rad] at which the lift first rises to and last falls from `height` [m] > 0; -pi and pi if it is
+    nowhere so low. Raises InputError for a height that is not below the maximum lift."""
     if not 0 < height < lift.max_lift:
         raise InputError(
             f"duration: {height / MM:g} mm is not below the maximum lift: give a lift between zero and "
@@ -70,8 +70,8 @@ def crossing(lift: Lift, height: float) -> tuple[float, float]:
 
 
 def sign_changes(lift: Lift) -> Float[np.ndarray, " k"]:
-    """The angles [rad] inside the duration at which the jerk changes its sign; between two neighbours of borders and
-    roots of the snap it goes one way, so that no change is missed."""
+    """The angles [rad] inside the duration at which the jerk changes its sign. Between neighbouring borders and roots
+    of the snap the jerk is monotonic, so that no change is missed."""
     half = lift.half_duration
     inside = lift.borders[(lift.borders > -half) & (lift.borders < half)]
     bends = lift.roots(4)

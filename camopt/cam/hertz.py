@@ -1,18 +1,19 @@
 """Line contact of cam and follower: Hertz stress of two elastic cylinders with parallel axes, and the oil film.
 
-With P the force per length of the line, R the radii's and E* the moduli's combination, the largest pressure, in the
-middle of the contact, is (Hertz 1881; Johnson, Contact Mechanics, 1985, Eq. (4.45))
+With the force per length P, the combined radius R and the combined modulus E*, the largest pressure, in the middle of
+the contact, is (Hertz 1881; Johnson, Contact Mechanics, 1985, Eq. (4.45))
     p_0 = sqrt(P E* / (pi R)),   1/R = 1/R_cam + 1/R_follower,   1/E* = (1 - nu_cam^2)/E_cam + (1 - nu_f^2)/E_f.
-A flat face has 1/R_follower = 0; a concave flank counts with a negative radius. The force along the way of what rides
-on the cam is the simulated one, which acts on the valve's axis, times the ratio of the valve's velocity to its own; the
-normal force that of it over the cosine of the pressure angle. Friction, edges and lubrication are left out.
+A flat face has 1/R_follower = 0; a concave flank has a negative radius. The simulated force acts on the valve axis. The
+force along the path of the part that touches the cam is this force times the ratio of the valve's velocity to that of
+the part, and the normal force is that divided by the cosine of the pressure angle. Friction, edges and oil are
+neglected.
 
 The least thickness of the oil film is Dowson's for elastic bodies and a piezoviscous oil (Dowson, Elastohydrodynamics,
 Proc. IMechE 182(3A), 1968):
     h / R = 2.65 U^0.7 G^0.54 W^-0.13,   U = eta u / (E' R),   G = alpha E',   W = P / (E' R),
-with u the entrainment velocity, R the radii's and E' = 2 E* the moduli's combination, P the force per length, eta the
-viscosity without pressure and alpha its growth with it. Every angle is taken by itself, without squeeze, heat and
-edges: the film vanishes where the entrainment reverses, where squeezing carries a real one over.
+with the entrainment velocity u, the combined radius R, the combined modulus E' = 2 E*, the force per length P, the
+viscosity eta at zero pressure and its pressure coefficient alpha. Every angle is treated by itself, without squeezing,
+heating and edges: the film vanishes where the entrainment velocity is zero, where squeezing keeps a real one.
 """
 
 from dataclasses import dataclass
@@ -50,7 +51,7 @@ class HertzStress:
         return float(self.stress[i]), float(np.mod(self.theta[i] + np.pi, 2 * np.pi) - np.pi)
 
     def figures(self) -> dict[str, float]:
-        """The largest stress in the field's units, where it acts, and the force there."""
+        """The largest stress in field units, the cam angle where it acts, and the normal force there."""
         stress, theta = self.largest
         force = self.force[int(np.argmax(self.stress))]
         return {"hertz_stress_MPa": stress / 1e6, "cam_angle_deg": theta / DEG, "normal_force_N": float(force)}
@@ -69,7 +70,7 @@ def contact_modulus(geometry: Geometry) -> float:
 
 
 def contact_width(geometry: Geometry) -> float:
-    """Length of the line of contact [m]; InputError where the scene gives none."""
+    """Length of the line of contact [m]. Raises InputError if the scene gives none."""
     width = geometry.contact_width_mm or geometry.face_width_mm
     if width is None:
         raise InputError("[geometry]: Hertz stress needs the length of the line of contact: give contact_width_mm")
@@ -79,8 +80,8 @@ def contact_width(geometry: Geometry) -> float:
 def hertz_stress(
     lift: Lift, geometry: Geometry, theta: Float[np.ndarray, " k"], force: Float[np.ndarray, " k"]
 ) -> HertzStress:
-    """The stress under a `force` [N] on the valve's axis at cam angles `theta` [rad], any turn; raises InputError
-    where the scene gives no width of the contact, and at a cusp, an undercut or too concave a flank."""
+    """The stress under a `force` [N] on the valve axis at cam angles `theta` [rad], of any turn. Raises InputError if
+    the scene gives no width of the contact, and at a cusp, an undercut or a flank that is too concave."""
     width, along = contact_width(geometry), contact(lift, geometry, theta)
     curvature = combined_curvature(along)
     if np.any(curvature <= 0):
@@ -95,22 +96,22 @@ def hertz_stress(
 
 
 def combined_curvature(along: Contact) -> np.ndarray:
-    """1/R (k) [1/m] of cam and follower; -inf where the cam has a cusp."""
+    """1/R (k) [1/m] of cam and follower; -inf at a cusp or an undercut of the cam."""
     radius = along.geometry.contact_radius_mm
-    own = along.radius_of_curvature
-    cam = np.divide(1.0, own, out=np.full_like(own, -np.inf), where=own != 0)
+    cam_radius = along.radius_of_curvature
+    cam = np.divide(1.0, cam_radius, out=np.full_like(cam_radius, -np.inf), where=cam_radius != 0)
     if radius is None:
         return cam
-    undercut = (own <= 0) & (own >= -radius * MM)
+    undercut = (cam_radius <= 0) & (cam_radius >= -radius * MM)
     return np.where(undercut, -np.inf, cam + 1 / (radius * MM))
 
 
 def film_ratio(
     along: Contact, cam_speed: float, normal_force: Float[np.ndarray, " k"]
 ) -> Float[np.ndarray, " k"] | None:
-    """Film thickness over roughness at a cam speed [rad/s] under the normal force [N]; infinite without force, and not
-    a number where there is no line contact. None where the scene states no oil or no roughness; raises InputError where
-    it gives no width of the contact."""
+    """Film thickness over roughness at a cam speed [rad/s] under the normal force [N]; infinite without force, NaN
+    without a line contact, None if the scene has no oil or roughness. Raises InputError if it has no width of the
+    contact."""
     geometry = along.geometry
     if geometry.oil_viscosity_mPa_s is None or geometry.roughness_um is None:
         return None

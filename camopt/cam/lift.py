@@ -1,8 +1,8 @@
-"""The lift law that every stage reads: 2 pi periodic polynomial pieces on a SciPy piecewise polynomial.
+"""The lift law: 2 pi periodic polynomial pieces, evaluated by SciPy's piecewise polynomials.
 
-Angle zero is the middle of the duration; lift is total lift above the base circle [m], derivatives are by cam angle
-[rad]. Pieces are exact: the lift, its velocity, acceleration and jerk at any angle, their extremes and the area come
-from the coefficients, never from a table.
+Angle zero is the middle of the duration. Lift is total lift above the base circle [m], and derivatives are by cam angle
+[rad]. The pieces are exact: lift, velocity, acceleration and jerk at any angle, their extremes and the area are
+computed from the coefficients and not from a table.
 """
 
 from collections.abc import Mapping
@@ -26,15 +26,15 @@ if TYPE_CHECKING:
     from camopt.scene.design import Design
 
 JOINING = 1e-6
-"""Step of lift or velocity at a border, relative to the largest there, that counts as rounding."""
+"""Step of lift or velocity at a border, relative to the largest value there, that counts as rounding."""
 ROUNDING = 1e-9
 APART = 1e-12
-"""Angle [rad] within which two borders are one."""
+"""Angle [rad] within which two borders count as one."""
 MOST_ROWS = 360_000
-"""Rows of a lift table at most: 0.001 deg."""
+"""Largest number of rows of a lift table, a step of 0.001 deg."""
 
 
-@dataclass(frozen=True, eq=False)  # equal only to itself, since arrays have no one answer: so it may be a key
+@dataclass(frozen=True, eq=False)  # compared by identity, since arrays have no single truth value
 class Lift:
     """A cam's lift law.
 
@@ -58,7 +58,7 @@ class Lift:
 
     @cached_property
     def _derivatives(self) -> list["PPoly"]:
-        from scipy.interpolate import PPoly  # bad input is answered before SciPy loads
+        from scipy.interpolate import PPoly  # imported here so that bad input is reported before SciPy loads
 
         lift = PPoly(self.coefficients[:, ::-1].T, self.borders)
         return [lift, *(lift.derivative(k) for k in range(1, 7))]
@@ -68,20 +68,20 @@ class Lift:
         return self._derivatives[order](np.mod(np.asarray(theta) + np.pi, 2 * np.pi) - np.pi)
 
     def of_piece(self, piece: np.ndarray, theta: np.ndarray, order: int) -> np.ndarray:
-        """The derivative `order` as the pieces of the numbers `piece` (k) have it at angles `theta` (..., k) [rad]."""
+        """Derivative `order` of the pieces with the indices `piece` (k) at angles `theta` (..., k) [rad]."""
         value, local = np.zeros(np.shape(theta)), theta - self.borders[piece]
         for c in self._derivatives[order].c[:, piece]:
             value = value * local + c
         return value
 
     def roots(self, order: int, value: float = 0.0) -> Float[np.ndarray, " k"]:
-        """Angles [rad] at which the derivative `order` is `value`; where a piece is so throughout, its start."""
-        found = self._derivatives[order].solve(value, discontinuity=False, extrapolate=False)
-        return found[np.isfinite(found)]
+        """Angles [rad] at which the derivative `order` equals `value`; the start of a piece on which it always does."""
+        angles = self._derivatives[order].solve(value, discontinuity=False, extrapolate=False)
+        return angles[np.isfinite(angles)]
 
     def extremes(self, order: int, low: float = -np.pi, high: float = np.pi) -> tuple[float, float]:
-        """Exact smallest and largest value of the derivative `order` over [low, high], from the roots of the next; a
-        step at a border shows with both its sides."""
+        """Exact smallest and largest value of the derivative `order` over [low, high], from the roots of the next
+        derivative; at a step at a border the values on both sides count."""
         values, roots = self._derivatives[order], self.roots(order + 1)
         inside = roots[(roots >= low) & (roots <= high)]
         start, end = self.borders[:-1], self.borders[1:]
@@ -101,17 +101,17 @@ class Lift:
         return self.extremes(0)[1]
 
     def area_ratio(self, max_lift: float) -> float:
-        """Area over (a scene's maximum lift [m] times the duration)."""
+        """Area over the product of a scene's maximum lift [m] and the cam's duration."""
         return self.area / (max_lift * 2 * self.half_duration)
 
     def area_ratio_in(self, design: "Design") -> float:
-        """Area within a design's duration over (its maximum lift times its duration), whatever the cam's own is."""
+        """Area within a design's duration over the product of its maximum lift and duration, not those of the cam."""
         half = design.duration_deg * DEG / 2
         return float(self._derivatives[0].integrate(-half, half)) / (design.max_lift_mm * MM * 2 * half)
 
     @cached_property
     def opening_foot(self) -> float:
-        """Angle at which the lift leaves zero [rad]; pi, the end of the revolution, where it never does."""
+        """Angle at which the lift leaves zero [rad]; pi, the end of the revolution, if it never does."""
         lifted = np.flatnonzero(np.any(self.coefficients != 0, axis=1))
         return float(self.borders[lifted[0]]) if len(lifted) else np.pi
 
@@ -126,7 +126,7 @@ class Lift:
         return float(np.max(roots))
 
     def plot(self, design: "Design | None" = None) -> "Figure":
-        """Lift, velocity, acceleration and jerk as a matplotlib Figure, with a design's limits where one is given."""
+        """Lift, velocity, acceleration and jerk as a matplotlib Figure, with the limits of a design if one is given."""
         from camopt.plots import profiles
 
         return profiles([(self.family, lift_table(self, 0.1))], design)
@@ -156,27 +156,26 @@ class Lift:
         )
 
     def shifted(self, error: "Lift") -> "Lift":
-        """This lift plus a small lift `error` (a grinding error), on the union of both pieces."""
+        """This lift plus a small lift `error` (a grinding error), on the borders of both."""
         borders = without_narrow(np.union1d(self.borders, error.borders))
         middles = 0.5 * (borders[1:] + borders[:-1])
         width = max(self.coefficients.shape[1], error.coefficients.shape[1])
         total = np.zeros((len(middles), width))
-        for part in (self, error):
-            piece = np.searchsorted(part.borders, middles) - 1
-            total[:, : part.coefficients.shape[1]] += recentred(part, piece, borders[:-1])
+        for law in (self, error):
+            piece = np.searchsorted(law.borders, middles) - 1
+            total[:, : law.coefficients.shape[1]] += recentred(law, piece, borders[:-1])
         return Lift(borders, total, self.half_duration, self.family, self.parameters)
 
 
 def without_narrow(borders: np.ndarray) -> np.ndarray:
-    """Borders from -pi on without those of pieces of rounding's width, which follow no curve."""
-    kept = borders[np.append(np.diff(borders) > APART, True)]
-    kept[0] = -np.pi
-    return kept
+    """Borders from -pi on without those of pieces that are only as wide as a rounding error."""
+    remaining = borders[np.append(np.diff(borders) > APART, True)]
+    remaining[0] = -np.pi
+    return remaining
 
 
 def steps_at_borders(borders, coefficients) -> Any:
-    """Largest steps of lift [m] and velocity [m/rad] where two pieces meet, the turn's end with its begin (2); arrays
-    of NumPy or of JAX."""
+    """Largest steps of lift [m] and velocity [m/rad] (2) between successive pieces of a turn; in NumPy or JAX."""
     xp = coefficients.__array_namespace__()
     widths, order = xp.diff(borders)[:, None], np.arange(coefficients.shape[1])
     lift = xp.sum(coefficients * widths**order, axis=1)
@@ -185,14 +184,14 @@ def steps_at_borders(borders, coefficients) -> Any:
 
 
 def permitted_steps(cam: Lift) -> np.ndarray:
-    """Steps of lift [m] and velocity [m/rad] (2) that pieces in place of a cam's may have: its own, and rounding."""
+    """Steps of lift [m] and velocity [m/rad] (2) permitted to pieces that replace a cam's: its own plus rounding."""
     return steps_at_borders(cam.borders, cam.coefficients) + JOINING * np.abs(cam.coefficients[:, :2]).max(axis=0)
 
 
 def lift_with(cam: Lift, numbers: Mapping[str, Any]) -> Lift:
-    """The cam with those of "lift" (p, q) [m/rad^k], "borders" (p + 1) [rad] and "half_duration" [rad] that are in
-    `numbers`. Raises InputError for borders that do not ascend from -pi to pi, or pieces that do not join there as well
-    as those of the cam."""
+    """The cam with its "lift" (p, q) [m/rad^k], "borders" (p + 1) [rad] and "half_duration" [rad] replaced by those in
+    `numbers`. Raises InputError for borders that do not ascend from -pi to pi, or pieces that join less well than
+    those."""
     names = {"lift": "coefficients", "borders": "borders", "half_duration": "half_duration"}
     changes: dict[str, Any] = {
         field: np.asarray(numbers[name], float) for name, field in names.items() if name in numbers
@@ -212,8 +211,8 @@ def lift_with(cam: Lift, numbers: Mapping[str, Any]) -> Lift:
 
 
 def with_ramps(borders, coefficients, opening: Ramp, closing: Ramp, family: str, parameters: dict) -> Lift:
-    """The event's pieces, borders (p + 1) from -half to +half duration [rad], between ramps and base circle; raises
-    InputError for a ramp that is lower than its foot rises, and for ramps longer than the base circle."""
+    """The cam of an event, whose borders (p + 1) run from -half to +half duration [rad], with ramps and base circle.
+    Raises InputError for a ramp that is lower than the rise of its foot, and for ramps longer than the base circle."""
     for name, ramp in (("opening", opening), ("closing", closing)):
         foot_rise = 0.5 * ramp.velocity * ramp.foot
         if ramp.height < foot_rise * (1 - ROUNDING):
@@ -233,7 +232,7 @@ def with_ramps(borders, coefficients, opening: Ramp, closing: Ramp, family: str,
 
 
 def whole_turn(borders, coefficients, opening: Ramp, closing: Ramp) -> tuple[np.ndarray, np.ndarray]:
-    """Borders and pieces from -pi to pi of an event between ramps, arrays of NumPy or of JAX; pieces may be empty."""
+    """Borders and pieces from -pi to pi of an event between ramps, for arrays of NumPy or JAX; pieces may be empty."""
     xp = coefficients.__array_namespace__()
     width = max(7, coefficients.shape[1])
     up_borders, up = opening.opening_pieces(borders[0], xp)
@@ -250,7 +249,7 @@ def mirrored_pieces(coefficients, widths) -> np.ndarray:
     """Coefficients (p, q) of lift(-theta), its pieces in ascending order, from those of lift and their widths (p)."""
     xp = coefficients.__array_namespace__()
     k = np.arange(coefficients.shape[1])
-    binomial = np.array([[comb(i, j) * (-1.0) ** j for i in k] for j in k])  # p(width - u) by Newton's binomial
+    binomial = np.array([[comb(i, j) * (-1.0) ** j for i in k] for j in k])  # of p(width - u), by the binomial theorem
     widths = widths[::-1, None, None] ** np.maximum(k - k[:, None], 0)
     return xp.einsum("pjk,pk->pj", binomial * widths, coefficients[::-1])
 
@@ -264,8 +263,8 @@ def lift_table(lift: Lift, step_deg: float) -> dict[str, np.ndarray]:
 
 
 def angles_deg(step_deg: float) -> np.ndarray:
-    """Cam angles from -180 to 180 deg, those of a few decimals without the tail that binary steps leave; raises
-    InputError for a step that does not divide the turn."""
+    """Cam angles from -180 to 180 deg; those with few decimals are rounded to them, without the error of a binary step.
+    Raises InputError for a step that does not divide the turn."""
     count = round(360 / step_deg) if 180 / MOST_ROWS < step_deg <= 360 else 0
     if not 1 <= count <= MOST_ROWS or abs(count * step_deg - 360) > 1e-9 * count:
         raise InputError(f"lift table: step {step_deg} deg: a step that divides 360 deg, 0.001 or more, is needed")

@@ -1,31 +1,31 @@
-"""Limits of an engineer's drawing that are linear in the lift: each is declared here once, for all that read it.
+"""Limits of an engineer's drawing that are linear in the lift. Each is declared once, here, for all parts of camopt.
 
-A limit says that a weighted sum of the lift and its derivatives by the cam angle stays below a level, at every angle
-of a range. The programs hold it on control points, the bound gives it multipliers, the verdict takes the exact
-extremes of the cam's pieces. With the base circle's radius R, the follower's lift y = lift / rocker ratio, and the cam
-speed w, a flat follower has (Norton, Cam Design and Manufacturing Handbook, 2009, ch. 7; Dowson, Taylor and Zhu 1992
-for the entrainment velocity)
+A limit states that a weighted sum of the lift and its derivatives by the cam angle stays below a level at every angle
+of a range. The linear programs impose it on control points, the upper bound has multipliers for it, and the verdict
+evaluates the exact extremes of the cam's pieces. With the base circle's radius R, the follower's lift y = lift / rocker
+ratio, and the cam speed w, a flat follower has (Norton, Cam Design and Manufacturing Handbook, 2009, ch. 7; Dowson,
+Taylor and Zhu 1992 for the entrainment velocity)
 
     radius of curvature     R + y + y''
     face width needed       twice the largest |y'|
     entrainment velocity    w |(R + y) / 2 + y''|
 
-The entrainment velocity is positive on the base circle and continuous, so it keeps away from zero only without changing
-its sign: that limit, too, is linear.
+The entrainment velocity is continuous and positive on the base circle. It stays away from zero only if it does not
+change its sign, so this limit, too, is linear.
 
-A roller's centre runs on the polar curve P = R + r + y with the roller's radius r, whose curvature is
-(P^2 + 2 P'^2 - P P'') / (P^2 + P'^2)^(3/2) (Norton 2009, ch. 7). The cam's radius is at least rho where it is convex if
-this is at most 1 / p with p = rho + r, and where it is concave if it is at least -1 / d with d = rho - r:
+The centre of a roller of the radius r moves on the polar curve P = R + r + y, whose curvature is (P^2 + 2 P'^2 - P P'')
+/ (P^2 + P'^2)^(3/2) (Norton 2009, ch. 7). The radius of the cam is at least rho where it is convex if this is at most 1
+/ p with p = rho + r, and where it is concave if it is at least -1 / d with d = rho - r. The conditions
 
-    convex      P'' >= P - P^2 / p,    for which it suffices that P exceeds 4 p / 3
+    convex      P'' >= P - P^2 / p,    sufficient if P exceeds 4 p / 3
     concave     P'' <= P + P^2 / d
 
-leave P'^2 out to the safe side, and the tangent of P^2 at any P0 makes both linear, to the safe side too. The free
-cam's programs come nearer to the radii (`camopt.cam.families.radius_planes`); these limits are for all others.
+neglect P'^2 on the safe side. The tangent of P^2 at any P0 makes both linear, again on the safe side. The programs of
+the free cam approximate the radii more closely (`camopt.cam.families.radius_planes`); all others use these limits.
 
 A piston limits the lift by the room that it leaves for the valve. With the crank's radius r, the rod l, the pin offset
 e and the crank angle phi from the vertical, the piston stands r cos(phi) + sqrt(l^2 - (r sin(phi) - e)^2) above the
-crank (Heywood, Internal Combustion Engine Fundamentals, 1988, ch. 2). It is highest where crank and rod are in line,
+crank (Heywood, Internal Combustion Engine Fundamentals, 1988, ch. 2). It is highest when crank and rod are in line,
 sin(phi) = e / (l + r), and crank angles count from there.
 """
 
@@ -41,20 +41,20 @@ from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
 
 FLANK = 0.25
-"""Share of the lift at which cams are most concave; elsewhere the limit is held with room."""
+"""Share of the lift at which cams are most concave, where the tangent is taken; elsewhere the limit is stricter."""
 PIECE = 1.0 * DEG
-"""Longest piece of the polynomials [rad of the cam]: their error is then a few nanometres."""
+"""Longest piece of the polynomials for the piston's room [rad of the cam]; their error is a few nanometres."""
 SERIES_END = 1e-18
-"""Size of the terms of a series, relative to its sum, after which it ends; the rest is a geometric series."""
+"""Magnitude of a term of a series, relative to its sum, below which the rest is bounded by a geometric series."""
 
 
 @dataclass(frozen=True)
 class LinearLimit:
     """sum_k weights[k] * lift^(k) <= level at every angle of the level.
 
-    `key` is the design's or the geometry's. `name` tells it from others and `value` is the number that it states, in
-    its key's unit; `rate` is by how much that number changes per SI unit of the level. Where `chosen`, the limit is one
-    way of several to hold what the key asks, and no cam has to hold it: no bound may use it.
+    `key` is that of the design or of the geometry. `name` distinguishes the limit from others, `value` is the number
+    that the scene states, in its key's unit, and `rate` is the change of that number per SI unit of the level. If
+    `chosen`, it is one of several ways to satisfy the key, which a cam need not take: no upper bound may use it.
     """
 
     key: str
@@ -67,11 +67,11 @@ class LinearLimit:
 
     @property
     def size(self) -> float:
-        """Size of the limit [SI], to which its slack is relative: that of the level, a millimetre at least."""
+        """Magnitude of the limit [SI], to which its slack is relative: that of the level, but at least a millimetre."""
         return max(self.level.size, MM)
 
     def excess(self, lift: Lift, low: float = -np.pi, high: float = np.pi) -> float:
-        """The largest amount [SI] by which the cam exceeds the level between two angles; negative where it keeps it."""
+        """The largest amount [SI] by which the cam exceeds the level between two angles; negative if it stays below."""
         low, high = max(low, self.level.low), min(high, self.level.high)
         sums = weighted_sum(lift, self.weights)
         if len(self.level.coefficients) == 1:
@@ -82,68 +82,68 @@ class LinearLimit:
 
 
 def linear_limits(design: Design, centres: tuple[float, ...] = ()) -> list[LinearLimit]:
-    """The limits of a design that are linear; `centres` [rad] has the middle of each duration, by default zero.
+    """The linear limits of a design; `centres` [rad] has the middle of each duration, by default zero.
 
-    A duration of at least D at a lift: both ends of an interval D have that lift. At most D: what lies outside such an
-    interval stays below it. In its middle the interval is free, so that a cam may hold the duration about another one.
+    A duration of at least D at a lift is imposed as that lift at both ends of an interval D, one of at most D as a lift
+    below that outside it. The middle of the interval is free, so that a cam may have the duration about another middle.
     """
     half = design.duration_deg / 2 * DEG
-    found = []
+    limits = []
     for angle, least, most in design.lift_at:
         at = angle * DEG, angle * DEG
         if least > 0:
             name = f"lift_at's least lift at {angle:g} deg"
-            found.append(LinearLimit("lift_at", name, (-1.0,), flat_level(-least * MM, *at), least, -1 / MM))
+            limits.append(LinearLimit("lift_at", name, (-1.0,), flat_level(-least * MM, *at), least, -1 / MM))
         if most < design.max_lift_mm:
             name = f"lift_at's largest lift at {angle:g} deg"
-            found.append(LinearLimit("lift_at", name, (1.0,), flat_level(most * MM, *at), most, 1 / MM))
+            limits.append(LinearLimit("lift_at", name, (1.0,), flat_level(most * MM, *at), most, 1 / MM))
     for i, row in enumerate(design.duration_at):
-        found += _durations(row, centres[i] if centres else 0.0, half)
+        limits += _durations(row, centres[i] if centres else 0.0, half)
     if design.piston is not None:
         assert design.cam_per_crank is not None, "the scene asks for it"
         room = piston_room(design.piston, design.cam_per_crank, np.pi)
         clearance = design.piston.clearance_mm
-        found.append(LinearLimit("piston", "piston.clearance_mm", (1.0,), room, clearance, -1 / MM))
-    return found + _of_a_flat_follower(design, half) + _of_a_roller(design, half)
+        limits.append(LinearLimit("piston", "piston.clearance_mm", (1.0,), room, clearance, -1 / MM))
+    return limits + _of_a_flat_follower(design, half) + _of_a_roller(design, half)
 
 
 def radii_held_near(design: Design) -> tuple[str, ...]:
-    """The keys of the limits on radii that programs hold near a cam, solved again and again: those under a circle."""
+    """Keys of the limits on radii, under a roller or pad, that programs linearise near a cam and solve repeatedly."""
     if design.geometry is None or design.geometry.contact_radius_mm is None:
         return ()
     return tuple(key for key in RADII if getattr(design, key) is not None)
 
 
 def at_least(least_deg: float) -> str:
-    """What the limit is called that a duration at a lift is at least so long."""
+    """The name of the limit that a duration at a lift is at least this long."""
     return f"duration_at's lift for a duration of at least {least_deg:g} deg"
 
 
 def _durations(row: tuple[float, float, float], centre: float, half: float) -> list[LinearLimit]:
     """The limits on the duration at one lift, about one centre [rad]."""
     height, least, most = row
-    found = []
+    limits = []
     for sign in (-1, 1):
         at = np.clip(centre + sign * least * DEG / 2, -half, half)
         if least > 0:
             level = flat_level(-height * MM, at, at)
-            found.append(LinearLimit("duration_at", at_least(least), (-1.0,), level, height, -1 / MM, chosen=True))
+            limits.append(LinearLimit("duration_at", at_least(least), (-1.0,), level, height, -1 / MM, chosen=True))
         begins = np.clip(centre + sign * most * DEG / 2, -half, half)
         if abs(begins) < half:
             name = f"duration_at's lift for a duration of at most {most:g} deg"
             level = flat_level(height * MM, *sorted((begins, sign * half)))
-            found.append(LinearLimit("duration_at", name, (1.0,), level, height, 1 / MM, chosen=True))
-    return found
+            limits.append(LinearLimit("duration_at", name, (1.0,), level, height, 1 / MM, chosen=True))
+    return limits
 
 
 def _of_a_flat_follower(design: Design, half: float) -> list[LinearLimit]:
     geometry = design.geometry
     if geometry is None or geometry.follower != "flat":
         return []
-    y, base, found = 1 / geometry.rocker_ratio, geometry.base_radius_mm * MM, []
+    y, base, limits = 1 / geometry.rocker_ratio, geometry.base_radius_mm * MM, []
 
     def add(key: str, weights: tuple[float, ...], level: float, value: float, rate: float) -> None:
-        found.append(LinearLimit(key, key, weights, flat_level(level, -half, half), value, rate))
+        limits.append(LinearLimit(key, key, weights, flat_level(level, -half, half), value, rate))
 
     if (radius := design.nose_radius_min_mm) is not None:
         add("nose_radius_min_mm", (-y, 0.0, -y), base - radius * MM, radius, -1 / MM)
@@ -154,7 +154,7 @@ def _of_a_flat_follower(design: Design, half: float) -> list[LinearLimit]:
         assert design.slowest is not None, "the scene asks for it"
         level = base / 2 - velocity / design.slowest
         add("entrainment_min_m_per_s", (-y / 2, 0.0, -y), level, velocity, -design.slowest)
-    return found
+    return limits
 
 
 def _of_a_roller(design: Design, half: float) -> list[LinearLimit]:
@@ -172,12 +172,12 @@ def _of_a_roller(design: Design, half: float) -> list[LinearLimit]:
         level = flat_level(sign * base + square / size, -half, half)
         return LinearLimit(key, key, weights, level, radius, -(size**2) / square / MM, chosen=True)
 
-    found = []
+    limits = []
     if (nose := design.nose_radius_min_mm) is not None:
-        found.append(limit("nose_radius_min_mm", nose, -1.0, base + rise))
+        limits.append(limit("nose_radius_min_mm", nose, -1.0, base + rise))
     if (concave := design.concave_radius_min_mm) is not None:
-        found.append(limit("concave_radius_min_mm", concave, 1.0, base + FLANK * rise))
-    return found
+        limits.append(limit("concave_radius_min_mm", concave, 1.0, base + FLANK * rise))
+    return limits
 
 
 def weighted_sum(lift: Lift, weights: tuple[float, ...]) -> Lift:
@@ -190,7 +190,7 @@ def weighted_sum(lift: Lift, weights: tuple[float, ...]) -> Lift:
 
 
 def piston_drop(piston: Piston, crank: Float[np.ndarray, "*k"], order: int = 0) -> Float[np.ndarray, "*k"]:
-    """How far the piston is below its highest place [m], or its derivative, at crank angles from there [rad]."""
+    """Distance of the piston below its highest position [m], or its derivative, at crank angles from there [rad]."""
     r, rod, e = (x * MM for x in (piston.stroke_mm / 2, piston.rod_mm, piston.pin_offset_mm))
     phi = crank + asin(e / (rod + r))
     side = r * np.sin(phi) - e
@@ -201,11 +201,9 @@ def piston_drop(piston: Piston, crank: Float[np.ndarray, "*k"], order: int = 0) 
 
 
 def piston_room(piston: Piston, cam_per_crank: float, half: float) -> PiecewiseLevel:
-    """The largest lift [m] that keeps the clearance, at cam angles from -half to half [rad].
-
-    Cubic Hermite pieces: their error is width^4 / 384 times a bound on the fourth derivative.
-    """
-    from scipy.interpolate import CubicHermiteSpline  # only a scene with a piston waits for it
+    """The largest lift [m] that keeps the clearance, at cam angles from -half to half [rad]. It consists of cubic
+    Hermite pieces, whose error is width^4 / 384 times a bound on the fourth derivative."""
+    from scipy.interpolate import CubicHermiteSpline  # imported here because only a scene with a piston needs it
 
     slope = cos(piston.valve_angle_deg * DEG)
     room = (piston.gap_at_top_mm - piston.clearance_mm) * MM
@@ -219,7 +217,7 @@ def piston_room(piston: Piston, cam_per_crank: float, half: float) -> PiecewiseL
 
 
 def largest_fourth_derivative(piston: Piston) -> float:
-    """A bound on the fourth derivative of the piston's place by the crank angle [m/rad^4].
+    """A bound on the fourth derivative of the piston's position by the crank angle [m/rad^4].
 
     With u = (r sin(phi) - e) / l, the root is l (1 - sum over n of a_n u^(2n)) with positive a_n, and the fourth
     derivative of a trigonometric polynomial of degree 2n is at most (2n)^4 times its largest value (Bernstein 1912).

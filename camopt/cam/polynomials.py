@@ -1,10 +1,10 @@
-"""Polynomials on intervals: Bernstein control points, a level over the cam angle in pieces, and osculating pieces.
+"""Polynomials on intervals: Bernstein control points, piecewise levels over the cam angle, and osculating pieces.
 
 A polynomial lies between its smallest and its largest control point (Farin, Curves and Surfaces for CAGD, 2002, ch. 5).
 
-Osculating pieces of degree 11 meet a smooth law's value and five derivatives at each border, and each other with five
-continuous derivatives. A law x^p over pieces of `width` relative to its half duration is met to
-(p * width)^12 / (12! 2^12), below 1e-12 of its amplitude for p * width < 1.
+Osculating pieces of degree 11 have the value and five derivatives of a smooth law at each border, so that they join
+with five continuous derivatives. A law x^p on pieces of `width`, relative to its half duration, is approximated to (p *
+width)^12 / (12! 2^12), which is below 1e-12 of its amplitude for p * width < 1.
 """
 
 from dataclasses import dataclass
@@ -26,9 +26,9 @@ def from_powers(degree: int) -> Float[np.ndarray, "{degree}+1 {degree}+1"]:
 
 @dataclass(frozen=True)
 class PiecewiseLevel:
-    """Pieces sum_k c[i, k] (theta - borders[i])^k [SI] between `borders` [rad]; two equal borders are one angle.
+    """Pieces sum_k c[i, k] (theta - borders[i])^k [SI] between `borders` [rad]; two equal borders stand for one angle.
 
-    What is meant lies within `error` of the pieces: who holds it takes the lower side, who bounds it the upper.
+    The exact level is within `error` of the pieces: a constraint uses the lower side, an upper bound the upper side.
     """
 
     borders: Float[np.ndarray, " edges"]
@@ -51,15 +51,15 @@ class PiecewiseLevel:
         return float(np.abs(self.coefficients[:, 0]).max())
 
     def taylor(self, start: Float[np.ndarray, " k"], within: Float[np.ndarray, " k"]) -> Float[np.ndarray, "k q"]:
-        """Power coefficients about angles `start` (k) [rad] of the pieces that hold at angles `within` (k)."""
+        """Power coefficients about the angles `start` (k) [rad] of the pieces that apply at the angles `within` (k)."""
         piece = np.clip(np.searchsorted(self.borders, within, side="right") - 1, 0, len(self.coefficients) - 1)
         return recentred(self, piece, start)
 
 
-def recentred(of: Any, piece: np.ndarray, start: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m q"]:
-    """Coefficients about new starts [rad] of the pieces of the numbers `piece` (m) of a lift law or a level."""
-    c = of.coefficients[piece].copy()
-    step = start - of.borders[piece]
+def recentred(law: Any, piece: np.ndarray, start: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m q"]:
+    """Coefficients about new starts [rad] of the pieces with the indices `piece` (m) of a lift law or a level."""
+    c = law.coefficients[piece].copy()
+    step = start - law.borders[piece]
     q = c.shape[1]
     for low in range(q - 1):  # repeated synthetic division
         for k in range(q - 2, low - 1, -1):
@@ -78,7 +78,7 @@ _FACTORIAL = np.cumprod([1, 1, 2, 3, 4, 5])
 
 
 def falling(powers: np.ndarray, k: int) -> np.ndarray:
-    """Factors that k derivatives bring down of u^p, by the powers p, in NumPy or JAX; zero where k > p."""
+    """Factors of the k-th derivative of u^p, by the powers p, in NumPy or JAX; zero where k > p."""
     return prod((powers - i for i in range(k)), start=np.ones(len(powers)))
 
 
@@ -93,10 +93,8 @@ _UPPER = np.array([falling(_POWERS, k) for k in range(MATCHED)], dtype=float)
 
 
 def osculating_pieces(borders: np.ndarray, derivatives: np.ndarray) -> np.ndarray:
-    """Local coefficients (p, 12) on `borders` (p + 1) from `derivatives` (p + 1, 6) by the same variable.
-
-    Both arrays are NumPy's or both JAX's.
-    """
+    """Local coefficients (p, 12) on `borders` (p + 1) from the values and five `derivatives` (p + 1, 6). Both arrays
+    are NumPy's or both are JAX's."""
     xp = derivatives.__array_namespace__()
     width = xp.diff(borders)[:, None]
     orders = np.arange(MATCHED)

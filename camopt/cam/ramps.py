@@ -10,12 +10,12 @@ from camopt.scene.schema import Scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG
 
 FOOT_VELOCITY = np.array([0.0, 0.0, 0.0, 10.0, -15.0, 6.0])
-"""Velocity over the foot as a fraction of the ramp's, in powers of s = 0 (base circle) to 1."""
+"""Velocity in the foot as a fraction of the ramp's velocity, in powers of s = 0 (base circle) to 1."""
 
 
 @dataclass(frozen=True)
 class Ramp:
-    """One side's ramp: height [m] at the event's border, velocity [m/rad], foot [rad]."""
+    """The ramp of one side: height [m] at its top, velocity [m/rad], and length of its foot [rad]."""
 
     height: float
     velocity: float
@@ -33,10 +33,8 @@ class Ramp:
         return self.height / self.velocity + self.foot / 2
 
     def opening_pieces(self, top: float, xp=np) -> tuple[np.ndarray, np.ndarray]:
-        """Borders (3) [rad] up to the angle `top` and local coefficients (2, 7) [m/rad^k], base circle left out.
-
-        With `xp` = jax.numpy, `top`, height and velocity may be traced.
-        """
+        """Borders (3) [rad] up to the angle `top` and local coefficients (2, 7) [m/rad^k], without the base circle.
+        With `xp` = jax.numpy, `top`, height and velocity may be traced."""
         start = top - self.length
         powers = np.arange(6)
         shape = FOOT_VELOCITY / (powers + 1) / self.foot**powers if self.foot > 0 else np.zeros(6)
@@ -52,7 +50,7 @@ def scene_ramps(design: Design) -> tuple[Ramp, Ramp]:
 
 
 def symmetric_conditions(scene: Scene, family: str) -> tuple[Design, Ramp]:
-    """Design conditions of a scene and the one ramp of a symmetric cam; InputError where there is none, or two."""
+    """Design conditions of a scene and the ramp of a symmetric cam. Raises InputError if there is none, or two."""
     if scene.design is None:
         raise InputError(f"{family}: the scene needs [design]")
     opening, closing = scene_ramps(scene.design)

@@ -1,4 +1,4 @@
-"""CAM as the user names one: a family with parameters, a lift table, a run folder or its design.json."""
+"""The cam that a user names: a family with parameters, a lift table, a run folder or its design.json."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -15,9 +15,9 @@ from camopt.scene.units import MM
 
 DESIGN_FILE = "design.json"
 FILES = (".csv", ".dat", ".dvl", ".json", ".svl", ".tsv", ".txt")
-"""Endings of names by which a file is meant, and no family."""
+"""Endings of names that mean a file and not a family."""
 LIFT_SLACK = 1e-6 * MM
-"""Lift [m] below the base circle or above the maximum that rounding explains."""
+"""Lift [m] below the base circle or above the maximum that counts as rounding."""
 
 
 def read_cam(
@@ -33,9 +33,9 @@ def read_cam(
 ) -> Lift:
     """The lift law that `spec` names, under a scene with [operation] and [design].
 
-    A family name, optionally with parameters (`polydyne:exponents=2/10/18/26/34,speed_rpm=6000`); a run folder or its
-    design.json; or a lift table, for which see `camopt.cam.tables.lift_table.read_lift_table`. A file whose name is a
-    family's is reached as ./name. Raises InputError for anything else.
+    It names a family, optionally with parameters (`polydyne:exponents=2/10/18/26/34,speed_rpm=6000`), a run folder or
+    its design.json, or a lift table, for which see `camopt.cam.tables.lift_table.read_lift_table`. A file with the name
+    of a family is given as ./name. Raises InputError for anything else.
     """
     name = str(spec).partition(":")[0]
     if name in FAMILIES and not isinstance(spec, Path):
@@ -54,14 +54,16 @@ def read_cam(
         )
     if path.suffix == ".json":
         return read_design(path, scene)
-    from camopt.cam.tables.lift_table import read_lift_table  # brings SciPy's splines, which nothing else here needs
+    from camopt.cam.tables.lift_table import (
+        read_lift_table,
+    )  # loads SciPy's splines
 
     text = {"table_first_line": table_first_line, "table_columns": table_columns}
     return read_lift_table(path, scene, table_angle, table_lift, table_ratio, table_probe_mm, **text)
 
 
 def _member(spec: str, scene: Scene) -> Lift:
-    """The member of a family; InputError where its parameters lead out of the scene's lift."""
+    """The member of a family. Raises InputError if its lift leaves the range of the scene."""
     name, keywords = family_and_keywords(spec)
     design = family_named(name).design
     assert design is not None, "as every family of FAMILIES"
@@ -76,7 +78,7 @@ def _member(spec: str, scene: Scene) -> Lift:
 
 
 def family_and_keywords(spec: str) -> tuple[str, dict[str, Any]]:
-    """The name of a family and its parameters as keywords of its function; InputError for unknown or unusable ones."""
+    """The name of a family and its parameters as keywords of its function. Raises InputError for unusable ones."""
     name, _, text = spec.partition(":")
     if name not in FAMILIES:
         raise InputError(
@@ -86,8 +88,8 @@ def family_and_keywords(spec: str) -> tuple[str, dict[str, Any]]:
     for item in filter(None, text.split(",")):
         key, equals, value = item.partition("=")
         if key not in family.parameters or not equals:
-            known = ", ".join(f"{k}=..." for k in family.parameters)
-            expected = f"expected {known}" if known else "this family has none"
+            usage = ", ".join(f"{k}=..." for k in family.parameters)
+            expected = f"expected {usage}" if usage else "this family has none"
             meant = did_you_mean(key, family.parameters)
             raise InputError(f"cam {name}: parameter {excerpt(item)}: {expected}{meant}")
         keyword, parse, _ = family.parameters[key]

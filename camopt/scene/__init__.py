@@ -1,10 +1,10 @@
-"""What the user describes: scene files, their checks, the valve train as SI arrays, and the declared quantities.
+"""Scene files and their checks, the valve train as SI arrays, and the declared metrics.
 
-A scene is a TOML file; docs/reference/scene.md lists its tables and keys, and docs/tutorials/your-valve-train.md writes
-one. The valve axis is its only axis: coordinates are positive in the opening direction and zero in the installed
-position, so masses and stiffnesses that move with a rocker are reduced to the valve first. Every fault of a file is
-reported at once, with its key. What is unusual but runs, as a mass of 125 kg, is noted and not refused
-(`camopt.scene.notes`).
+A scene is a TOML file; docs/reference/scene.md lists its tables and keys, and docs/tutorials/your-valve-train.md shows
+how to write one. All coordinates lie along the valve axis: they are positive in the opening direction and zero in the
+installed position, so masses and stiffnesses that move with a rocker are reduced to the valve first. All faults of a
+file are reported together, each with its key. An unusual value with which a scene still runs, such as a mass of 125 kg,
+causes a note and no error (`camopt.scene.notes`).
 """
 
 from camopt.scene.errors import InputError as InputError

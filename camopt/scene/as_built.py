@@ -1,7 +1,7 @@
-"""Scenes as built: the numbers that a scene's tolerances move, and their draws.
+"""Manufacturing scatter: the numbers of a scene that its tolerances change, and their random draws.
 
-Draws are common random numbers: those of train i hang on the seed, on i and on the tolerance's name alone. So a longer
-list begins with the shorter one, and a narrower tolerance leaves every draw where it was.
+The draws are common random numbers: those of train i depend only on the seed, on i and on the tolerance's label. A
+larger ensemble thus begins with a smaller one's trains, and another width of a tolerance leaves every draw as it was.
 """
 
 import zlib
@@ -19,47 +19,47 @@ from camopt.scene.text_file import excerpt
 from camopt.scene.train import SceneKey
 
 REACH = 4.0
-"""Standard deviations at which a normal draw is cut off, which one in 16 000 meets: no part beyond them is built in."""
+"""Standard deviations at which normal draws are cut off; one draw in 16 000 exceeds them, and is not built in."""
 MAY_BE_NEGATIVE = ("force_N", "preload_N")
 MAY_BE_ZERO = ("damping_N_s_per_m", "gap_mm", "installed_mm", "check_travel_mm")
 GRINDING = "grinding"
-"""What results call the scene's grinding error."""
+"""Label of the scene's grinding error in results."""
 
 
 def moved_together(scene: Scene, tolerance: Tolerance) -> list[list[SceneNumber]]:
-    """The numbers that a tolerance moves, those with a common draw in one list."""
-    numbers = _meant(SceneKey(scene), *tolerance.numbers)
+    """The numbers that a tolerance changes, in lists of those that share one draw."""
+    numbers = _numbers_named(SceneKey(scene), *tolerance.numbers)
     if isinstance(tolerance.of, str):
         return [[number] for number in numbers]
     return [list(dict.fromkeys(numbers))]
 
 
 @lru_cache(maxsize=64)
-def _meant(key: SceneKey, *texts: str) -> list[SceneNumber]:
-    """The numbers that texts NAME.KEY mean, which every drawn train asks for."""
+def _numbers_named(key: SceneKey, *texts: str) -> list[SceneNumber]:
+    """The numbers that texts NAME.KEY refer to, cached because every drawn train needs them."""
     return [number for text in texts for number in matching(key.scene, text)]
 
 
 def deviates(scene: Scene, seed: int, train: int) -> dict[str, np.ndarray]:
-    """Draws of the train of that number by the tolerances' labels (k): in units of what the tolerance states."""
-    found = {}
+    """Draws (k) of the train with this number, by tolerance label, in units of the width that the tolerance states."""
+    draws = {}
     for tolerance in scene.tolerance:
         count = len(moved_together(scene, tolerance))
         random = np.random.default_rng(key_of(seed, train, tolerance.label))
         if tolerance.distribution == "uniform":
-            found[tolerance.label] = random.uniform(-1.0, 1.0, count)
+            draws[tolerance.label] = random.uniform(-1.0, 1.0, count)
         else:
-            found[tolerance.label] = np.clip(random.standard_normal(count), -REACH, REACH)
-    return found
+            draws[tolerance.label] = np.clip(random.standard_normal(count), -REACH, REACH)
+    return draws
 
 
 def key_of(seed: int, train: int, label: str) -> tuple[int, int, int]:
-    """The seed of one train's draws for what bears this label."""
+    """Seed of the draws of one train for one label."""
     return seed, train, zlib.crc32(label.encode())
 
 
 def scene_as_built(scene: Scene, draws: Mapping[str, np.ndarray]) -> Scene:
-    """The scene with its numbers moved by the `draws` of `deviates`."""
+    """The scene with its numbers changed by the `draws` of `deviates`."""
     factor, summand = defaultdict(lambda: 1.0), defaultdict(float)
     for tolerance in scene.tolerance:
         for numbers, draw in zip(moved_together(scene, tolerance), draws[tolerance.label], strict=True):
@@ -74,13 +74,13 @@ def scene_as_built(scene: Scene, draws: Mapping[str, np.ndarray]) -> Scene:
 
 
 def scatter_labels(scene: Scene) -> list[str]:
-    """What scatters in a scene: its tolerances' labels, and GRINDING where the cam has an error."""
+    """Labels of everything that scatters in a scene: its tolerances, and GRINDING if it has a grinding error."""
     return [tolerance.label for tolerance in scene.tolerance] + [GRINDING] * (scene.grinding is not None)
 
 
 def with_scatter(scene: Scene, factors: Mapping[str, float]) -> Scene:
-    """The scene with tolerances so many times as wide, by label, GRINDING among them; zero leaves one out. The draws of
-    all others stay what they are."""
+    """The scene with the widths of its tolerances multiplied by `factors`, by label, GRINDING included. A factor of
+    zero removes a tolerance. The draws of all others stay the same."""
     rows = []
     for tolerance in scene.tolerance:
         factor = factors.get(tolerance.label, 1.0)
@@ -94,19 +94,19 @@ def with_scatter(scene: Scene, factors: Mapping[str, float]) -> Scene:
 
 
 def tolerance_faults(scene: Scene) -> list[str]:
-    """What is wrong with the tolerances of a scene whose masses and elements have no fault, a sentence each."""
+    """One sentence per fault in the tolerances of a scene whose masses and elements have no fault."""
     faults, labels = [], [tolerance.label for tolerance in scene.tolerance]
     for i, tolerance in enumerate(scene.tolerance, 1):
-        found = [_fault(scene, tolerance, text) for text in tolerance.numbers]
-        faults += [f"tolerance.{i}.of: {fault}" for fault in found if fault]
+        faults_of_names = [_fault_of_name(scene, tolerance, text) for text in tolerance.numbers]
+        faults += [f"tolerance.{i}.of: {fault}" for fault in faults_of_names if fault]
         if tolerance.label in (GRINDING, *labels[: i - 1]):
             what = "[grinding]" if tolerance.label == GRINDING else "an earlier tolerance"
             faults.append(f"tolerance.{i}: {what} is called {excerpt(tolerance.label)} too: give this one another name")
     return faults or [*_too_wide(scene)]
 
 
-def _fault(scene: Scene, tolerance: Tolerance, text: str) -> str:
-    """Why a text NAME.KEY of a tolerance does not do, or an empty text."""
+def _fault_of_name(scene: Scene, tolerance: Tolerance, text: str) -> str:
+    """Why a text NAME.KEY of a tolerance is unusable, or an empty text."""
     name, dot, key = text.rpartition(".")
     if not dot:
         return f'{excerpt(text)} is not NAME.KEY, such as "spring.stiffness_N_per_m"'
@@ -119,12 +119,12 @@ def _fault(scene: Scene, tolerance: Tolerance, text: str) -> str:
         has = f"no mass or element {name!r} has a" if has_wildcards(name) else f"the {homes[0]} {name!r} has no"
         expected = did_you_mean(key, keys) or f": expected {' or '.join(dict.fromkeys(keys))}"
         return f"{has} number {excerpt(key)} that may scatter{expected}"
-    found = matching(scene, text)
-    if not has_wildcards(name) and len(found) > 1:
+    numbers = matching(scene, text)
+    if not has_wildcards(name) and len(numbers) > 1:
         return f"{excerpt(text)} is a number of a mass and of an element: give one of them another name"
-    if any(number.of(scene) is None for number in found):
+    if any(number.of(scene) is None for number in numbers):
         return f"{excerpt(text)}: no number there to scatter"
-    if tolerance.relative is not None and any(number.of(scene) == 0.0 for number in found):
+    if tolerance.relative is not None and any(number.of(scene) == 0.0 for number in numbers):
         return f"{excerpt(text)} is 0, and a share of 0 is 0: give plus_minus in its unit in place of relative"
     if tolerance.plus_minus is not None and len({text.rpartition(".")[2] for text in tolerance.numbers}) > 1:
         return f"{excerpt(text)} differs in its key from others here, and plus_minus has one unit: give relative"
@@ -132,7 +132,7 @@ def _fault(scene: Scene, tolerance: Tolerance, text: str) -> str:
 
 
 def _too_wide(scene: Scene) -> Iterator[str]:
-    """Numbers that some draw could turn negative, and tolerances larger than their number."""
+    """Sentences on numbers that a draw could make negative, and on tolerances larger than their number."""
     share, absolute, of = defaultdict(lambda: 1.0), defaultdict(float), {}
     for i, tolerance in enumerate(scene.tolerance, 1):
         reach = 1.0 if tolerance.distribution == "uniform" else REACH

@@ -1,5 +1,4 @@
-"""The design conditions and limits of a cam and the speeds that it is for, as [design] and [operation] of a scene
-state them."""
+"""The tables [design] and [operation] of a scene: design conditions and limits of the cam, and the speeds it is for."""
 
 from typing import Annotated, Self
 
@@ -10,27 +9,27 @@ from camopt.scene.table import NonNegative, Positive, Table, Usable
 from camopt.scene.units import RPM
 
 MOST_WINDOWS = 20
-"""Rows of a table of windows."""
+"""Largest number of rows in `lift_at` and in `duration_at`."""
 NARROWEST = 1e-3
-"""Least width of a window, in mm or deg: below it no cam can be ground."""
+"""Least width of a window, in mm or deg; no cam can be ground to a narrower one."""
 FEWEST_WAVES = 3
-"""Sign changes of the jerk that no cam between two ramps can do without."""
+"""Number of sign changes that the jerk of every cam between two ramps has at least."""
 RADII = ("nose_radius_min_mm", "concave_radius_min_mm")
 """Limits on the cam's radius of curvature, where it is convex and where it is concave."""
 ROUNDING = 1e-9
-"""Slack of a limit on the shape, over its size, in every judgement of a cam. Programs and projections hold a limit
-tighter by as much, so that no rounding of theirs breaks it."""
+"""Slack of a limit on the shape, relative to its size, in every check of a cam. Linear programs and projections tighten
+the limit by the same amount, so that their rounding does not violate it."""
 REACH = 1e-5
-"""The same of reach_max_lift, 0.1 um of 10 mm. Programs hold the lift below its maximum on control points, which lie
-above the lift by up to so much where it is greatest: none can be asked to reach it nearer."""
+"""The same for reach_max_lift, 0.1 um of 10 mm. Linear programs keep the lift below its maximum on control points,
+which lie above the lift by up to this much near the peak, so no program can come closer to the maximum."""
 DRAWN_FOR = {
     "nose_radius_min_mm": ("flat", "roller", *SWINGING),
     "concave_radius_min_mm": ("roller", *SWINGING),
     "entrainment_min_m_per_s": ("flat",),
 }
-"""Limits that depend on the follower, and the followers that have them."""
+"""Limits that depend on the follower -> the followers for which they are defined."""
 FROM_DURATION_AT = "from duration_at"
-"""What duration_deg says in a scene's text where camopt is to choose it."""
+"""Value of duration_deg in a scene's text that leaves the choice of the duration to camopt."""
 Window = tuple[float, float, float]
 Windows = Annotated[tuple[Window, ...], Field(max_length=MOST_WINDOWS)]
 
@@ -58,15 +57,15 @@ class Operation(Table, frozen=True):
 
 
 class Piston(Table, frozen=True):
-    """The piston that the valve must keep clear of, driven by a crank and a rod.
+    """The piston, driven by a crank and a rod, that the valve must not touch.
 
-    `gap_at_top_mm` is the distance between the closed valve and the piston's pocket where the piston is highest, and
-    `clearance_mm` the least distance that must be left; both are along the valve's axis. `valve_angle_deg` lies between
-    the valve's axis and the cylinder's.
+    `gap_at_top_mm` is the distance between the closed valve and the piston's valve pocket when the piston is highest,
+    and `clearance_mm` is the least distance that must remain; both are measured along the valve axis. `valve_angle_deg`
+    is the angle between the valve axis and the cylinder axis.
 
-    `lobe_centre_deg` says how many crank degrees after the piston's highest position the cam's angle zero comes; it is
-    negative before. `pin_offset_mm` is the distance of the cylinder's axis from the crank's, positive to the side to
-    which the crank leans in the quarter turn after the top. `stroke_mm` is twice the crank's radius.
+    `lobe_centre_deg` is the crank angle at which the cam angle is zero, counted from the highest position of the piston
+    and negative before it. `pin_offset_mm` is the distance between the cylinder axis and the crank axis, positive on
+    the side to which the crank leans in the quarter turn after the top. `stroke_mm` is twice the radius of the crank.
     """
 
     stroke_mm: Positive
@@ -87,15 +86,16 @@ class Piston(Table, frozen=True):
 
 
 class Design(Table, frozen=True):
-    """Design conditions and limits of the cam; a limit that is left out does not limit.
+    """Design conditions and limits of the cam. A limit that is left out does not apply.
 
-    `waves_max` is how often the jerk may change its sign inside the duration: 3 times without a ripple of the
-    acceleration, and each ripple adds two.
+    `waves_max` is the largest number of sign changes of the jerk inside the duration. A cam whose acceleration has no
+    ripple has 3, and each ripple adds two.
 
     `lift_at` has rows of [angle_deg, min_mm, max_mm]: the least and the largest lift at a cam angle. `duration_at` has
-    rows of [lift_mm, min_deg, max_deg]: the fewest and the most cam degrees between the first and the last angle at
-    which the lift is that high. A scene's text may say duration_deg = "from duration_at": reading it chooses the
-    duration between the ramp tops, a fiftieth above the shortest one that has these within the limits on the shape.
+    rows of [lift_mm, min_deg, max_deg]: the least and the largest angle, in cam degrees, between the first and the last
+    point at which the cam has that lift. If a scene's text states duration_deg = "from duration_at", the duration
+    between the ramp tops is chosen when the scene is read: it is a fiftieth longer than the shortest one with which a
+    cam within the limits on the shape has these durations.
     """
 
     duration_deg: Annotated[float, Field(gt=0, lt=300), Usable]
@@ -130,40 +130,40 @@ class Design(Table, frozen=True):
 
     @property
     def geometry(self) -> Geometry | None:
-        """Cam body and follower of the scene, to which radii and widths refer."""
+        """Cam body and follower of the scene, which the limits on radii and widths need."""
         return self._geometry
 
     @property
     def cam_per_crank(self) -> float | None:
-        """Turns of the cam in one of the crank, None without [operation]."""
+        """Turns of the cam per turn of the crank; None without [operation]."""
         return None if self._operation is None else self._operation.cam_per_crank
 
     @property
     def slowest(self) -> float | None:
-        """The slowest cam speed [rad/s] of the scene's listed speeds and its band, None without [operation]."""
+        """Lowest cam speed [rad/s] of the scene's listed speeds and its band; None without [operation]."""
         if self._operation is None:
             return None
         return min(*self._operation.speeds_rpm, *self._operation.band_rpm) * self._operation.cam_per_crank * RPM
 
     @property
     def duration_chosen(self) -> bool:
-        """Whether `duration_deg` was left to camopt, which chose it for `duration_at`."""
+        """Whether camopt chose `duration_deg`, from `duration_at`."""
         return self._chosen
 
     def of_duration(self, duration_deg: float) -> Self:
-        """The design with a duration that camopt chose for it."""
+        """The design with a duration that camopt has chosen for it."""
         design = self.model_copy(update={"duration_deg": duration_deg})
         design._chosen = True  # pyright: ignore[reportAttributeAccessIssue]  # private, so not frozen
         return design
 
     def within(self, geometry: Geometry | None, operation: Operation | None) -> Self:
-        """The design as part of a scene with these tables."""
+        """A copy of the design that refers to these tables of its scene."""
         design = self.model_copy()
         design._geometry, design._operation = geometry, operation  # pyright: ignore[reportAttributeAccessIssue]
         return design
 
     def missing(self) -> list[str]:
-        """Sentences on limits without the geometry or operation that they need, or whose roller or pad keeps none."""
+        """Sentences on limits without the geometry or operation they need, and on radii that the follower excludes."""
         follower = None if self._geometry is None else self._geometry.follower
         faults = []
         for key, followers in DRAWN_FOR.items():

@@ -1,4 +1,4 @@
-"""What a scene file may say of an element: which keys belong to which kind and law, and what they may hold."""
+"""The table [[element]] of a scene: the keys of each kind and law of element, and the values that they may have."""
 
 from itertools import pairwise
 from typing import Annotated, Literal
@@ -11,12 +11,12 @@ from camopt.scene.units import MM
 
 LAWS = ("linear", *CONTACT_LAWS, "progressive", "table")
 FORMS = (*LAWS, "adjuster", "friction")
-"""The laws that a spring or contact may have, and the two kinds that have a law of their own."""
+"""The laws of springs and contacts, and the two kinds of element that have a law of their own."""
 OF_CONTACT_LAWS = {
     key: tuple(name for name, law in CONTACT_LAWS.items() if key in law.keys)
     for key in dict.fromkeys(key for law in CONTACT_LAWS.values() for key in law.keys)
 }
-"""The laws of contacts to which each of their keys belongs."""
+"""Key of a contact law -> the contact laws that have it."""
 BELONGS = {
     "stiffness_N_per_m": ("linear", *CONTACT_LAWS, "adjuster", "friction"),
     **OF_CONTACT_LAWS,
@@ -28,9 +28,9 @@ BELONGS = {
     "check_travel_mm": ("adjuster",),
     "slip_N": ("friction",),
 }
-"""The forms of an element that a key belongs to."""
+"""Key -> the forms of element (see `FORMS`) that have it."""
 OPTIONAL = ("check_travel_mm", *(law.key for law in CONTACT_LAWS.values() if law.usual is not None))
-"""Keys of `BELONGS` that a form may go without."""
+"""Keys of `BELONGS` that may be left out."""
 ROWS = {
     "stiffness_table": "[compression_mm, stiffness_N_per_m]",
     "force_table": "[compression_mm, force_N]",
@@ -40,39 +40,39 @@ NOT_OF = {
     "gap_mm": (("adjuster", "friction"), "it has no lash"),
     "preload_N": (("friction", "table"), "its force is all in its law"),
 }
-"""The forms that must leave a key at zero, and why."""
+"""Key -> the forms of element for which it must be zero, and the reason."""
 MOST_TABLE_ROWS = 200
 NEAREST_MM, FURTHEST_MM = 1e-6, 500.0
-"""How far apart the rows of a table may be: nearer ones are one row written twice, and no spring travels half a metre.
-"""
+"""Least and largest distance [mm] of neighbouring rows: closer ones are one row, and no spring travels half a metre."""
 StiffnessTable = Annotated[tuple[tuple[float, Positive], ...], Field(min_length=2, max_length=MOST_TABLE_ROWS)]
 ForceTable = Annotated[tuple[tuple[float, float], ...], Field(min_length=2, max_length=MOST_TABLE_ROWS)]
 
 
 class Element(Table, frozen=True):
-    """What stands between two masses, or a mass and the ground: a spring, a contact, an adjuster or a friction element.
+    """A spring, a contact, an adjuster or a friction element, between two masses or between a mass and the ground.
 
-    A "spring" pushes and pulls; a "contact" pushes and never pulls. `preload_N` is the elastic force at compression
-    zero. `law` says how the elastic force grows with the compression (see `camopt.scene.laws`):
+    A "spring" pushes and pulls; a "contact" only pushes. `preload_N` is the elastic force at zero compression. `law`
+    states how the elastic force depends on the compression (see `camopt.scene.laws`):
 
     - Under "linear" it grows by `stiffness_N_per_m`.
-    - Under "hertz", which only contacts may have, it grows with the power `exponent` (1.5 where left out) of the
-      compression, and `stiffness_N_per_m` is its factor [N/m^exponent].
-    - Under "hunt-crossley", which only contacts may have, that elastic force is multiplied by
-      1 + `dissipation_s_per_m` times the rate of compression [m/s] (Hunt and Crossley 1975), and never pulls. Such a
-      contact has no damper beside its law. Of steel, dissipation is 0.12 to 0.48 s/m: 3/2 of the source's alpha, with
-      the restitution 1 - alpha times the speed of a slow impact.
-    - Under "progressive" the stiffness itself follows `stiffness_table`, rows of [compression_mm, stiffness_N_per_m].
-    - Under "table" the force follows `force_table`, rows of [compression_mm, force_N] joined by straight lines, whose
-      ends go on. Its compressions count from the closed valve. Where they were measured from the free length, as on a
-      spring tester, `installed_mm` is the compression at which the valve is closed.
+    - Under "hertz", which only contacts may have, it is `stiffness_N_per_m` [N/m^exponent] times the compression to the
+      power `exponent` (1.5 if left out).
+    - Under "hunt-crossley", which only contacts may have, that elastic force is multiplied by 1 + `dissipation_s_per_m`
+      times the rate of compression [m/s] (Hunt and Crossley 1975), and is never negative. Such a contact has no
+      separate damper. For steel the dissipation is 0.12 to 0.48 s/m: it is 3/2 of the source's alpha, where the
+      coefficient of restitution of a slow impact is 1 - alpha times its speed.
+    - Under "progressive" the stiffness is a function of the compression, given by `stiffness_table` with rows of
+      [compression_mm, stiffness_N_per_m].
+    - Under "table" the force is interpolated linearly between the rows [compression_mm, force_N] of `force_table`, and
+      extrapolated beyond them. Compressions count from the closed valve. If they were measured from the free length, as
+      on a spring tester, `installed_mm` is the compression at which the valve is closed.
 
-    The rows of a table ascend.
+    The compressions in the rows of a table must ascend.
 
-    An "adjuster" is a hydraulic lash adjuster, installed in the middle of its `stroke_mm`. It has a plunger spring of
-    `spring_N_per_m` with `preload_N`, and beside it an oil column of `stiffness_N_per_m`. The oil leaks, with the force
-    `leak_N_s_per_m` for each m/s, and refills without force; the ball of its valve travels by `check_travel_mm` before
-    it shuts. The stops of the plunger are as stiff as the oil.
+    An "adjuster" is a hydraulic lash adjuster, installed in the middle of its `stroke_mm`. It consists of a plunger
+    spring, with the rate `spring_N_per_m` and the preload `preload_N`, and of a parallel oil column with the stiffness
+    `stiffness_N_per_m`. The oil leaks under the force `leak_N_s_per_m` per m/s of leaking down, and refills without
+    force. The ball of its check valve travels by `check_travel_mm` before it shuts. Its stops are as stiff as the oil.
 
     A "friction" element sticks, with the stiffness `stiffness_N_per_m`, until its force reaches `slip_N`, and then
     slides (Jenkins 1962).
@@ -102,7 +102,7 @@ class Element(Table, frozen=True):
 
     @property
     def form(self) -> str:
-        """The law of a spring or contact, the kind of anything else; see `FORMS`."""
+        """The law of a spring or contact, or the kind of any other element; see `FORMS`."""
         return self.law if self.kind in ("spring", "contact") else self.kind
 
     @field_validator("law")
@@ -121,7 +121,7 @@ class Element(Table, frozen=True):
         key, form = info.field_name, _form(info)
         if form is None or key is None:
             if key == "stiffness_N_per_m" and value is None and info.data.get("law") in BELONGS[key]:
-                raise ValueError("missing")  # every kind has one, whichever is meant
+                raise ValueError("missing")  # whatever the kind should be, it has a stiffness
             return value
         if value is None and form in BELONGS[key] and key not in OPTIONAL:
             raise ValueError(f"missing; give rows of {ROWS[key]}" if key in ROWS else "missing")
@@ -209,11 +209,11 @@ class Element(Table, frozen=True):
 
 
 def _stiffness(row: tuple[float, float], following: tuple[float, float]) -> float:
-    """Stiffness [N/m] from one row of a force table to the following."""
+    """Stiffness [N/m] between two neighbouring rows of a force table."""
     return (following[1] - row[1]) / ((following[0] - row[0]) * MM)
 
 
 def _form(info: ValidationInfo) -> str | None:
-    """`Element.form` from what is known so far; None where kind or law is at fault itself."""
+    """`Element.form` from the keys validated so far; None if the kind or the law is faulty."""
     kind, law = info.data.get("kind"), info.data.get("law")
     return law if kind in ("spring", "contact") else kind

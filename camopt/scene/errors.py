@@ -1,57 +1,57 @@
-"""The one error a user causes: a sentence that says what, where, what was expected, and the remedy."""
+"""Errors that a user causes. Their sentence states what is wrong, where, what was expected, and the remedy."""
 
 from collections.abc import Iterable
 
 LONGEST_LINE = 1000
-"""Characters of a line of a message; a library's sentence may quote whatever a file has."""
+"""Largest number of characters in a line of a message, because a library's sentence may quote a whole file."""
 
 
 def brief(sentence: str) -> str:
-    """The sentence, each of its lines without the middle where nobody would read it to its end."""
+    """The sentence without the middle of those lines that are longer than LONGEST_LINE."""
     half = LONGEST_LINE // 2
     lines = sentence.split("\n")
-    return "\n".join(one if len(one) <= LONGEST_LINE else f"{one[:half]} ... {one[-half:]}" for one in lines)
+    return "\n".join(line if len(line) <= LONGEST_LINE else f"{line[:half]} ... {line[-half:]}" for line in lines)
 
 
 class InputError(ValueError):
-    """Wrong use or bad input; the command line prints it and ends with exit code 2."""
+    """Wrong use or bad input. The command line prints it and exits with code 2."""
 
     def __str__(self) -> str:
         return brief(super().__str__())
 
 
 class NoCamFound(InputError):
-    """A search that ends without a cam: none that it tried holds the limits, or its model cannot carry the train.
+    """A search ended without a cam: none that it tried satisfies the limits, or its model cannot represent the train.
 
-    The command line ends with exit code 3, as for a cam that is not confirmed.
+    The command line exits with code 3, as for a cam that is not confirmed.
     """
 
 
 class MotionRefused(InputError):
-    """A motion that a method will not follow (endless switching, loss of accuracy): a refusal, never a wrong number."""
+    """A method refuses a motion (endless switching, loss of accuracy) rather than return wrong numbers."""
 
 
 LONGEST_NAME = 80
-"""Characters of a name that is compared at all; no name of camopt is longer."""
-MEANT = {"peak": "max", "maximum": "max", "largest": "max", "minimum": "min", "least": "min", "smallest": "min"}
-"""Words of a name that others use for those of camopt."""
+"""Largest number of characters of a name for which a similar one is sought; no name of camopt is longer."""
+SYNONYMS = {"peak": "max", "maximum": "max", "largest": "max", "minimum": "min", "least": "min", "smallest": "min"}
+"""Words that users write in names -> the words of camopt."""
 
 
-def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """`; did you mean 'kodama'?`, to end a sentence with, or nothing where no known name is close to the word."""
-    from difflib import get_close_matches  # only what is misspelt pays for it
+def did_you_mean(word: str, names: Iterable[str]) -> str:
+    """`; did you mean 'kodama'?`, as the end of a sentence, or an empty text if no known name is similar."""
+    from difflib import get_close_matches  # imported only for a misspelt name
 
-    known = list(known)
-    by_lower = {name.lower(): name for name in known}
+    names = list(names)
+    by_lower = {name.lower(): name for name in names}
     if len(word) > LONGEST_NAME or not by_lower:
         return ""
     close = get_close_matches(word.lower(), by_lower, n=1)
-    in_other_words = {_words(name): name for name in known}.get(_words(word))
+    in_other_words = {_words(name): name for name in names}.get(_words(word))
     if in_other_words is None and not close:
         return ""
     return f"; did you mean {in_other_words or by_lower[close[0]]!r}?"
 
 
 def _words(name: str) -> tuple[str, ...]:
-    """The words of a name in the order of the alphabet, each in camopt's own."""
-    return tuple(sorted(MEANT.get(word, word) for word in name.lower().split("_")))
+    """The words of a name in alphabetical order, each replaced by camopt's own."""
+    return tuple(sorted(SYNONYMS.get(word, word) for word in name.lower().split("_")))

@@ -17,30 +17,32 @@ BELONGS = {
     "arm_mm": (SWINGING, SWINGING),
     "valve_arm_mm": (SWINGING, SWINGING),
 }
-"""Key -> the followers that need it, and those that may have it."""
+"""Key -> the followers that require it, and those that may have it."""
 
 
 class Geometry(Table, frozen=True):
     """Follower and cam body, for curvature, contact, stress and oil film along the cam.
 
-    A flat face or a roller moves along the valve's axis, which passes through the cam's. `rocker_ratio` is valve lift
+    A flat face or a roller moves along the valve axis, which passes through the cam axis. `rocker_ratio` is valve lift
     over follower lift.
 
-    A finger or rocker swings about `pivot_mm` = [across, along], in coordinates from the cam's axis. Along the valve's
-    axis they are positive the way the valve opens. Across it they are positive against the way in which the cam's
-    surface runs on the side to which the valve opens.
+    A finger or rocker swings about `pivot_mm` = [across, along], two coordinates with their origin on the cam axis. The
+    coordinate along the valve axis is positive in the direction in which the valve opens. The coordinate across it is
+    positive opposite to the direction in which the cam's surface moves on the side to which the valve opens.
 
-    `arm_mm` is the distance from the pivot to the centre of the roller, or of the circle of the pad, that rides on the
+    `arm_mm` is the distance from the pivot to the centre of the roller, or of the circle of the pad, that touches the
     cam. `valve_arm_mm` is the distance from the pivot to the centre of the pad on the flat valve tip. `valve_arm_deg`
-    is the angle of that arm against the square to the valve's axis with the valve shut, positive where it points the
-    way the valve opens. Seen from the pivot the valve lies on the cam's side for a finger, on the other for a rocker.
+    is the angle between that arm and the perpendicular to the valve axis with the valve shut, positive if the arm
+    points in the opening direction. Seen from the pivot, the valve of a finger is on the cam's side, that of a rocker
+    on the other.
 
-    `face_width_mm` is the flat face's extent across the cam's axis. `contact_width_mm`, along it, is the length of the
-    line of contact, by default the face width. The moduli and Poisson's ratios default to steel's. `hertz_max_MPa` is
-    what the pair of materials bears, which their makers say: it stands beside the stress, and no cam is held to it.
+    `face_width_mm` is the width of the flat face across the cam axis. `contact_width_mm` is the length of the line of
+    contact, along the cam axis, and is the face width if left out. The moduli and Poisson's ratios default to those of
+    steel. `hertz_max_MPa` is the stress that the pair of materials endures according to its makers: it is reported
+    beside the stress of the cam and is not a limit.
 
     The oil film needs `oil_viscosity_mPa_s` at the temperature of the contact, `oil_pressure_viscosity_per_GPa` and
-    `roughness_um`, the root mean square of cam and follower together.
+    `roughness_um`, the root mean square roughness of cam and follower together.
     """
 
     follower: Literal["flat", "roller", "finger", "rocker"]
@@ -75,12 +77,12 @@ class Geometry(Table, frozen=True):
         if value is None and follower in needed:
             raise ValueError(f"missing; a {follower} has one")
         if value is not None and follower not in allowed:
-            raise ValueError(f"belongs to {' and '.join(f'{one}s' for one in allowed)} only: leave it out")
+            raise ValueError(f"belongs to {' and '.join(f'{kind}s' for kind in allowed)} only: leave it out")
         return value
 
     @property
     def contact_radius_mm(self) -> float | None:
-        """Radius [mm] of the roller or pad that rides on the cam; None for a flat face."""
+        """Radius [mm] of the roller or pad that touches the cam; None for a flat face."""
         return self.roller_radius_mm or self.pad_radius_mm
 
     @model_validator(mode="after")

@@ -1,27 +1,27 @@
-"""Elastic laws beyond the linear one, as data, with what the scene itself evaluates: rest, touch and stand-ins.
+"""Laws of elements as data, with what the scene itself evaluates: forces at rest, touch points and tangent stiffnesses.
 
 Let d be the compression, p the elastic force and P the preload, which is the force at d = 0 under every law. Then
 
     linear       p = P + k d
-    of contacts  p = p(d - d_touch) above the touch, 0 below it, as `CONTACT_LAWS` has them; under "hertz"
+    of contacts  p = p(d - d_touch) for d > d_touch and 0 below it, see `CONTACT_LAWS`; under "hertz"
                  k (d - d_touch)^exponent, with d_touch = -(P / k)^(1 / exponent)
     progressive  p = P + integral of K from 0 to d; K piecewise linear in d, constant beyond its first and last row
-    table        p follows its rows of compression and force in straight lines; those at its ends go on
+    table        p is interpolated linearly between rows of compression and force, and extrapolated beyond them
 
-so that a contact touches where p falls to zero, whatever its law. An element's force is p + c d'; under a law of
-contacts that loses energy by itself, such as "hunt-crossley", it is p (1 + dissipation d').
+A contact touches where p falls to zero, whatever its law. The force of an element is p + c d'. A contact law that
+dissipates energy by itself, such as "hunt-crossley", has the force p (1 + dissipation d').
 
-Two laws have a memory, a length z that has a law of motion of its own, and no force at rest:
+Two laws have a memory, a length z that has an equation of motion of its own, and no force at rest:
 
     oil          f = k max(0, d - z - travel): the column of a hydraulic adjuster. While it pushes, it leaks through the
-                 annular gap, z' = f / leak (laminar flow); where d falls below z, the open valve refills it, z = d; in
-                 between the ball is on its way, and z stands still.
-    friction     f = k (d - z): an element that sticks, z' = 0, until |f| = slip, and then slides, z' = d', until d'
-                 changes its sign (Jenkins 1962, J. Appl. Mech. 29:187).
+                 annular gap, z' = f / leak (laminar flow). Where d falls below z, the open valve refills it, z = d. In
+                 between, the ball moves towards its seat and z stays constant.
+    friction     f = k (d - z): the element sticks, z' = 0, until |f| = slip. It then slides, z' = d', until d' changes
+                 its sign (Jenkins 1962, J. Appl. Mech. 29:187).
 
-A law of contacts has two numbers of one contact, its stiffness and one of its own, and four functions of depths and
-forces, which are zero or more. A complex step differentiates them in event-exact, and JAX on the smooth path, so that
-they are written in arithmetic that all have, + - * / and **. The verifier's methods write them anew.
+A contact law has two parameters, its stiffness and one more (`own_number`), and four functions of non-negative depths
+and forces. Event-exact differentiates them by a complex step and the smooth path by JAX, so they use only + - * / and
+**, which work for both. The verifier's methods implement the laws independently.
 """
 
 from collections.abc import Callable
@@ -36,11 +36,11 @@ if TYPE_CHECKING:
 
 Number = Any  # of NumPy, real or complex, or of JAX
 DISSIPATION = "dissipation_s_per_m"
-"""The key of a law that loses energy by itself, and takes no damper beside it."""
+"""Key of a contact law that dissipates energy by itself and has no damper beside it."""
 
 
 class ContactLaw(Protocol):
-    """What a law tells of the elastic force p."""
+    """Elastic force p of a contact law, with its slope, its energy and its inverse."""
 
     def elastic(self, u: Number) -> Number:
         """Force p [N] at a depth [m]."""
@@ -49,7 +49,7 @@ class ContactLaw(Protocol):
         """Stiffness [N/m] at a depth [m]."""
 
     def stored(self, u: Number) -> Number:
-        """Energy [J] at a depth [m]."""
+        """Stored energy [J] at a depth [m]."""
 
     def depth(self, force: Number) -> Number:
         """Depth [m] at which the force [N] is reached."""
@@ -70,7 +70,7 @@ class Hertz(NamedTuple):
         return self.stiffness * self.exponent * u ** (self.exponent - 1.0)
 
     def stored(self, u: Number) -> Number:
-        """Energy [J] at a depth [m]."""
+        """Stored energy [J] at a depth [m]."""
         return self.stiffness * u ** (self.exponent + 1.0) / (self.exponent + 1.0)
 
     def depth(self, force: Number) -> Number:
@@ -79,27 +79,27 @@ class Hertz(NamedTuple):
 
 
 class HuntCrossley(Hertz):
-    """An impact that loses energy: f = k u^n (1 + lambda u').
+    """An impact that dissipates energy: f = k u^n (1 + lambda u').
 
     K. H. Hunt and F. R. E. Crossley, Coefficient of restitution interpreted as damping in vibroimpact, Journal of
-    Applied Mechanics 42:440 (1975). The force begins and ends at zero, as that of a dashpot beside a spring does not. A
-    body that rebounds freely is slower than 1 / lambda, and its contact never pulls. The source does not speak of one
-    that is torn away faster; here its force is zero then, as that of every contact of camopt.
+    Applied Mechanics 42:440 (1975). The force begins and ends at zero, unlike that of a dashpot parallel to a spring. A
+    body that rebounds freely is slower than 1 / lambda, and its contact never pulls. The source does not treat a body
+    that is torn away faster; here its force is then zero, as in every contact of camopt.
     """
 
 
 class Registered(NamedTuple):
-    """A law of contacts as scene files have it: its class, and the key of an element that holds its own number."""
+    """A contact law in scene files: its class, and the key of an element that holds its second parameter."""
 
-    law: Callable[[Number, Number], ContactLaw]  # of the stiffness and the own number, in SI
+    law: Callable[[Number, Number], ContactLaw]  # function of the stiffness and the second parameter, in SI
     key: str
-    unit: float = 1.0  # of that key, in SI
-    usual: float | None = None  # the number where a scene leaves the key out; None: it must be given
-    dissipates: bool = False  # whether it has the key `DISSIPATION` too
+    unit: float = 1.0  # SI value of the key's unit
+    usual: float | None = None  # value if a scene leaves the key out; None: it must be given
+    dissipates: bool = False  # whether it also has the key `DISSIPATION`
 
     @property
     def keys(self) -> tuple[str, ...]:
-        """The keys of an element that belong to the law, beside its stiffness."""
+        """Keys of an element that belong to the law, in addition to its stiffness."""
         return (self.key, DISSIPATION) if self.dissipates else (self.key,)
 
 
@@ -107,49 +107,49 @@ CONTACT_LAWS = {
     "hertz": Registered(Hertz, "exponent", usual=1.5),
     "hunt-crossley": Registered(HuntCrossley, "exponent", usual=1.5, dissipates=True),
 }
-"""Every law of contacts by its name in a scene file."""
+"""Contact laws by their names in a scene file."""
 
 
 BEYOND = 1e-3
-"""Width [m] of the pieces of a table's curve beyond its rows, which go on."""
+"""Width [m] of the pieces that extrapolate a table's curve beyond its rows."""
 KINDS = {name: kind for kind, name in enumerate(("linear", "hertz", "progressive", "table", "oil", "friction"))}
 LINEAR, HERTZ, PROGRESSIVE, TABLE, OIL, FRICTION = KINDS.values()
 KINDS |= {name: FRICTION + i for i, name in enumerate(CONTACT_LAWS) if name != "hertz"}
-"""The number of each law; those of contacts beyond the first follow in the order of their registry."""
+"""Number of each law. Contact laws after the first one follow in the order of their registry."""
 OF_CONTACTS = {KINDS[name]: registered.law for name, registered in CONTACT_LAWS.items()}
 CURVED = *OF_CONTACTS, PROGRESSIVE
-"""Laws that are no straight lines."""
+"""Laws whose force is not piecewise linear."""
 STAND_IN_FORCE = 1000.0
-"""Force [N] at which the tangent stiffness of a law of contacts stands in for it in modes and in first step sizes."""
+"""Force [N] at which the tangent stiffness of a contact law replaces it in modal analysis and for first step sizes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Laws:
-    """The laws of the elements (e) of a train; zeros where a number belongs to another law."""
+    """Laws of the elements (e) of a train; a number that does not belong to an element's law is zero."""
 
     kind: np.ndarray  # (e) int, by KINDS
-    coefficient: np.ndarray  # (e): N/m^exponent of a law of contacts, N/m of a linear element, oil or friction
-    own_number: np.ndarray  # (e) of a law of contacts, as "hertz" has its exponent; 1 of others
+    coefficient: np.ndarray  # (e): N/m^exponent of a contact law, N/m of a linear element, oil or friction
+    own_number: np.ndarray  # (e) second parameter of a contact law, such as the exponent of "hertz"; 1 of others
     dissipation: np.ndarray  # (e) s/m: an element's force is p (1 + dissipation d') + c d'
     table: np.ndarray  # (e, q, 2): ascending compression [m]; stiffness [N/m] if progressive, force [N] if table
     leak: np.ndarray  # (e) N s/m, of oil
     travel: np.ndarray  # (e) m, of the ball in an oil column's valve
     slip: np.ndarray  # (e) N, of friction
-    rows: np.ndarray  # (e) int: first rows of `table` that are the element's own; more bring it to the others' length
+    rows: np.ndarray  # (e) int: number of the element's own rows, the first ones of `table`; the rest is padding
 
     @property
     def has_memory(self) -> np.ndarray:
-        """Which elements have a memory, shape (e)."""
+        """Mask (e) of the elements that have a memory."""
         return (self.kind == OIL) | (self.kind == FRICTION)
 
     @property
     def of_contacts(self) -> list[tuple[int, ContactLaw]]:
-        """The elements with a law of contacts, each with its law."""
-        found = np.flatnonzero(np.isin(self.kind, [*OF_CONTACTS]))
-        return [(e, self.contact_law(e)) for e in found.tolist()]
+        """The elements with a contact law, each with its law."""
+        elements = np.flatnonzero(np.isin(self.kind, [*OF_CONTACTS]))
+        return [(e, self.contact_law(e)) for e in elements.tolist()]
 
     def contact_law(self, e: int) -> ContactLaw:
-        """The law of contacts of element e, with its numbers."""
+        """The contact law of element e with its numbers."""
         return OF_CONTACTS[int(self.kind[e])](self.coefficient[e], self.own_number[e])
 
     @property
@@ -158,8 +158,8 @@ class Laws:
         return np.flatnonzero(np.isin(self.kind, (PROGRESSIVE, TABLE))).tolist()
 
     def curve(self, e: int, preload: float) -> "PPoly":
-        """Elastic force [N] of an element with a table by its compression [m], whose pieces at the ends go on."""
-        from scipy.interpolate import PPoly  # a scene without tables does not wait for SciPy
+        """Elastic force [N] of an element with a table against its compression [m], extrapolated by its end pieces."""
+        from scipy.interpolate import PPoly  # imported here because a scene without tables does not need SciPy
 
         c, value = self.table[e].T
         slope = np.diff(value) / np.diff(c)
@@ -172,7 +172,7 @@ class Laws:
         return force
 
     def force(self, d: np.ndarray, preload: np.ndarray) -> np.ndarray:
-        """Elastic force [N] at compressions d (e) [m] with the preloads (e) [N]; zero where a memory has faded."""
+        """Elastic force [N] at compressions d (e) [m] with the preloads (e) [N]; zero for elements with a memory."""
         return np.array([self.along(e, d[e : e + 1], preload[e])[0][0] for e in range(len(d))])
 
     def tangent(self, d: np.ndarray, preload: np.ndarray) -> np.ndarray:
@@ -203,8 +203,8 @@ class Laws:
         return touch
 
     def stand_in(self) -> np.ndarray:
-        """Constant stiffness [N/m] of each element for modes and step sizes, shape (e): of a law of contacts the slope
-        at STAND_IN_FORCE, of a table at compression zero; oil does not leak, and friction sticks."""
+        """Constant stiffness [N/m] of each element for modal analysis and step sizes, shape (e): the slope of a contact
+        law at STAND_IN_FORCE, and that of a table at zero compression. Oil does not leak, and friction sticks."""
         stiffness = np.array(self.coefficient)
         for e, law in self.of_contacts:
             stiffness[e] = law.slope(law.depth(STAND_IN_FORCE))

@@ -1,4 +1,4 @@
-"""Reading scene files: every fault is reported at once, with file and key; files are untrusted."""
+"""Reading of scene files. All faults are reported together, with file and key, and no file is trusted."""
 
 from collections.abc import Callable, Mapping
 from functools import cache
@@ -18,17 +18,17 @@ MAX_FILE_BYTES = 1_000_000
 
 @cache
 def builtin_scenes() -> dict[str, str]:
-    """Names and TOML texts of the built-in scenes."""
+    """Names of the built-in scenes and their TOML texts."""
     folder = resources.files("camopt.scene") / "library"
     files = {f.name.removesuffix(".toml"): f for f in folder.iterdir() if f.name.endswith(".toml")}
     return {name: files[name].read_text(encoding="utf-8") for name in sorted(files)}
 
 
 def scene_text(source: str | Path) -> str:
-    """TOML text of a built-in scene, a file, or the scene of a run folder. Raises InputError where none is there."""
-    known = builtin_scenes()
-    if str(source) in known:
-        return known[str(source)]
+    """TOML text of a built-in scene, a file, or the scene of a run folder. Raises InputError if there is none."""
+    builtin = builtin_scenes()
+    if str(source) in builtin:
+        return builtin[str(source)]
     path = usable_path(source, "scene")
     if path.is_dir():
         path = path / "scene.toml"
@@ -36,14 +36,14 @@ def scene_text(source: str | Path) -> str:
         if path.suffix == ".toml" or path.parent != Path("."):
             raise InputError(f"scene {excerpt(str(source))}: there is no such file: check the path")
         raise InputError(
-            f"scene {excerpt(str(source))}: neither a built-in scene ({', '.join(known)}) nor a file"
-            f"{did_you_mean(str(source), known) or '; `camopt scenes` lists the built-in ones'}"
+            f"scene {excerpt(str(source))}: neither a built-in scene ({', '.join(builtin)}) nor a file"
+            f"{did_you_mean(str(source), builtin) or '; `camopt scenes` lists the built-in ones'}"
         )
     return read_text(path, MAX_FILE_BYTES, "scene file")
 
 
 def no_duration(design: Design) -> float:
-    """Refuses to choose the duration that a design leaves open, which takes a linear program."""
+    """Raises InputError for a design that leaves its duration open, because choosing it takes a linear program."""
     raise InputError(
         f'design.duration_deg: "{FROM_DURATION_AT}" is chosen by the command line and by camopt.load_scene: read the '
         "scene there, or give a number"
@@ -55,7 +55,7 @@ def load_scene(
 ) -> Scene:
     """The scene of a built-in name or TOML file, fully checked, in the units of its keys (`_mm`, `_deg`, `_rpm`).
 
-    `need` names optional parts that the caller cannot do without. `duration_of` gives the duration_deg of a design that
+    `need` names optional tables that the caller requires. `duration_of` returns the duration [deg] of a design that
     leaves it to its duration_at. Raises InputError with one line per fault.
     """
     return parse_scene(scene_text(source), str(source), need, duration_of)
@@ -64,7 +64,7 @@ def load_scene(
 def parse_scene(
     text: str, where: str, need: tuple[Part, ...] = (), duration_of: Callable[[Design], float] = no_duration
 ) -> Scene:
-    """The scene of a TOML text; `where` names its source in the messages. All else is as for `load_scene`."""
+    """The scene of a TOML text; `where` names its source in messages. Everything else is as for `load_scene`."""
     data: dict[str, Any] = {key: tuples(value) for key, value in toml_data(text, where).items()}
     design = data.get("design")
     design = design if isinstance(design, dict) else {}
@@ -82,7 +82,7 @@ def parse_scene(
 
 
 def checked_scene(scene: Scene, where: str, need: tuple[Part, ...] = ()) -> Scene:
-    """A scene whose numbers were changed, checked as a file is; `where`, `need` and errors are as for `parse_scene`."""
+    """A scene whose numbers were changed, checked like a file; `where`, `need` and errors are as for `parse_scene`."""
     return _without_fault(scene.model_dump(exclude_none=True, exclude_defaults=True), where, need)
 
 
@@ -94,26 +94,26 @@ def _without_fault(data: dict[str, Any], where: str, need: tuple[Part, ...]) -> 
 
 
 def scene_with(scene: Scene, numbers: Mapping[str, float], asked_by: str = "set", need: tuple[Part, ...] = ()) -> Scene:
-    """The scene with these numbers by NAME.KEY (`camopt.scene.parameters`); raises InputError, begun by `asked_by`, for
-    a name that means no number of the scene, and for numbers that make it faulty."""
+    """The scene with other values of the numbers named NAME.KEY (`camopt.scene.parameters`). Raises InputError for
+    values that make it faulty, and, begun by `asked_by`, for a name that refers to no number of the scene."""
     changed = scene
     for text, value in numbers.items():
         if not (places := settable(scene, text)):
             raise no_such_number(scene, text, asked_by, [f"{table}.KEY" for table in TABLES])
         changed = with_numbers(changed, dict.fromkeys(places, value))
-    said = ", ".join(f"{text} = {value:g}" for text, value in numbers.items())
-    return checked_scene(changed, f"scene {scene.name} with {said}", need) if numbers else scene
+    changes = ", ".join(f"{text} = {value:g}" for text, value in numbers.items())
+    return checked_scene(changed, f"scene {scene.name} with {changes}", need) if numbers else scene
 
 
 def _provisional_duration(rows: Any) -> float:
-    """A duration [deg] with which the rest of a scene can be checked before its own is chosen."""
+    """A duration [deg] with which the rest of a scene can be checked before the final one is chosen."""
     windows = rows if isinstance(rows, tuple) else ()
     least = [row[1] for row in windows if isinstance(row, tuple) and len(row) == 3 and isinstance(row[1], int | float)]
     return min(1.1 * (max(least, default=0.0) or 130.0), 290.0)
 
 
 def tuples(value: Any) -> Any:
-    """Turns arrays of TOML or JSON into tuples, which is what the frozen schema holds."""
+    """Converts arrays of TOML or JSON into tuples, which the frozen schema requires."""
     if isinstance(value, list | tuple):
         return tuple(tuples(v) for v in value)
     return {k: tuples(v) for k, v in value.items()} if isinstance(value, dict) else value

@@ -1,7 +1,7 @@
-"""Notes on a scene that runs but is unusual: what, where, the usual range, and the unit that was probably meant.
+"""Notes on unusual numbers of a scene that runs: value, key, usual range, and the unit that was probably meant.
 
-The ranges hold what is built, from a model engine to a lorry, and a margin: they are to catch slips of units and of
-decimals, which are far off.
+The ranges cover what is built, from a model engine to a lorry, with a margin. They are meant to catch mistakes of units
+and of decimal places, which lie far outside.
 """
 
 import tomllib
@@ -23,7 +23,7 @@ from camopt.scene.units import MM, UM
 
 @dataclass(frozen=True)
 class Usual:
-    """Range of the size of a number in its key's unit, zero left out, with what makes its ends.
+    """Usual range of the magnitude of a nonzero number in its key's unit, with the reason for both ends.
 
     `slips`: unit that may have been meant -> factor from a number in that unit to the key's unit.
     """
@@ -35,55 +35,55 @@ class Usual:
 
 
 KEYS = tomllib.loads(Path(__file__).with_name("keys.toml").read_text(encoding="utf-8"))
-"""By table and key of a scene what it is: a sentence, or that as `meaning` beside what is usual."""
+"""Meaning of each key of a scene, by table: a sentence, or a record with `meaning` and the usual range."""
 SLIPS = KEYS.pop("slips")
-"""Units that may have been meant, by what several keys call them."""
+"""Sets of units that may have been meant, by the names under which several keys refer to them."""
 
 
-def _usual(said: dict) -> Usual:
-    slips = said.get("slips", {})
-    return Usual(said["low"], said["high"], said["reason"], SLIPS[slips] if isinstance(slips, str) else slips)
+def _usual_range(entry: dict) -> Usual:
+    slips = entry.get("slips", {})
+    return Usual(entry["low"], entry["high"], entry["reason"], SLIPS[slips] if isinstance(slips, str) else slips)
 
 
 USUAL = {
-    f"{table}.{key}": _usual(said)
+    f"{table}.{key}": _usual_range(said)
     for table, keys in KEYS.items()
     for key, said in keys.items()
     if not isinstance(said, str)
 }
-"""Table.key of a scene -> what is usual there."""
+"""Table.key of a scene -> its usual range."""
 
 STIFF = Usual(1e6, 1e10, "from a slender pushrod's to solid steel", SLIPS["stiffness"])
-"""Stiffness of the contact that the cam drives and of the seat, N/m: those of springs are no tenth of it."""
+"""Usual stiffness of the seat and of the contact that the cam drives, N/m; springs have less than a tenth of it."""
 CONTACT_AT_UM = 10.0
-"""Compression [um] at which the tangent of a law of contacts is held against `STIFF`."""
+"""Compression [um] at which the tangent stiffness of a contact law is compared with `STIFF`."""
 
 
 MEANT = "if it is meant, nothing needs doing"
 LEAST_SEAT_N = 5.0
-"""Force on a closed valve's seat [N] below what the spring of a model engine has."""
+"""Force on a closed valve's seat [N] that even the spring of a model engine exceeds."""
 SAME_SEAT_FORCE = 0.2
-"""Share by which the seat's preload may differ from what presses on it at rest; an adjuster takes off a tenth."""
+"""Largest relative difference between the seat's preload and the force on it at rest; an adjuster takes off a tenth."""
 
 
 def scene_notes(scene: Scene) -> tuple[str, ...]:
-    """Sentences on a duration that camopt chose, on keys with an unusual number, on a lash above the ramps, and on a
-    closed valve that nothing presses on its seat, or not with the force that the seat states."""
+    """Notes on a duration that camopt chose, on numbers outside their usual range, on a lash that exceeds a ramp, and
+    on a closed valve that is hardly pressed on its seat, or with a force other than the seat's preload."""
     notes = []
     for path, usual in USUAL.items():
         table, key = path.split(".")
-        notes += _note_of(path, usual, list(_given(scene, table, key)))
-    notes += _note_of("element.stiffness_N_per_m", STIFF, list(_stiff(scene)))
+        notes += _note_of(path, usual, list(_numbers_under(scene, table, key)))
+    notes += _note_of("element.stiffness_N_per_m", STIFF, list(_stiff_contacts(scene)))
     return tuple(_duration_note(scene) + notes + _lash_note(scene) + _seat_note(scene))
 
 
 def speed_notes(option: str, speeds_rpm: Iterable[float]) -> list[str]:
-    """The same on crankshaft speeds [r/min] from elsewhere; `option` says from where."""
+    """Notes on crankshaft speeds [r/min] given elsewhere than in a scene; `option` is where."""
     return _note_of(option, USUAL["operation.speeds_rpm"], [("", speed) for speed in speeds_rpm])
 
 
-def _given(scene: Scene, table: str, key: str) -> Iterable[tuple[str, float]]:
-    """Names of the rows and their numbers under a key; nothing where a table or key is left out."""
+def _numbers_under(scene: Scene, table: str, key: str) -> Iterable[tuple[str, float]]:
+    """Names of the rows and their numbers under a key; nothing if the table or key is left out."""
     content = getattr(scene, table)
     rows: tuple[Table, ...] = content if isinstance(content, tuple) else () if content is None else (content,)
     for row in rows:
@@ -106,8 +106,8 @@ def _is_stiff(scene: Scene, element: Element) -> bool:
     return element.kind == "contact" and (element.cam_driven or element.name == scene.seat)
 
 
-def _stiff(scene: Scene) -> Iterable[tuple[str, float]]:
-    """Stiffness [N/m] of the contacts that must be stiff; of a law of contacts the tangent at a usual compression."""
+def _stiff_contacts(scene: Scene) -> Iterable[tuple[str, float]]:
+    """Names and stiffnesses [N/m] to compare with `STIFF`; for a contact law, the tangent at `CONTACT_AT_UM`."""
     for element in scene.element:
         stiffness = element.stiffness_N_per_m
         if element.law in CONTACT_LAWS and stiffness is not None:
@@ -117,10 +117,10 @@ def _stiff(scene: Scene) -> Iterable[tuple[str, float]]:
             yield element.name, stiffness
 
 
-def _note_of(where: str, usual: Usual, given: list[tuple[str, float]]) -> list[str]:
-    """The note on the number that is farthest off among those given under one key, if any is."""
-    far = [(max(usual.low / abs(v), abs(v) / usual.high), name, v) for name, v in given if v != 0]
-    far = [one for one in far if one[0] > 1]
+def _note_of(where: str, usual: Usual, numbers: list[tuple[str, float]]) -> list[str]:
+    """The note on the number under one key that is farthest outside its usual range, if any is."""
+    ratios = [(max(usual.low / abs(v), abs(v) / usual.high), name, v) for name, v in numbers if v != 0]
+    far = [ratio for ratio in ratios if ratio[0] > 1]
     if not far:
         return []
     _, name, value = max(far)
@@ -136,14 +136,14 @@ def _note_of(where: str, usual: Usual, given: list[tuple[str, float]]) -> list[s
 
 
 def _duration_note(scene: Scene) -> list[str]:
-    """What duration camopt chose, where the scene leaves it to its duration_at."""
+    """The note on a duration that camopt chose because the scene leaves it to its duration_at."""
     design = scene.design
     if design is None or not design.duration_chosen:
         return []
-    asked = ", ".join(f"{least:g} deg at {height:g} mm" for height, least, _ in design.duration_at if least)
+    durations = ", ".join(f"{least:g} deg at {height:g} mm" for height, least, _ in design.duration_at if least)
     return [
         f"design.duration_deg: {design.duration_deg:g} cam deg between the ramp tops were chosen, a fiftieth more than "
-        f"the fewest with which a cam within the limits on its shape is open for {asked}"
+        f"the fewest with which a cam within the limits on its shape is open for {durations}"
     ]
 
 
@@ -160,8 +160,8 @@ def _lash_note(scene: Scene) -> list[str]:
     ]
 
 
-def _why_slack(scene: Scene, seat_N: float) -> str:
-    """What a scene lacks in which no spring presses on the closed valve; `seat_N` is what the seat states."""
+def _why_unpressed(scene: Scene, seat_N: float) -> str:
+    """What is probably missing in a scene whose closed valve no spring presses; `seat_N` is the seat's preload."""
     measured = [e for e in scene.element if e.kind == "spring" and e.force_table and not e.installed_mm]
     if not measured:
         return ": a valve spring has a preload_N, the force on the closed valve"
@@ -177,7 +177,7 @@ def _why_slack(scene: Scene, seat_N: float) -> str:
 
 
 def _seat_note(scene: Scene) -> list[str]:
-    """On the force that closes the valve: whether there is one, and whether the seat's preload says the same."""
+    """The note on a force on the closed valve's seat that is too small or differs from the seat's preload."""
     if scene.seat is None:
         return []
     train = build_train(scene)
@@ -185,7 +185,7 @@ def _seat_note(scene: Scene) -> list[str]:
     if force < LEAST_SEAT_N:
         weak = [e for e in scene.element if e.name != scene.seat and 0 < e.preload_N < LEAST_SEAT_N]
         cause = [f"{e.preload_N:g} of {e.name!r} looks like kN, which would be {1e3 * e.preload_N:g}" for e in weak]
-        why = f"; {cause[0]} here" if cause else _why_slack(scene, stated)
+        why = f"; {cause[0]} here" if cause else _why_unpressed(scene, stated)
         return [f"element.preload_N: at rest the valve is pressed on its seat with only {force:.2g} N{why}; {MEANT}"]
     if stated and abs(force - stated) > SAME_SEAT_FORCE * max(force, stated):
         return [

@@ -1,12 +1,12 @@
-"""The numbers of a scene by name, NAME.KEY: how they are found, read, set and multiplied, one or several together.
+"""The numbers of a scene by name, NAME.KEY: finding, reading, setting and scaling them, singly or together.
 
-NAME is a mass or an element, or "design", "operation" or "geometry". With wildcards in it, as in `*.damping_N_s_per_m`
-or `coil_*.mass_kg`, the name means every mass and element that it matches and whose number is not zero.
+NAME is a mass or an element, or "design", "operation" or "geometry". A NAME with wildcards, as in `*.damping_N_s_per_m`
+or `coil_*.mass_kg`, refers to every matching mass and element whose number is not zero.
 
-A spring with a measured table has a preload and a rate too, the force and the stiffness of its table where the valve is
-closed, under the keys of other springs: another preload moves all forces of the table by as much, another rate
-multiplies what they differ from the preload by. A spring with a table of stiffnesses has the rate of its table there,
-and another one multiplies them all.
+A spring with a measured force table also has a preload and a rate, under the keys of other springs: the force and the
+stiffness of its table with the valve closed. A new preload shifts all forces of the table by the same amount; a new
+rate scales their differences from the preload. A spring with a stiffness table has the stiffness at zero compression as
+its rate, and a new rate scales the whole table.
 """
 
 from collections.abc import Mapping, Sequence
@@ -31,9 +31,9 @@ KEYS = {
         *("dissipation_s_per_m", "spring_N_per_m", "leak_N_s_per_m", "check_travel_mm", "slip_N"),
     ),
 }
-"""The numbers of a train, which may scatter, be free and be fitted, by the table in which they stand."""
+"""Numbers of a train that may scatter, be optimised and be identified, by the table that holds them."""
 TABLES = ("design", "operation", "geometry")
-"""Tables of which a scene has one each; their numbers may be set too."""
+"""Tables that occur once in a scene; their numbers may be set too."""
 WILDCARDS = frozenset("*?[")
 Row = TypeVar("Row", bound=Table)
 
@@ -46,7 +46,7 @@ class SceneNumber(NamedTuple):
     key: str
 
     def of(self, scene: Scene) -> float:
-        """Its value in the key's unit; None where the scene has none."""
+        """Its value in the key's unit; None if the scene has none."""
         return number_of(self._row(scene), self.key)  # pyright: ignore[reportReturnType]
 
     def named(self, scene: Scene) -> str:
@@ -59,7 +59,7 @@ class SceneNumber(NamedTuple):
 
 @dataclass(frozen=True)
 class Tied:
-    """Numbers of a scene that move in proportion; the value of the first stands for them all."""
+    """Numbers of a scene that change in proportion; the value of the first represents them all."""
 
     name: str
     numbers: tuple[SceneNumber, ...]
@@ -73,10 +73,10 @@ class Tied:
         return self.numbers[0].named(scene)
 
     def put(self, scene: Scene, value: float) -> Scene:
-        """The scene with another value of the first, and the others in proportion."""
+        """The scene with a new value of the first number, and the others scaled in proportion."""
         first, *others = self.numbers
         factor = value / first.of(scene) if others else 0.0
-        return with_numbers(scene, {first: value} | {other: other.of(scene) * factor for other in others})
+        return with_numbers(scene, {first: value} | {number: number.of(scene) * factor for number in others})
 
     def scaled(self, scene: Scene, factor: float) -> Scene:
         """The scene with each of the numbers multiplied by the factor."""
@@ -84,7 +84,7 @@ class Tied:
 
 
 def matching(scene: Scene, text: str) -> list[SceneNumber]:
-    """The numbers of the train that a text NAME.KEY means; none where it means nothing."""
+    """The numbers of the train to which a text NAME.KEY refers; an empty list if there is none."""
     name, _, key = text.rpartition(".")
     several = has_wildcards(name)
     return [
@@ -96,12 +96,12 @@ def matching(scene: Scene, text: str) -> list[SceneNumber]:
 
 
 def has_wildcards(name: str) -> bool:
-    """Whether a NAME may mean several masses and elements."""
+    """Whether a NAME may refer to several masses and elements."""
     return not WILDCARDS.isdisjoint(name)
 
 
 def settable(scene: Scene, text: str) -> list[SceneNumber]:
-    """The numbers that a text NAME.KEY means, those of `TABLES` and those that the scene leaves out included."""
+    """The numbers to which a text NAME.KEY refers, including those of `TABLES` and those that the scene leaves out."""
     name, _, key = text.rpartition(".")
     if name in TABLES:
         return [SceneNumber(name, 0, key)] if _has(getattr(scene, name), key) else []
@@ -110,23 +110,23 @@ def settable(scene: Scene, text: str) -> list[SceneNumber]:
 
 
 def _has(table: Table | None, key: str) -> bool:
-    """Whether a table may have a number under the key."""
+    """Whether a table has a field for a number under the key."""
     number = table is not None and key in type(table).model_fields and isinstance(getattr(table, key), float | None)
     return number and key not in ("force_table", "stiffness_table")
 
 
 def no_such_number(scene: Scene, text: str, asked_by: str, more: Sequence[str] = ()) -> InputError:
-    """The error of a text NAME.KEY that means no number of the scene; `more` are other names that may be given."""
-    known = [f"{row.name}.{key}" for table, keys in KEYS.items() for row in getattr(scene, table) for key in keys]
+    """The error for a text NAME.KEY that refers to no number of the scene; `more` are other permitted names."""
+    names = [f"{row.name}.{key}" for table, keys in KEYS.items() for row in getattr(scene, table) for key in keys]
     expected = ", ".join(["NAME.KEY of a mass or an element", *more])
     return InputError(
         f"{asked_by} {excerpt(text)}: {scene.name} has no such number: expected {expected}"
-        f"{did_you_mean(text, [*known, *more])}"
+        f"{did_you_mean(text, [*names, *more])}"
     )
 
 
 def with_numbers(scene: Scene, values: Mapping[SceneNumber, float]) -> Scene:
-    """The scene with other values of some of its numbers, in their keys' units; the schema is not asked again."""
+    """The scene with new values of some of its numbers, in their keys' units, not validated by the schema again."""
     tables: dict[str, Any] = {}
     for number, value in values.items():
         table = tables.get(number.table, getattr(scene, number.table))
@@ -139,32 +139,32 @@ def with_numbers(scene: Scene, values: Mapping[SceneNumber, float]) -> Scene:
 
 
 def number_of(row: Table, key: str) -> float | None:
-    """The number of a row under a key, in the key's unit; None where it has none."""
-    if isinstance(row, Element) and key in (RATE, PRELOAD) and row.force_table:
-        rate, force = _installed(row)
-        return force if key == PRELOAD else rate
-    if isinstance(row, Element) and key == RATE and row.stiffness_table:
-        return float(np.interp(0.0, *np.array(row.stiffness_table).T))
+    """The number of a row under a key, in the key's unit; None if it has none."""
+    if isinstance(row, Element) and key in (RATE, PRELOAD) and (row.force_table or row.stiffness_table):
+        rate, preload = _installed(row)
+        return preload if key == PRELOAD else rate
     return getattr(row, key)
 
 
 def with_number(row: Row, key: str, value: float) -> Row:
-    """The row with another number under a key that it has by `number_of`."""
+    """The row with a new number under a key for which `number_of` has one."""
     if isinstance(row, Element) and key in (RATE, PRELOAD) and row.force_table:
         rate, preload = _installed(row)
-        moved = preload if key == RATE else value
+        new_preload = preload if key == RATE else value
         factor = value / rate if key == RATE else 1.0
-        table = tuple((at, moved + factor * (force - preload)) for at, force in row.force_table)
+        table = tuple((at, new_preload + factor * (force - preload)) for at, force in row.force_table)
         return row.model_copy(update={"force_table": table})
     if isinstance(row, Element) and key == RATE and row.stiffness_table:
-        factor = value / float(np.interp(0.0, *np.array(row.stiffness_table).T))
+        factor = value / _installed(row)[0]
         return row.model_copy(update={"stiffness_table": tuple((at, factor * k) for at, k in row.stiffness_table)})
     return row.model_copy(update={key: value})
 
 
 def _installed(spring: Element) -> tuple[float, float]:
-    """Stiffness [N/m] and force [N] of a force table where the valve is closed; the lines at its ends go on."""
-    assert spring.force_table, "the callers ask"
+    """Stiffness [N/m] and force [N] of a spring with a table where the valve is closed, extrapolated from forces."""
+    if spring.stiffness_table:
+        return float(np.interp(0.0, *np.array(spring.stiffness_table).T)), spring.preload_N
+    assert spring.force_table, "one of both by the callers"
     at, force = np.array(spring.force_table).T
     line = int(np.clip(np.searchsorted(at, spring.installed_mm, "right") - 1, 0, len(at) - 2))
     rate = (force[line + 1] - force[line]) / (at[line + 1] - at[line])
@@ -183,8 +183,8 @@ def valve_spring(scene: Scene) -> list[str]:
 
 
 def with_spring(scene: Scene, rate: float = 1.0, preload: float = 1.0) -> Scene:
-    """The scene with its valve spring's rate and preload multiplied by a factor each, and the seat's preload, which it
-    carries in the installed position, with it."""
+    """The scene with the rate and the preload of its valve spring multiplied by one factor each. The preload of the
+    seat, which balances that of the spring in the installed position, is multiplied by the same factor."""
     spring = valve_spring(scene)
     factors = {f"{name}.{RATE}": rate for name in spring}
     factors |= {f"{name}.{PRELOAD}": preload for name in (*spring, scene.seat)}

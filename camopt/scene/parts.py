@@ -1,4 +1,4 @@
-"""The elements of a scene as a train has them, in SI: each as itself, and a hydraulic adjuster as plunger and oil."""
+"""The elements of a train in SI: one for each element of the scene, and a plunger and an oil column for an adjuster."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -10,15 +10,15 @@ from camopt.scene.laws import CONTACT_LAWS, KINDS, Laws
 from camopt.scene.units import MM
 
 OIL_OF = "{}-oil"
-"""What the oil column of an adjuster is called."""
+"""Name of the oil column of an adjuster."""
 
 
 @dataclass(frozen=True, eq=False)
 class Part:
-    """One element of a train; lengths [m], forces [N], stiffnesses [N/m] as its law has them."""
+    """One element of a train; lengths [m], forces [N], stiffnesses in the unit of its law."""
 
     name: str
-    law: str  # by `laws.KINDS`
+    law: str  # a key of `laws.KINDS`
     contact: bool
     between: tuple[str, str]
     cam_driven: bool = False
@@ -36,15 +36,15 @@ class Part:
 
 
 def parts_of(elements: Sequence[Element]) -> tuple[Part, ...]:
-    """The parts of a train's elements: one for each in its place, then the oil columns of the adjusters among them."""
+    """The parts of a train: one for each element, in their order, then the oil columns of the adjusters."""
     adjusters = [e for e in elements if e.kind == "adjuster"]
     of_kind = {"adjuster": _plunger, "friction": _friction}
-    own = [of_kind.get(e.kind, _itself)(e) for e in elements]
-    return tuple([*own, *(_oil(e) for e in adjusters)])
+    parts = [of_kind.get(e.kind, _spring_or_contact)(e) for e in elements]
+    return tuple([*parts, *(_oil(e) for e in adjusters)])
 
 
-def _itself(e: Element) -> Part:
-    """A spring or a contact."""
+def _spring_or_contact(e: Element) -> Part:
+    """The part of a spring or a contact."""
     rows = e.stiffness_table or e.force_table
     return Part(
         name=e.name,
@@ -63,11 +63,11 @@ def _itself(e: Element) -> Part:
 
 
 def own_number(e: Element) -> float:
-    """The number of its own that an element's law of contacts has, in SI; 1 of other laws."""
+    """Second parameter of an element's contact law, in SI; 1 for other laws."""
     if e.law not in CONTACT_LAWS:
         return 1.0
     law = CONTACT_LAWS[e.law]
-    return (getattr(e, law.key) or law.usual or 0.0) * law.unit  # the schema asks for it where none is usual
+    return (getattr(e, law.key) or law.usual or 0.0) * law.unit  # the schema requires it unless there is a usual value
 
 
 def _friction(e: Element) -> Part:
@@ -76,7 +76,7 @@ def _friction(e: Element) -> Part:
 
 
 def _plunger(e: Element) -> Part:
-    """The plunger spring of an adjuster between its stops: a contact whose force follows three straight lines."""
+    """The plunger spring of an adjuster between its stops: a contact whose force consists of three straight lines."""
     assert e.stiffness_N_per_m and e.spring_N_per_m and e.stroke_mm, "the schema asks for all"
     half, stop = e.stroke_mm * MM / 2, e.stiffness_N_per_m
     low, high = e.preload_N - half * e.spring_N_per_m, e.preload_N + half * e.spring_N_per_m
@@ -92,13 +92,13 @@ def _oil(e: Element) -> Part:
 
 
 def laws_of(parts: Sequence[Part]) -> Laws:
-    """The laws of a train's parts."""
+    """The laws of the parts of a train."""
     laws = Laws(
         kind=np.array([KINDS[p.law] for p in parts]),
         coefficient=np.array([p.stiffness for p in parts]),
         own_number=np.array([p.own_number for p in parts]),
         dissipation=np.array([p.dissipation for p in parts]),
-        table=_of_one_length(parts),
+        table=_padded_tables(parts),
         leak=np.array([p.leak for p in parts]),
         travel=np.array([p.travel for p in parts]),
         slip=np.array([p.slip for p in parts]),
@@ -109,8 +109,8 @@ def laws_of(parts: Sequence[Part]) -> Laws:
     return laws
 
 
-def _of_one_length(parts: Sequence[Part]) -> np.ndarray:
-    """The tables of all parts as (e, q, 2): shorter ones get rows, a metre apart, that go on as their law does."""
+def _padded_tables(parts: Sequence[Part]) -> np.ndarray:
+    """The tables of all parts as one array (e, q, 2); shorter ones get rows, a metre apart, that extrapolate them."""
     tables = [np.array(part.table or [(0.0, part.stiffness)]) for part in parts]
     rows = max(map(len, tables))
     slopes = [last_slope(table) if part.law == "table" else 0.0 for part, table in zip(parts, tables, strict=True)]
@@ -118,12 +118,12 @@ def _of_one_length(parts: Sequence[Part]) -> np.ndarray:
 
 
 def last_slope(rows: np.ndarray):
-    """Slope [N/m] of the last line of a table (k, 2), zero for a single row."""
+    """Slope [N/m] of the last line of a table (k, 2); zero for a single row."""
     (x, y), (x_next, y_next) = rows[-2:] if len(rows) > 1 else ((0.0, 0.0), (1.0, 0.0))
     return (y_next - y) / (x_next - x)
 
 
 def lengthened(rows: np.ndarray, count: int, slope) -> np.ndarray:
-    """A table (k, 2) with `count` rows; the new ones, a metre apart, go on with a slope [N/m]."""
+    """A table (k, 2) extended to `count` rows; the new ones, a metre apart, continue with a slope [N/m]."""
     more = np.arange(1.0, count - len(rows) + 1.0)[:, None]
     return np.concatenate([rows, rows[-1] + more * np.array([1.0, slope])])

@@ -1,7 +1,7 @@
 """The metrics of a motion, each declared once: name, label, unit, limit. Tables, axes and tests read this list.
 
-The formulas are written once per side (`camopt.measure.metrics` in NumPy, `camopt.smooth.metrics` in JAX) and a test
-feeds both sides the same response.
+Each formula is implemented twice (`camopt.measure.metrics` in NumPy, `camopt.smooth.metrics` in JAX), and a test
+evaluates both for the same response.
 """
 
 import math
@@ -17,7 +17,7 @@ class Quantity:
     label: str
     unit: str
     limit: str | None = None
-    less_is_worse: bool = False  # then a limit is the least value allowed
+    less_is_worse: bool = False  # the limit is then the least value permitted
 
 
 QUANTITIES = {
@@ -34,7 +34,7 @@ QUANTITIES = {
         Quantity("excess_lift_mm", "excess lift", "mm"),
     )
 }
-"""What each of them is, and over which window, is in docs/model.md."""
+"""docs/model.md defines each metric and the window over which it is taken."""
 LESS_IS_WORSE = frozenset(q.name for q in QUANTITIES.values() if q.less_is_worse)
 """Metrics whose worst value is the smallest one."""
 
@@ -56,11 +56,11 @@ UNITS = (
     ("_N", "N"),
     ("_s", "s"),
 )
-"""Endings of keys and their units, longer ones first."""
+"""Suffixes of keys and their units, longer suffixes first."""
 
 
 def label_and_unit(key: str) -> tuple[str, str]:
-    """`worst_bounce_mm` -> ("worst bounce", "mm"); the declared quantities keep their declared labels."""
+    """`worst_bounce_mm` -> ("worst bounce", "mm"); the metrics keep their declared labels."""
     stem = key.removeprefix("worst_")
     worst = "worst " if stem != key else ""
     if stem in QUANTITIES:

@@ -1,4 +1,4 @@
-"""The record that every way of simulating leaves: positions, velocities and forces against cam angle."""
+"""The record that every simulation method returns: positions, velocities and forces against cam angle."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -12,8 +12,8 @@ from camopt.scene.train import Train
 class Response:
     """Motion of a valve train at one speed, sampled at k angles; two samples may share an angle where a force jumps.
 
-    Angles are cam angles from the start of the record, ascending: revolution r (from 0) covers
-    [-pi + 2 pi r, pi + 2 pi r]; the cam's nose of revolution r is at 2 pi r.
+    Angles are cam angles, ascending from the start of the record: revolution r (from 0) covers [-pi + 2 pi r, pi + 2 pi
+    r], and its nose is at 2 pi r.
     """
 
     train: Train
@@ -49,22 +49,22 @@ class Response:
         return -(self.across(self.x, e) + t.cam_driven[e] * self.lift - t.gap[e] - t.touch_compression[e])
 
     def across(self, values: np.ndarray, e: int, unit: float = 1.0) -> np.ndarray:
-        """Difference over an element (k), in units of `values`, of these values of the masses (k, n); the ground's are
-        zero."""
+        """Difference of `values` (k, n) of the masses between the two ends of an element, divided by `unit`, shape (k);
+        the values of the ground are zero."""
         first, second = (0.0 if i < 0 else values[:, i] / unit for i in (self.train.a[e], self.train.b[e]))
         return np.asarray(first - second)
 
 
 Revolve = Callable[[np.ndarray], Response]
-"""A function from a state (2n + r: positions [m], velocities [m/s], memories [m]) at -pi to a revolution from there.
+"""A function from a state (2n + r: positions [m], velocities [m/s], memories [m]) at -pi to the following revolution.
 
-Every method offers `prepare(train, lift, cam_speed, ...) -> Revolve`, which works out once whatever is the same in
-every revolution, so that settling, metrics and error estimates are written once for all methods.
+Every method provides `prepare(train, lift, cam_speed, ...) -> Revolve`, which computes what all revolutions have in
+common. Settling, metrics and error estimates are thus written once for all methods.
 """
 
 
 def joined(responses: list[Response]) -> Response:
-    """Consecutive revolutions as one record; the sample at which two meet stays doubled."""
+    """Consecutive revolutions as one record; the sample at which two of them meet occurs twice."""
     first = responses[0]
     angle = np.concatenate([r.angle + 2 * np.pi * i for i, r in enumerate(responses)])
     series = (np.concatenate([getattr(r, name) for r in responses]) for name in ("lift", "x", "v", "force", "memory"))
@@ -72,7 +72,7 @@ def joined(responses: list[Response]) -> Response:
 
 
 def record_of(revolve: Revolve, state: np.ndarray, revolutions: int) -> Response:
-    """The motion from a state over so many revolutions, one or more, as one record."""
+    """The motion from a state over a number of revolutions, at least one, as one record."""
     records = [revolve(state)]
     for _ in range(revolutions - 1):
         records.append(revolve(end_state(records[-1])))
@@ -80,7 +80,7 @@ def record_of(revolve: Revolve, state: np.ndarray, revolutions: int) -> Response
 
 
 def next_state(revolve: Revolve, state: np.ndarray) -> np.ndarray:
-    """The state a revolution later; a method that offers `advance` gets there without samples, which is faster."""
+    """The state one revolution later. A method with an `advance` computes it without samples, which is faster."""
     advance = getattr(revolve, "advance", None)
     return end_state(revolve(state)) if advance is None else advance(state, 1)
 

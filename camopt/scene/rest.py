@@ -1,8 +1,8 @@
-"""Static equilibrium on the base circle, the minimum of the elements' energy, and the linear train about it.
+"""Static equilibrium on the base circle, as the minimum of the elements' energy, and linearisation of a train about it.
 
-Every elastic force rises with its compression and contacts only push, so the energy is convex, and under linear laws
-piecewise quadratic: Newton's method ends after a few changes of the closed contacts, whatever their number (Qi and Sun
-1993, Mathematical Programming 58, for the nonsmooth method; Armijo-like halving for descent).
+Every elastic force rises with its compression and contacts only push, so the energy is convex, and piecewise quadratic
+under linear laws. Newton's method therefore converges after a few changes of the set of closed contacts, however many
+there are (Qi and Sun 1993, Mathematical Programming 58, for the nonsmooth method; Armijo's step halving).
 """
 
 from dataclasses import replace
@@ -15,15 +15,15 @@ from camopt.scene.laws import FRICTION
 from camopt.scene.train import Train, kept_with_train
 
 FORCE_SLACK = 1e-9
-"""Relative slack on forces and separations at rest: a contact exactly at its touch counts either way."""
+"""Relative tolerance on forces and separations at rest; a contact exactly at its touch may count as open or closed."""
 HELD = 1e-11
-"""Least eigenvalue of the scaled stiffness matrix at which every mass is held."""
-TAKING_PART = 0.1
-"""Component of a floating direction, relative to its largest, from which a mass is named."""
+"""Least eigenvalue of the scaled stiffness matrix at which every mass counts as held."""
+NAMED_SHARE = 0.1
+"""Component of an unsupported direction, relative to its largest one, from which a mass is named in the error."""
 MOST_CONTACTS = 39
-"""Sets of contact states are numbered by event-exact in 64 bits, three states each."""
+"""Largest number of contacts: event-exact numbers the sets of contact states in 64 bits, three states each."""
 MOST_NEWTON_STEPS = 200
-"""Newton steps to rest; ten are usual."""
+"""Largest number of Newton steps to the rest position; ten are usual."""
 NOT_FOUND = (
     f"no static equilibrium on the base circle was found in {MOST_NEWTON_STEPS} steps: check preloads, gaps and, under "
     f"nonlinear laws, stiffness tables"
@@ -33,8 +33,7 @@ GROUNDING = 1e-12
 
 
 def static_matrices(train: Train, closed: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Stiffness matrix (n, n) [N/m] and load (n) [N] at lift zero when the elements `closed` (e) act; none with a
-    memory does at rest."""
+    """Stiffness matrix (n, n) [N/m] and load (n) [N] at zero lift of the acting elements (e) without a memory."""
     acting = np.setdiff1d(np.flatnonzero(closed), train.memory)
     rows, k = train.incidence[acting], train.stiffness[acting]
     load = train.mass_force - rows.T @ (train.preload[acting] - k * train.gap[acting])
@@ -42,14 +41,14 @@ def static_matrices(train: Train, closed: np.ndarray) -> tuple[np.ndarray, np.nd
 
 
 def rest_position(train: Train) -> np.ndarray:
-    """Positions at rest on the base circle [m], shape (n); raises InputError where a mass is not held, or where no set
-    of closed contacts is in equilibrium."""
+    """Positions at rest on the base circle [m], shape (n). Raises InputError if a mass is not held, or if none is
+    found."""
     return _rest_of(train).copy()
 
 
 @kept_with_train
 def _rest_of(train: Train) -> np.ndarray:
-    """`rest_position`, kept because tables, modes and starts of one train all ask for it."""
+    """`rest_position`, cached because tables, modes and initial states of a train all need it."""
     contacts = int(np.sum(train.contact))
     if contacts > MOST_CONTACTS:
         raise InputError(
@@ -58,42 +57,41 @@ def _rest_of(train: Train) -> np.ndarray:
         )
     without = np.isin(np.arange(len(train.a)), train.memory)
     linear = replace(train, laws=None, stiffness=np.where(without, 0.0, train.stiffness))
-    x, balanced = _balanced(linear, np.zeros(len(train.mass)))
+    x, converged = _equilibrium(linear, np.zeros(len(train.mass)))
     force = train.preload + train.stiffness * train.compression(x, 0.0)
     closed = ~train.contact | (force > FORCE_SLACK * max(np.max(np.abs(force)), 1.0))
     stiffness, load = static_matrices(train, closed)
     scale = np.sqrt(np.maximum(np.diag(stiffness), np.max(train.stiffness) * 1e-12))
     values, vectors = np.linalg.eigh(stiffness / np.outer(scale, scale))
     if values[0] < HELD:
-        share = np.abs(vectors[:, 0] / scale)  # of a direction which nothing resists
-        names = sorted(train.mass_names[i] for i in np.flatnonzero(share > TAKING_PART * share.max()))
+        share = np.abs(vectors[:, 0] / scale)  # of each mass in the direction without stiffness
+        names = sorted(train.mass_names[i] for i in np.flatnonzero(share > NAMED_SHARE * share.max()))
         raise InputError(
             f"nothing holds the valve train at rest on the base circle (mass: {', '.join(names)}): "
             f"give that mass a force_N that presses it on, or a spring"
         )
-    if not balanced:
+    if not converged:
         raise InputError(NOT_FOUND)
     x = np.linalg.solve(stiffness / np.outer(scale, scale), load / scale) / scale
     if train.laws is None:
         return x
-    x, balanced = _balanced(train, x)
-    if not balanced:
+    x, converged = _equilibrium(train, x)
+    if not converged:
         raise InputError(NOT_FOUND)
     return x
 
 
 def state_at_rest(train: Train) -> np.ndarray:
-    """State (2n + r: [m], [m/s], [m]) at rest on the base circle, every memory faded: the plunger spring alone carries
-    an adjuster, and nothing rubs. Raises InputError where there is none."""
+    """State (2n + r: [m], [m/s], [m]) at rest on the base circle with all memories relaxed: the plunger spring alone
+    carries an adjuster, and friction exerts no force. Raises InputError if there is no equilibrium."""
     position = rest_position(train)
     memory = train.compression(position, 0.0)[list(train.memory)]
     return np.concatenate([position, np.zeros_like(position), memory])
 
 
 def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:
-    """Forces of the elements (k, e) [N] where the cam stands still at lifts (k) [m], zero in open contacts; raises
-    InputError as `rest_position` does."""
-    forces, (heights, where) = [], np.unique(lift, return_inverse=True)  # the base circle is one lift
+    """Forces of the elements (k, e) [N] with the cam at rest at lifts (k) [m]; errors as for `rest_position`."""
+    forces, (heights, where) = [], np.unique(lift, return_inverse=True)  # all angles on the base circle share one lift
     for height in heights:
         d = train.compression(rest_position(replace(train, gap=train.gap - train.cam_driven * height)), height)
         force = train.preload + train.stiffness * d if train.laws is None else train.laws.force(d, train.preload)
@@ -101,12 +99,12 @@ def static_forces(train: Train, lift: np.ndarray) -> np.ndarray:
     return np.array(forces)[where]
 
 
-def _balanced(train: Train, x: np.ndarray) -> tuple[np.ndarray, bool]:
-    """(positions (n) [m], whether forces balance there), searched from x (n): Newton's method on the convex energy, its
-    step halved while it overshoots. A little stiffness to ground carries it across contacts that are open."""
+def _equilibrium(train: Train, x: np.ndarray) -> tuple[np.ndarray, bool]:
+    """(positions (n) [m], whether forces balance there) by Newton's method on the convex energy from positions x (n),
+    its step halved while it overshoots. A small stiffness to ground keeps the matrix regular with open contacts."""
     rows = train.incidence
 
-    def unbalanced(x):
+    def residual(x):
         d = train.compression(x, 0.0)
         if train.laws is None:
             p, tangent = train.preload + train.stiffness * d, train.stiffness
@@ -116,33 +114,33 @@ def _balanced(train: Train, x: np.ndarray) -> tuple[np.ndarray, bool]:
         return train.mass_force - rows.T @ np.where(open_, 0.0, p), np.where(open_, 0.0, tangent)
 
     slack = FORCE_SLACK * max(np.abs(train.preload).max(), np.abs(train.mass_force).max(), 1.0)
-    force, tangent = unbalanced(x)
+    force, tangent = residual(x)
     for _ in range(MOST_NEWTON_STEPS):
         if np.abs(force).max() <= slack:
             return x, True
         stiffness = rows.T @ (tangent[:, None] * rows) + np.eye(len(x)) * GROUNDING * train.stiffness.max()
         step = np.linalg.solve(stiffness, force)
-        most = -0.1 * abs(force @ step)
-        force, tangent = unbalanced(x + step)
-        while force @ step < most:
+        accepted = -0.1 * abs(force @ step)
+        force, tangent = residual(x + step)
+        while force @ step < accepted:
             step = step / 2
-            force, tangent = unbalanced(x + step)
+            force, tangent = residual(x + step)
         x = x + step
     return x, False
 
 
 NO_STIFFNESS = 1.0
-"""Stiffness [N/m] that stands for an element which rubs: next to nothing beside any other of a train."""
+"""Stiffness [N/m] that replaces a friction element; it is negligible beside any other stiffness of a train."""
 
 
 def is_linear(train: Train) -> bool:
-    """Whether every force of a train is linear and nothing acts on it but the cam."""
+    """Whether every law of a train is linear and the cam is its only excitation."""
     return train.laws is None and not train.forcing
 
 
 @lru_cache(maxsize=64)
 def linearised_at_rest(train: Train) -> Train:
-    """The train with a linear law in place of every other, by `Laws.stand_in`; oil does not leak, and nothing rubs."""
+    """The train with linear laws, by `Laws.stand_in`; oil does not leak, and friction has almost no stiffness."""
     laws = train.laws
     if laws is None:
         return replace(train, forcing=()) if train.forcing else train

@@ -1,4 +1,4 @@
-"""What a scene file may say: masses, elements, operation, design limits and geometry, in the field's units."""
+"""Schema of a scene file: masses, elements, forces, operation, design limits, geometry and tolerances."""
 
 from collections.abc import Mapping
 from itertools import pairwise
@@ -15,9 +15,9 @@ from camopt.scene.units import RPM
 
 HIGHEST_HARMONIC = 200
 Part = Literal["valve", "seat", "operation", "design", "geometry"]
-"""The optional parts of a scene that a reader may ask for."""
+"""Optional tables and keys of a scene that a caller may require."""
 SIMULATED: tuple[Part, ...] = ("valve", "seat", "operation", "design")
-"""What of a scene it takes to design a cam and to simulate it."""
+"""What a scene must have if a cam is to be designed for it and simulated."""
 Stated = TypeVar("Stated")
 
 
@@ -28,29 +28,30 @@ def _text_or_texts(value: Any) -> Any:
     return value
 
 
-def _not_all_of_it(value: float) -> float:
+def _below_one(value: float) -> float:
     if value >= 1.0:
         raise ValueError("must be below 1: no number scatters by as much as itself")
     return value
 
 
 class Tolerance(Table, frozen=True):
-    """How one number, or several, scatter from train to train.
+    """Scatter of one number, or of several, from train to train.
 
-    `of` is NAME.KEY of a mass or an element; with wildcards in NAME, as in "*", it is each of them whose number under
-    the key is not zero, every one with a draw of its own. Where `of` is an array, one draw moves all its numbers
+    `of` is NAME.KEY of a mass or an element. With wildcards in NAME, as in "*", it refers to each of those whose number
+    under the key is not zero, and every number has an independent draw. If `of` is an array, one draw changes them
     together.
 
-    How far a draw moves the number is given as its share `relative`, or as `plus_minus` in the key's own unit. Either
-    is the standard deviation under "normal", which is cut off at `camopt.scene.as_built.REACH` of them, and half the
-    width under "uniform". Under "lognormal" a draw multiplies the number by exp(relative * a standard normal draw).
-    A spring with a force_table has a stiffness and a preload too, those of the table with the valve closed: both in one
-    array scatter its loads (`camopt.scene.parameters`). `name` is what results call the tolerance, by default `of`
-    itself.
+    The width of the scatter is given as a share of the number, `relative`, or in the unit of the key, `plus_minus`.
+    Under "normal" it is the standard deviation, and draws are cut off at `camopt.scene.as_built.REACH` standard
+    deviations. Under "uniform" it is half the width of the interval. Under "lognormal" a draw multiplies the number by
+    exp(relative * a standard normal draw).
+
+    A spring with a force_table also has a stiffness and a preload, those of its table with the valve closed. Both in
+    one array scatter its loads (`camopt.scene.parameters`). `name` is its label in results, by default `of` itself.
     """
 
     of: Annotated[str | tuple[str, ...], BeforeValidator(_text_or_texts)]
-    relative: Annotated[Positive, AfterValidator(_not_all_of_it)] | None = None
+    relative: Annotated[Positive, AfterValidator(_below_one)] | None = None
     plus_minus: Positive | None = Field(default=None, validate_default=True)
     distribution: Literal["normal", "lognormal", "uniform"] = "normal"
     name: Annotated[str, Field(max_length=100)] = ""
@@ -73,20 +74,20 @@ class Tolerance(Table, frozen=True):
 
     @property
     def numbers(self) -> tuple[str, ...]:
-        """The texts NAME.KEY of `of`."""
+        """The texts NAME.KEY in `of`."""
         return (self.of,) if isinstance(self.of, str) else self.of
 
     @property
     def label(self) -> str:
-        """What results call it: its name, or the numbers that it is of."""
+        """Its label in results: its name, or the numbers that it changes."""
         first, *more = self.numbers
         return self.name or (f"{first} and {len(more)} more" if more else first)
 
 
 class Grinding(Table, frozen=True):
-    """The error of one ground cam: its largest value, and the harmonics of a revolution in it.
+    """The error of one ground cam: its largest value, and the harmonics of a revolution that it contains.
 
-    Every harmonic from the lowest to the highest is drawn with equal expected size (`camopt.measure.as_built`).
+    All harmonics from the lowest to the highest are drawn with equal expected amplitude (`camopt.measure.as_built`).
     """
 
     error_um: Positive
@@ -108,7 +109,7 @@ AS_BUILT = {"tolerance", "grinding"}
 
 
 class Mass(Table, frozen=True):
-    """A mass on the valve's axis.
+    """A mass on the valve axis.
 
     `damping_N_s_per_m` is a damper to ground. `force_N` is a constant force; a positive one opens the valve.
     """
@@ -122,10 +123,10 @@ class Mass(Table, frozen=True):
 
 
 class Force(Table, frozen=True):
-    """A force on a mass that repeats with the cam angle, such as that of the gas on a valve.
+    """A force on a mass that is periodic in the cam angle, such as the gas force on a valve.
 
-    `table` has rows of [cam_angle_deg, force_N], joined by straight lines, from -180 to 180 with the same force at
-    both. A positive force opens the valve.
+    `table` has rows of [cam_angle_deg, force_N] from -180 to 180 with the same force at both ends, between which the
+    force is interpolated linearly. A positive force opens the valve.
     """
 
     on: str
@@ -166,7 +167,7 @@ class Scene(Table, frozen=True):
     @field_validator("design")
     @classmethod
     def _in_its_scene(cls, design, info: ValidationInfo):
-        if design is None or not {"operation", "geometry"} <= info.data.keys():  # a faulty table hides nothing
+        if design is None or not {"operation", "geometry"} <= info.data.keys():  # a fault in either is reported alone
             return design
         design = design.within(info.data["geometry"], info.data["operation"])
         if faults := design.missing():
@@ -182,17 +183,17 @@ class Scene(Table, frozen=True):
 
     @property
     def required_operation(self) -> Operation:
-        """The operation, for what makes no sense without it; InputError where the scene has none."""
+        """The operation; raises InputError if the scene has none."""
         return self._required("operation", self.operation)
 
     @property
     def required_design(self) -> Design:
-        """The same of the design."""
+        """The design; raises InputError if the scene has none."""
         return self._required("design", self.design)
 
     @property
     def required_geometry(self) -> Geometry:
-        """The same of the geometry."""
+        """The geometry; raises InputError if the scene has none."""
         return self._required("geometry", self.geometry)
 
     def _required(self, part: Part, stated: Stated | None) -> Stated:

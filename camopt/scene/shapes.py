@@ -1,8 +1,8 @@
-"""Array types that state their shape, as in `Float[np.ndarray, "k n"]`: for the reader, and checked in the tests.
+"""Array types that state their shape, as in `Float[np.ndarray, "k n"]`, for the reader and for checks in the tests.
 
 They are jaxtyping's where jaxtyping is loaded: in the tests, whose import hook checks every call with beartype, and
-wherever JAX is at work; elsewhere, where no command waits for jaxtyping, they are the array type alone. The first axis'
-name has a space before it where linters would take it for a variable, as in " n".
+wherever JAX is used. Elsewhere they are the array type alone, so that no command has to load jaxtyping. The name of a
+single axis has a space before it, as in " n", because linters would take it for a variable.
 """
 
 import sys
@@ -15,7 +15,7 @@ if TYPE_CHECKING or "jaxtyping" in sys.modules:
 else:
 
     class Float:
-        """Stands in for jaxtyping's type of the same name."""
+        """Replaces jaxtyping's type of the same name."""
 
         def __class_getitem__(cls, item: tuple):
             return item[0]

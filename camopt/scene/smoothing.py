@@ -1,4 +1,4 @@
-"""How the smooth path stands in for a scene's laws: the arguments that the public verbs share, under one name each."""
+"""Smoothing of the contacts on the smooth path: the arguments that the public functions have in common."""
 
 from collections.abc import Mapping
 from typing import Any, NamedTuple
@@ -9,14 +9,14 @@ from camopt.scene.errors import InputError
 from camopt.scene.units import UM
 
 FEWEST_STEPS, MOST_STEPS = 360, 28800
-"""Steps of a revolution that may be asked for: one in a degree, and one in an eightieth."""
+"""Least and largest number of steps per revolution: one per degree, and one per eightieth of a degree."""
 NAMES = "width_um", "tie", "steps_per_revolution"
-"""What the arguments are called."""
+"""Names of the arguments."""
 
 
 class Smoothing(NamedTuple):
-    """Width of the layer across which contacts begin to push, share of the law between cam and valve that is
-    bilateral, and equal steps of a revolution."""
+    """Width of the layer over which the force of a contact sets in, share of the law between cam and valve that is
+    bilateral, and number of equal steps per revolution."""
 
     width: float = 1e-6  # m
     tie: float = 1.0
@@ -24,17 +24,15 @@ class Smoothing(NamedTuple):
 
     @property
     def as_asked(self) -> dict[str, Any]:
-        """Those that differ from the defaults, by the names of the arguments."""
+        """The values that differ from the defaults, by the names of the arguments."""
         numbers = self.width / UM, self.tie, self.steps
-        own = zip(NAMES, numbers, self, Smoothing(), strict=True)
-        return {name: number for name, number, value, usual in own if value != usual}
+        entries = zip(NAMES, numbers, self, Smoothing(), strict=True)
+        return {name: number for name, number, value, usual in entries if value != usual}
 
 
 def smoothing(verb: str, width_um, tie, steps_per_revolution) -> Smoothing:
-    """The smoothing that a verb is asked for; None stands for the default.
-
-    Raises InputError for a width that is none [um], a share outside 0 to 1, and steps beyond the limits of this module.
-    """
+    """The smoothing for the arguments of a public function `verb`; None stands for the default. Raises InputError for a
+    width that is not a positive number [um], a share outside 0 to 1, and steps outside the limits above."""
     usual = Smoothing()
     width_um, tie = usual.width / UM if width_um is None else width_um, usual.tie if tie is None else tie
     steps = usual.steps if steps_per_revolution is None else steps_per_revolution
@@ -50,16 +48,14 @@ def smoothing(verb: str, width_um, tie, steps_per_revolution) -> Smoothing:
 
 
 def smoothing_in(settings: Mapping[str, Any]) -> Smoothing:
-    """The smoothing that stands in the settings of a run (`Smoothing.as_asked`).
-
-    Raises InputError where it is not the usual one and the run has no smoothed motion, or is for a yield.
-    """
-    found = smoothing("optimize", *(settings.get(name) for name in NAMES))
-    if found != Smoothing() and (settings.get("gradient") == "exact" or "yield" in settings):
+    """The smoothing in the settings of a run (`Smoothing.as_asked`). Raises InputError if it differs from the default
+    in a run without a smoothed motion, or in a search for a yield."""
+    chosen = smoothing("optimize", *(settings.get(name) for name in NAMES))
+    if chosen != Smoothing() and (settings.get("gradient") == "exact" or "yield" in settings):
         raise InputError(
             "optimize: width_um, tie or steps_per_revolution with source 'exact' or a wanted yield: leave them out"
         )
-    return found
+    return chosen
 
 
 def _number(value: Any) -> bool:

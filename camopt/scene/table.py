@@ -1,12 +1,12 @@
-"""What every table of a scene file has in common: which numbers and names it takes, and that it says nothing else."""
+"""What all tables of a scene file have in common: the numbers and names that they accept, and no unknown keys."""
 
 from typing import Annotated
 
 from pydantic import AfterValidator, BaseModel, Field, field_validator
 
 SMALLEST, LARGEST = 1e-12, 1e15
-"""Size of a number of a scene in its key's unit, where it may not be zero: what lies beyond is a slip, and double
-precision does not hold it beside the others."""
+"""Range of the magnitude of a nonzero number in its key's unit. A number outside is a mistake, and double precision
+could not represent it beside the others."""
 
 
 def _not_too_small(value: float) -> float:

@@ -1,5 +1,7 @@
-"""Paths and text files that a user names: whatever they are, the answer is the text or a sentence;
-TOML as data, of which what would cost the parser its stack or the machine its memory is refused before it is parsed."""
+"""Paths and text files named by the user: the result is a text or a clear error.
+
+TOML that would exhaust the parser's stack or the machine's memory is refused before it is parsed.
+"""
 
 import os
 import re
@@ -13,20 +15,20 @@ from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 
 LONGEST_SHOWN = 60
-"""Characters of the user's own text that a sentence repeats."""
+"""Largest number of characters of the user's text that a sentence repeats."""
 
 
 def excerpt(text: str) -> str:
-    """The text, quoted, without its middle where it is long."""
+    """The text in quotes, without its middle if it is long."""
     half = LONGEST_SHOWN // 2
     return repr(text) if len(text) <= LONGEST_SHOWN else f"{text[:half]!r} ... {text[-half:]!r}"
 
 
 def usable_path(path: str | Path, what: str) -> Path:
-    """The path, if the system takes it at all, whether or not something is there; `what` begins the sentence.
+    """The path, if the operating system accepts it, whether or not a file is there; `what` begins the error sentence.
 
-    Raises InputError for a path that is too long, holds a NUL or no character of a file name, or lies in a folder that
-    may not be looked into.
+    Raises InputError for a path that is too long, contains a character that no file name may have, or lies in a folder
+    without access.
     """
     try:
         os.stat(path)
@@ -39,10 +41,8 @@ def usable_path(path: str | Path, what: str) -> Path:
 
 
 def read_text(path: Path, most_bytes: int, what: str, encoding: str = "utf-8") -> str:
-    """The text of a file of at most `most_bytes` bytes; `what` it is to be ("scene file") stands in the sentences.
-
-    Raises InputError where the file is larger, cannot be read or is not UTF-8.
-    """
+    """The text of a file of at most `most_bytes` bytes; `what` names its purpose ("scene file") in the error sentences.
+    Raises InputError if the file is larger, cannot be read or is not UTF-8."""
     try:
         if path.stat().st_size > most_bytes:
             raise InputError(f"{path}: larger than {most_bytes} bytes, which no {what} needs")
@@ -52,11 +52,11 @@ def read_text(path: Path, most_bytes: int, what: str, encoding: str = "utf-8") -
 
 
 MOST_PARTS = 16
-"""Parts of a dotted key: the parser's memory grows with their square, and a scene needs two."""
+"""Largest number of parts of a dotted key. The parser's memory grows with its square, and a scene needs two."""
 DEEPEST = 16
-"""Brackets within brackets: the parser's stack grows with them, and a scene needs three."""
+"""Largest depth of nested brackets. The parser's stack grows with it, and a scene needs three."""
 _QUOTED_OR_COMMENT = re.compile(
-    r'"""(?:[^\\"]|\\.|"(?!""))*+(?:"""|\\?\Z)'  # what is not closed counts too, so that no text takes long
+    r'"""(?:[^\\"]|\\.|"(?!""))*+(?:"""|\\?\Z)'  # an unclosed string matches too, so that no text takes long
     r"|'''(?:[^']|'(?!''))*+(?:'''|\Z)"
     r'|"(?:[^"\\\n]|\\.)*+"?'
     r"|'[^'\n]*+'?"
@@ -66,8 +66,8 @@ _QUOTED_OR_COMMENT = re.compile(
 
 
 def toml_data(text: str, where: str) -> dict:
-    """The tables of a TOML text; `where` begins the sentences. Raises InputError for whatever is no usable TOML."""
-    bare = _QUOTED_OR_COMMENT.sub(lambda found: "" if found[0].startswith("#") else "q", text)
+    """The tables of a TOML text; `where` begins the error sentences. Raises InputError if it is not usable TOML."""
+    bare = _QUOTED_OR_COMMENT.sub(lambda match: "" if match[0].startswith("#") else "q", text)
     if max(part.count(".") for part in re.split(r"[^\w. \t-]", bare)) >= MOST_PARTS:
         raise InputError(
             f"{where}: a dotted key of more than {MOST_PARTS} parts: write tables, which nest once in a scene"
@@ -79,12 +79,12 @@ def toml_data(text: str, where: str) -> dict:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:
         raise InputError(f"{where}: not valid TOML: {error}") from error
-    except ValueError:  # Python turns no more than some thousand digits into an integer
+    except ValueError:  # Python limits an integer to a few thousand digits
         raise InputError(
             f"{where}: an integer of thousands of digits, which no quantity of a scene has: correct it"
         ) from None
 
 
 def scene_toml(scene: Scene) -> str:
-    """A scene as TOML text, which `load_scene` reads back; values that are the schema's defaults are left out."""
+    """A scene as TOML text that `load_scene` reads back; values equal to the schema's defaults are left out."""
     return tomli_w.dumps(scene.model_dump(exclude_none=True, exclude_defaults=True))

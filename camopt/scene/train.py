@@ -1,4 +1,4 @@
-"""The valve train as SI arrays, which are data only: each path has its own equations and its own contact law."""
+"""The valve train as SI arrays. These are data only: each method has its own equations and its own contact law."""
 
 from collections.abc import Callable, Collection, Mapping
 from dataclasses import dataclass, replace
@@ -17,21 +17,21 @@ from camopt.scene.units import DEG
 GROUND = -1
 Computed = TypeVar("Computed")
 TRAIN_PARAMETERS = ("mass", "mass_damping", "mass_force", "stiffness", "damping", "preload", "gap")
-"""Fields of `Train` whose numbers a user may vary, and by which metrics have derivatives."""
+"""Fields of `Train` whose numbers a user may vary, and with respect to which metrics have derivatives."""
 LAW_PARAMETERS = ("dissipation", "table", "leak", "travel", "slip")
-"""Fields of `Laws` of which the same is true, in a train that has laws."""
+"""Fields of `Laws` for which the same holds, in a train that has laws."""
 
 
 @dataclass(frozen=True, eq=False)
 class Forcing:
-    """A force on a mass that repeats with the cam angle, in straight lines between its rows."""
+    """A force on a mass that is periodic in the cam angle and linear between its rows."""
 
     on: int  # mass index
     angle: np.ndarray  # (q) rad, from -pi to pi
-    force: np.ndarray  # (q) N, positive opens; the last is the first
+    force: np.ndarray  # (q) N, positive opens; the last equals the first
 
     def at(self, angle: np.ndarray | float) -> np.ndarray:
-        """The force [N] at cam angles [rad] of any revolution, in their shape."""
+        """The force [N] at cam angles [rad] of any revolution, in the shape of the angles."""
         return np.interp((np.asarray(angle) + np.pi) % (2.0 * np.pi) - np.pi, self.angle, self.force)
 
 
@@ -39,11 +39,11 @@ class Forcing:
 class Train:
     """Masses (n) and elements (e) of a scene in SI units.
 
-    An element e stands between `a[e]` and `b[e]` (mass index, or GROUND) with compression
-    d = x_a - x_b + cam_driven * lift - gap and elastic force preload + stiffness * d; it pushes a towards -x and b
-    towards +x. Where `laws` are given they rule the elastic force, and `stiffness` is only their stand-in for modes
-    and step sizes. A hydraulic adjuster of the scene is two elements here, side by side: its plunger, a contact, in
-    the adjuster's place, and its oil, `<name>-oil`, after all others.
+    An element e lies between `a[e]` and `b[e]` (mass index, or GROUND) and has the compression
+    d = x_a - x_b + cam_driven * lift - gap and the elastic force preload + stiffness * d; it pushes a towards -x and b
+    towards +x. If there are `laws`, they determine the elastic force, and `stiffness` only replaces them in modal
+    analysis and for step sizes. A hydraulic adjuster of the scene becomes two parallel elements: its plunger, a
+    contact, in the adjuster's place, and its oil, `<name>-oil`, after all others.
 
     The state of a train is (x, v, z): n positions [m], n velocities [m/s], and the memories [m] of r elements.
     """
@@ -70,23 +70,23 @@ class Train:
 
     @cached_property
     def memory(self) -> tuple[int, ...]:
-        """The elements (r) with a memory, in the order in which the state holds them."""
+        """The elements (r) with a memory, in the order of the state vector."""
         return () if self.laws is None else tuple(int(e) for e in np.flatnonzero(self.laws.has_memory))
 
     @cached_property
     def incidence(self) -> np.ndarray:
-        """Derivative of every compression by the positions, shape (e, n)."""
-        ends = np.eye(len(self.mass) + 1)[:, :-1]  # the last row, which the index -1 reads: the ground
+        """Derivative of every compression with respect to the positions, shape (e, n)."""
+        ends = np.eye(len(self.mass) + 1)[:, :-1]  # the last row, at index -1, is the ground
         return ends[self.a] - ends[self.b]
 
     @property
     def straight(self) -> bool:
-        """Whether every law consists of straight lines, which event-exact takes as they are; others go by chords."""
+        """Whether every law is piecewise linear, which event-exact solves exactly; others are replaced by chords."""
         return self.laws is None or not np.any(np.isin(self.laws.kind, CURVED))
 
     @property
     def state_size(self) -> int:
-        """Numbers in a state: 2n + r."""
+        """Length of the state vector: 2n + r."""
         return 2 * len(self.mass) + len(self.memory)
 
     @property
@@ -101,17 +101,15 @@ class Train:
 
     @property
     def parameters(self) -> dict[str, np.ndarray]:
-        """The numbers by TRAIN_PARAMETERS and, of a train with laws, by LAW_PARAMETERS.
-
-        The stiffness of a train with laws is the coefficient of each law, of a law of contacts in N/m^exponent.
-        """
+        """The numbers named in TRAIN_PARAMETERS and, in a train with laws, in LAW_PARAMETERS. In a train with laws,
+        "stiffness" is the coefficient of each law, which for a contact law is in N/m^exponent."""
         numbers = {name: getattr(self, name) for name in TRAIN_PARAMETERS}
         if self.laws is None:
             return numbers
         return numbers | {"stiffness": self.laws.coefficient} | {n: getattr(self.laws, n) for n in LAW_PARAMETERS}
 
     def with_parameters(self, numbers: Mapping[str, np.ndarray]) -> "Train":
-        """The train with other numbers, under the names and with the shapes of `parameters`."""
+        """The train with new numbers, under the names and with the shapes of `parameters`."""
         if self.laws is None:
             return replace(self, **numbers)
         of_laws = {name: numbers[name] for name in LAW_PARAMETERS if name in numbers}
@@ -120,7 +118,7 @@ class Train:
         return replace(self, **{**others, "laws": laws, "stiffness": laws.stand_in()})
 
     def require_straight(self, method: str, instead: str) -> None:
-        """Raises InputError, with the remedy `instead`, where a method for straight lines meets curved laws."""
+        """Raises InputError, with the remedy `instead`, if a method for piecewise linear laws meets curved ones."""
         if names := self._with_law(lambda kind: kind in CURVED):
             raise InputError(
                 f"{method} needs elements whose force follows straight lines, and these have curved laws: {names}; "
@@ -128,44 +126,44 @@ class Train:
             )
 
     def require_kinds(self, method: str, kinds: Collection[int], where: str) -> None:
-        """Raises InputError where a method whose file is `where` meets a law whose number is not among `kinds`."""
+        """Raises InputError if a law's number is not among `kinds`, the laws of the method in the file `where`."""
         if names := self._with_law(lambda kind: kind not in kinds):
             raise InputError(f"{method} has not the law of {names}: write it in {where}, or ask another method")
 
     def _with_law(self, has: Callable[[int], bool]) -> str:
-        """Names of the elements of which that is true of the number of their law."""
+        """Names of the elements for whose law number `has` is true."""
         kinds = () if self.laws is None else self.laws.kind
         return ", ".join(name for name, kind in zip(self.element_names, kinds, strict=False) if has(kind))
 
     def compression(self, x: np.ndarray, lift: np.ndarray | float) -> np.ndarray:
         """Compression of every element [m], shape (..., e), for positions x (..., n) [m] and lift (...) [m]."""
-        padded = np.concatenate([x, np.zeros((*x.shape[:-1], 1))], axis=-1)  # index -1 reads the ground
+        padded = np.concatenate([x, np.zeros((*x.shape[:-1], 1))], axis=-1)  # the index -1 selects the ground
         d = padded[..., self.a] - padded[..., self.b] - self.gap
         return d + self.cam_driven * np.asarray(lift)[..., None]
 
 
 def kept_with_train(of_train: Callable[[Train], Computed]) -> Callable[[Train], Computed]:
-    """A function of a train that is computed once for each, and kept for as long as that train is: a search for a yield
-    comes back to thousands of drawn ones with every cam, and its statement leaves each at once."""
-    kept = WeakKeyDictionary[Train, Computed]()
+    """Caches a function of a train for as long as the train exists. A search for a yield returns to thousands of drawn
+    trains with every cam, while the final statement of the yield uses each train once and releases it."""
+    cache = WeakKeyDictionary[Train, Computed]()
 
     @wraps(of_train)
     def computed(train: Train) -> Computed:
-        if train not in kept:
-            kept[train] = of_train(train)
-        return kept[train]
+        if train not in cache:
+            cache[train] = of_train(train)
+        return cache[train]
 
     return computed
 
 
 def build_train(scene: Scene) -> Train:
-    """The SI arrays of a scene, whose names must already be checked (see `camopt.scene.load`). The same scene gives the
-    same train, for which what is kept by train, such as propagators, is made once."""
+    """The SI arrays of a scene, whose names must already be checked (see `camopt.scene.load`). The same scene returns
+    the same train, so that everything cached by train, such as propagators, is computed once."""
     return _built(SceneKey(scene))
 
 
 class SceneKey:
-    """A scene as the key of a cache: by identity, since comparing all its numbers takes longer than building."""
+    """A scene as the key of a cache, compared by identity, since comparing its numbers takes longer than building."""
 
     def __init__(self, scene: Scene):
         self.scene = scene
@@ -217,7 +215,7 @@ def _built(key: SceneKey) -> Train:
 
 
 def _way_from_cam_to_valve(a, b, contact, cam_driven, valve) -> tuple[int, ...]:
-    """Elements on the way from the cam-driven one to the valve; no way leads over the ground."""
+    """Elements on the path from the cam-driven one to the valve. No path leads through the ground."""
     if valve < 0:
         return ()
     for first in np.flatnonzero(cam_driven & (b != GROUND)):
@@ -231,7 +229,7 @@ def _way_from_cam_to_valve(a, b, contact, cam_driven, valve) -> tuple[int, ...]:
             for e in range(len(a)):
                 if e in path or mass not in ((a[e],) if contact[e] else (a[e], b[e])):
                     continue
-                other = int(b[e] if a[e] == mass else a[e])
-                if other not in seen:
-                    ways.append((other, (*path, e)))
+                far_end = int(b[e] if a[e] == mass else a[e])
+                if far_end not in seen:
+                    ways.append((far_end, (*path, e)))
     return ()

@@ -1,6 +1,6 @@
 """Small vibrations of a valve train with a fixed set of closed contacts: damping and stiffness matrices, eigenvalues.
 
-Laws that are not linear count with their stand-ins, `train.stiffness`.
+Nonlinear laws are replaced by their constant stiffness, `train.stiffness`.
 """
 
 from functools import lru_cache
@@ -14,17 +14,17 @@ from camopt.scene.train import Train
 
 State = Literal["lifted", "seated"]
 SEATED_SHARE = 0.5
-"""Share of a revolution for which the valve is seated at least."""
+"""Least share of a revolution during which the valve is seated."""
 OVERDAMPED = 1e-9
-"""Imaginary part of an eigenvalue, relative to its magnitude, below which it belongs to no oscillation."""
+"""Imaginary part of an eigenvalue, relative to its magnitude, below which the mode does not oscillate."""
 
 
 def acting_elements(train: Train, state: State) -> np.ndarray:
-    """Which elements act (e): all springs, and the contacts closed in the state.
+    """Mask (e) of the elements that act: all springs, and the contacts that are closed in the state.
 
-    The contacts between cam and valve are closed in both states; the seat only when seated. Any other contact (a valve
-    spring or a coil clash declared as contact) is closed where it carries force at rest on the base circle, in both
-    states: a preloaded spring is, a coil clash with an open gap is not. A train without valve has all contacts closed.
+    The contacts between cam and valve are closed in both states, the seat only when seated. Any other contact (a valve
+    spring or a coil clash declared as contact) is closed in both states if it carries force at rest on the base circle:
+    a preloaded spring does, a coil clash with an open gap does not. In a train without a valve all contacts are closed.
     """
     acting = np.ones(len(train.a), dtype=bool)
     if train.seat < 0:
@@ -43,34 +43,33 @@ def assembled(train: Train, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray]
 
 
 def oscillations(train: Train, acting: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Angular frequencies |lambda| [rad/s] ascending (m), damping ratios -Re(lambda) / |lambda| (m) and real shapes
-    (m, n), without norm, in the phase in which they are largest, of the oscillating modes; overdamped pairs are left
-    out."""
+    """Angular frequencies |lambda| [rad/s] (m), ascending, damping ratios -Re(lambda) / |lambda| (m) and real shapes
+    (m, n), not normalised, in their largest phase, of the oscillating modes; overdamped pairs are left out."""
     damping, stiffness = assembled(train, acting)
     if not np.any(damping):
         squares, vectors = eigh(stiffness, np.diag(train.mass))
-        angular = np.sqrt(np.maximum(squares, 0.0))  # a free train's rigid mode may come out as -1e-9
+        angular = np.sqrt(np.maximum(squares, 0.0))  # the rigid mode of a free train may be computed as -1e-9
         return angular, np.zeros(len(angular)), vectors.T
     values, vectors = np.linalg.eig(_state_matrix(train.mass, damping, stiffness))
-    kept = np.flatnonzero(np.imag(values) > OVERDAMPED * np.abs(values))
-    kept = kept[np.argsort(np.abs(values[kept]))]
-    shape = vectors[: len(train.mass), kept].T
+    oscillating = np.flatnonzero(np.imag(values) > OVERDAMPED * np.abs(values))
+    oscillating = oscillating[np.argsort(np.abs(values[oscillating]))]
+    shape = vectors[: len(train.mass), oscillating].T
     phase = np.angle(np.sum(shape**2, axis=1)) / 2  # the phase in which the real part is largest
-    angular = np.abs(values[kept])
-    return angular, -np.real(values[kept]) / angular, np.real(shape * np.exp(-1j * phase)[:, None])
+    angular = np.abs(values[oscillating])
+    return angular, -np.real(values[oscillating]) / angular, np.real(shape * np.exp(-1j * phase)[:, None])
 
 
 def highest_rate(train: Train) -> float:
-    """Largest eigenvalue magnitude of the motion with every element acting [rad/s]; explicit steps follow it."""
+    """Largest magnitude of an eigenvalue with every element acting [rad/s], which determines explicit step sizes."""
     damping, stiffness = assembled(train, np.ones(len(train.a), dtype=bool))
     return float(np.abs(np.linalg.eigvals(_state_matrix(train.mass, damping, stiffness))).max())
 
 
 def slowest_leak(train: Train) -> float:
-    """Least rate [1/s] at which what the oil of an adjuster carries too much leaks away; infinite without oil.
+    """Least rate [1/s] at which an excess force in the oil of an adjuster decays by leakage; infinite without oil.
 
-    While the valve is seated, for SEATED_SHARE of a revolution, the column of stiffness k stands between cam and seat,
-    whose compliance it feels too, and its force decays at the rate 1 / (leak (1/k + compliance)).
+    While the valve is seated, for SEATED_SHARE of a revolution, the oil column of stiffness k stands between cam and
+    seat, in series with their compliance, and its force decays at the rate 1 / (leak (1/k + compliance)).
     """
     if train.laws is None:
         return np.inf
@@ -87,8 +86,8 @@ def slowest_leak(train: Train) -> float:
 
 @lru_cache(maxsize=256)
 def slowest_rate(train: Train) -> float:
-    """Least rate [1/s] at which a disturbance of a train's modes, with the valve lifted or seated, or of its adjusters
-    dies out; zero where one stays."""
+    """Least rate [1/s] at which a disturbance decays, over the modes of the train with the valve lifted and seated and
+    over the leakage of its adjusters; zero if one does not decay."""
     rates = [slowest_leak(train)]
     for state in ("lifted", "seated"):
         damping, stiffness = assembled(train, acting_elements(train, state))

@@ -6,12 +6,12 @@ import pytest
 from camopt.cam.families.exponent import exponent
 from camopt.cam.families.kurz import TABLE as KURZ
 from camopt.cam.families.kurz import kurz
-from camopt.cam.families.largest_area import FINE, _best_angles, best_levels, program
+from camopt.cam.families.largest_area import FINE, _best_angles, best_levels, level_program
 from camopt.cam.families.multi_pol import TABLE_1, multi_pol
 from camopt.cam.families.new_design import new_design
 from camopt.cam.families.powers import event_pieces
 from camopt.cam.families.section_limits import control_points
-from camopt.cam.families.sections import flank
+from camopt.cam.families.sections import opening_flank
 from camopt.cam.families.trapezoid import trapezoid
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import scene_ramps
@@ -84,11 +84,11 @@ class TestLargestArea:
         assert ratio(lift) < ratio(multi_pol(KODAMA, (10, 7, 7, 27, 21)))
 
     def test_control_points_bound_every_derivative(self):
-        one = flank(TABLE_1, np.array([10, 7, 7, 27, 21]) * DEG)
+        one = opening_flank(TABLE_1, np.array([10, 7, 7, 27, 21]) * DEG)
         x, stretch = best_levels(TABLE_1, one, KODAMA.design, RAMP, True, {})
         lift = one.lift(x, RAMP, "", {})
         assert stretch == 0
-        linear = program(TABLE_1, one, KODAMA.design, RAMP, True)
+        linear = level_program(TABLE_1, one, KODAMA.design, RAMP, True)
         assert linear.area @ (x[2:] / linear.column) + linear.constant == pytest.approx(ratio(lift), rel=1e-12)
         for order in (0, 2, 3):
             points = control_points(one, order, FINE) @ x

@@ -8,7 +8,7 @@ import pytest
 from camopt.cam.families.multi_pol import TABLE_1, multi_pol
 from camopt.cam.families.new_design import new_design, table_2
 from camopt.cam.families.section_limits import control_points
-from camopt.cam.families.sections import QUANTITIES, U, flank
+from camopt.cam.families.sections import QUANTITIES, U, opening_flank
 from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
 from camopt.scene import InputError
@@ -32,6 +32,7 @@ y12  U   v12  U   a12   0     0    j23
 y23  U   v23  U   0     a34   j23  j34
 y34  U   v34  0   a34   U     j34  0
 """
+QUINTIC = {"section_II": "quintic", "start_ratio": 0.8}
 QUARTIC = PRINTED_2.replace("0     0    j23", "0     0    U")
 NEW_DESIGN = {"sections_deg": (15.8, 9.9, 11.0, 35.3), "a12": 0.0125, "j34": 0.00044, "start_ratio": 0.66}
 
@@ -85,14 +86,14 @@ def expected(lift: Lift, cell, before: float, order: int, ratio: float) -> float
     return before
 
 
-@pytest.mark.parametrize(("table", "text"), [(TABLE_1, PRINTED_1), (table_2(True, 0.8), PRINTED_2)])
+@pytest.mark.parametrize(("table", "text"), [(TABLE_1, PRINTED_1), (table_2(QUINTIC), PRINTED_2)])
 def test_tables_are_the_papers(table, text):
     cells = [[c for q in QUANTITIES for c in getattr(section, q)] for section in table.sections]
     assert cells == printed(text)
 
 
 def test_quartic_reading_leaves_only_the_end_jerk_of_section_2_open():
-    literal, quartic = table_2(True, 0.8).sections, table_2(False, 0.8).sections
+    literal, quartic = table_2(QUINTIC).sections, table_2(QUINTIC | {"section_II": "quartic"}).sections
     assert [len(s.conditions) for s in quartic] == [5, 5, 6, 6]
     assert quartic[1] == replace(literal[1], jerk=(0, U))
     assert (*quartic[:1], *quartic[2:]) == (*literal[:1], *literal[2:])
@@ -196,7 +197,7 @@ def test_ramps_that_differ_are_refused():
 
 def test_control_points_from_an_angle_on_begin_and_end_with_the_curve():
     angles = np.array([10.0, 7.0, 7.0, 27.0, 21.0]) * DEG
-    one, x = flank(TABLE_1, angles), np.arange(1.0, 3.0 + len(TABLE_1.levels))
+    one, x = opening_flank(TABLE_1, angles), np.arange(1.0, 3.0 + len(TABLE_1.levels))
     for start in (0.0, 8 * DEG, float(angles[:2].sum()), 30 * DEG):
         piece = np.searchsorted(one.borders, start, side="right") - 1
         u = start - one.borders[piece]

@@ -11,7 +11,7 @@ from camopt.cam.families.dwell import TABLES
 from camopt.cam.families.free import free_cam
 from camopt.cam.families.record import family_named, number, numbers
 from camopt.cam.families.registry import FAMILIES
-from camopt.cam.families.sections import closed, flank
+from camopt.cam.families.sections import close_flank, opening_flank
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import scene_ramps
 from camopt.scene import InputError, load_scene
@@ -201,8 +201,8 @@ class TestRiseFunctionsBetweenDwells:
     )
     def test_peaks(self, family, velocity, acceleration, jerk):
         half, rise = 72 * DEG, 9.0 * MM
-        one = flank(TABLES[family], np.array([half]))
-        x = closed(TABLES[family], one, np.zeros(3), rise, ("y_nose",))
+        one = opening_flank(TABLES[family], np.array([half]))
+        x = close_flank(TABLES[family], one, np.zeros(3), rise, ("y_nose",))
         borders, coefficients = one.event(x)
         u = np.linspace(0.0, half, 2001)
         piece = np.searchsorted(borders, u - half, side="right") - 1

@@ -1,1 +1,1 @@
-"""Cam families: one file each, the equations of its author, differentiable in its free parameters."""
+"""Cam families, one file each, with the equations of their authors and differentiable in their free parameters."""

@@ -1,9 +1,10 @@
 """Rise functions between two dwells, used as both flanks of a cam: cycloidal, 3-4-5 and 4-5-6-7 polynomial.
 
 Norton, Cam Design and Manufacturing Handbook, 2009, ch. 3: the 3-4-5 polynomial has zero acceleration at both ends of
-the rise, the 4-5-6-7 zero jerk too, the cycloid a sine of acceleration. Without acceleration at the nose they waste
-lift: these cams are test subjects, whose derivatives are known in full. They start with the scene's ramp velocity; the
-cycloid lets it fade with half a wave of cosine, which adds no acceleration at the ends.
+the rise, the 4-5-6-7 polynomial also has zero jerk, and the acceleration of the cycloid is a sine. Since their
+acceleration is zero at the nose they waste lift: these cams are test cases, whose derivatives are known in closed form.
+They start with the ramp velocity of the scene, which the cycloid reduces by half a cosine wave, without acceleration at
+the ends.
 """
 
 from collections.abc import Callable
@@ -13,7 +14,7 @@ import numpy as np
 from camopt.cam.families.kurz import sine_terms
 from camopt.cam.families.record import Family
 from camopt.cam.families.sectioned import sections_construction
-from camopt.cam.families.sections import Section, SectionTable, U, closed, flank
+from camopt.cam.families.sections import Section, SectionTable, U, close_flank, opening_flank
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import symmetric_conditions
 from camopt.scene import Scene
@@ -55,9 +56,10 @@ def polynomial_4567(scene: Scene) -> Lift:
 def _designed(scene: Scene, family: str) -> Lift:
     design, ramp = symmetric_conditions(scene, family)
     table = TABLES[family]
-    one = flank(table, np.array([design.duration_deg * DEG / 2]))
-    x = closed(table, one, np.array([ramp.height, ramp.velocity, 0.0]), design.max_lift_mm * MM, table.closed_by)
-    return one.lift(x, ramp, family, {})
+    flank = opening_flank(table, np.array([design.duration_deg * DEG / 2]))
+    x = np.array([ramp.height, ramp.velocity, 0.0])
+    x = close_flank(table, flank, x, design.max_lift_mm * MM, table.closed_by)
+    return flank.lift(x, ramp, family, {})
 
 
 def _family(name: str, design: Callable[[Scene], Lift], line: tuple[str, tuple]) -> Family:

@@ -1,13 +1,13 @@
-"""The free cam: a spline cam whose joining and ramp conditions are solved once as x = x_p + Z z.
+"""The free cam: a spline cam whose joining and ramp conditions are eliminated by x = x_p + Z z.
 
-Every limit of the design is linear in z or has a linearised form (`camopt.cam.families.shape_rows`).
+Every limit of the design is linear in z or is linearised (`camopt.cam.families.shape_rows`).
 """
 
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from camopt.cam.families.record import Event, Family, Parameters
+from camopt.cam.families.record import BuildEvent, Family, Parameters
 from camopt.cam.families.shape_rows import Limits, LinearisationPoint, shape_rows
 from camopt.cam.families.spline import SplineCam, basis_lift
 from camopt.cam.lift import Lift
@@ -19,7 +19,7 @@ from camopt.scene.units import DEG
 
 @dataclass(frozen=True)
 class FreeCam(SplineCam):
-    """A spline cam with the limits of a design; those that are not linear in the lift are linearised `about` a cam."""
+    """A spline cam with the limits of a design; limits that are not linear in the lift are linearised `about` a cam."""
 
     about: LinearisationPoint = field(default_factory=LinearisationPoint)
 
@@ -29,11 +29,11 @@ class FreeCam(SplineCam):
 
 
 def free_cam(design: Design, knot_deg: float = 3.0) -> FreeCam:
-    """The free cam of a design, whose knot interval is the longest one up to `knot_deg` that divides the duration.
+    """The free cam of a design, with the longest knot interval up to `knot_deg` that divides the duration.
 
-    The spline meets lift, velocity and zero acceleration at both ramp tops; what these conditions leave of its
-    coefficients x (n) are the free coefficients z (m) [mm/deg^2]. Raises ValueError for a knot interval that leaves no
-    free coefficient.
+    The spline has the lift, the velocity and zero acceleration of the ramps at both ramp tops. The remaining freedom of
+    its coefficients x (n) is that of the free coefficients z (m) [mm/deg^2]. Raises ValueError if no coefficient is
+    free.
     """
     half = design.duration_deg / 2 * DEG
     count = int(np.ceil(design.duration_deg / knot_deg - 1e-9))
@@ -59,12 +59,12 @@ def free_cam(design: Design, knot_deg: float = 3.0) -> FreeCam:
 
 
 def free_cam_of(design: Design, cam: Lift) -> tuple[FreeCam, np.ndarray]:
-    """The free cam, between a design's ramps, of which `cam` is the one of the coefficients z (m), which follow."""
+    """The free cam between a design's ramps to which `cam` belongs, and the free coefficients z (m) of `cam`."""
     free = free_cam(design, cam.parameters["knot_deg"])
     return free, free.Z.T @ (np.array(cam.parameters["coefficients_mm_per_deg2"]) - free.x_p)
 
 
-def _construction(scene: Scene, cam: Lift) -> tuple[Parameters, Event]:
+def _construction(scene: Scene, cam: Lift) -> tuple[Parameters, BuildEvent]:
     """The free coefficients z [mm/deg^2], from which the event is built between the scene's ramps."""
     if scene.design is None:
         raise InputError("free: the scene needs [design]")

@@ -1,12 +1,12 @@
 """Kurz-type cam ("ruckfreier Nocken"): half sine, quarter sine and a parabola of acceleration. A reconstruction.
 
-Kurz's own definition (ATZ 56, 1954) was not at hand: this is the form that textbooks pass on, and "Kurz-type" is all
-that is claimed. Per section, over its own angle phi and width Phi:
+Kurz's own definition (ATZ 56, 1954) was not available. This is the form that textbooks give, and the cam is therefore
+called "Kurz-type" only. In each section, with its own angle phi and width Phi,
     1  s = H + c11 phi - c12 sin(pi phi / Phi)               acceleration a half sine, zero at both ends
     2  s = s1 + c21 phi + c22 sin(pi phi / (2 Phi))          deceleration a quarter sine from zero
     3  s = c31 (Phi - phi)^4 - c32 (Phi - phi)^2 + c33       deceleration a parabola about the nose
-joined with continuous lift, velocity and acceleration. The scene's ramp of constant velocity takes the place of
-Kurz's cosine ramp, so that all families share one.
+joined with continuous lift, velocity and acceleration. The scene's ramp of constant velocity replaces Kurz's cosine
+ramp, so that all families have the same ramp.
 """
 
 from collections.abc import Sequence
@@ -42,9 +42,8 @@ TABLE = SectionTable(
     closed_by=("v12",),
 )
 STARTS = ((0.338, 0.343, 0.319),)
-"""Section angles, in shares of half the duration, of the member with the largest area under the paper's Table 4. A
-jerk limit of 0.003 mm/deg^3 does not bind there.
-"""
+"""Section angles, as shares of half the duration, of the member with the largest area under the paper's Table 4. A jerk
+limit of 0.003 mm/deg^3 is not active there."""
 
 
 def kurz(
@@ -56,9 +55,9 @@ def kurz(
 ) -> Lift:
     """The Kurz-type cam, a reconstruction, of a scene's duration, maximum lift and ramps.
 
-    `sections_deg`: the three section angles from the ramp to the nose; `a23` [mm/deg^2]: acceleration where sections 2
-    and 3 meet, which with the maximum lift determines the flank's largest velocity. What is left out is chosen as by
-    `camopt.multi_pol`, with the same errors.
+    `sections_deg`: the three section angles from the ramp to the nose; `a23` [mm/deg^2]: the acceleration where
+    sections 2 and 3 meet, which with the maximum lift determines the largest velocity of the flank. Values that are
+    left out are chosen as by `camopt.multi_pol`, and the same errors are raised.
     """
     return member(scene, TABLE, STARTS, sections_deg, {"a23": a23}, jerk)
 

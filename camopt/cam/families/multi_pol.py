@@ -1,8 +1,8 @@
 """Multi-Pol as Kodama et al. tabulate it (Table 1): five polynomial sections from the ramp to the nose.
 
-As tabulated, acceleration and jerk are continuous at every border inside the flank; only where the ramp meets section 1
-does the jerk step. The paper's text says otherwise of section 2; the table is followed. The table states no lift at the
-nose, so that the maximum lift is added as the condition that determines one level.
+As tabulated, acceleration and jerk are continuous at every border inside the flank; the jerk has a step only where the
+ramp meets section 1. The paper's text contradicts the table for section 2; the table is followed. The table states no
+lift at the nose, so the maximum lift is added as the condition that determines one level.
 """
 
 from collections.abc import Sequence
@@ -28,9 +28,8 @@ STARTS = (
     (0.028, 0.218, 0.028, 0.339, 0.387),
     (0.139, 0.095, 0.095, 0.381, 0.290),
 )
-"""Section angles, in shares of half the duration, of the members with the largest area under the paper's Table 4,
-without and with a jerk limit of 0.003 mm/deg^3. Without any start, the search of experiments/cam_families.py finds at
-most 2e-4 more area ratio."""
+"""Section angles, as shares of half the duration, of the members with the largest area under the paper's Table 4,
+without and with a jerk limit of 0.003 mm/deg^3. The search of experiments/cam_families.py finds 2e-4 more at most."""
 
 
 def multi_pol(
@@ -45,10 +44,10 @@ def multi_pol(
 ) -> Lift:
     """The Multi-Pol cam of a scene's duration, maximum lift and ramps (Kodama et al., Eq. (4) and Table 1).
 
-    `sections_deg`: the five section angles from the ramp to the nose; `a12`, `a45` [mm/deg^2], `j34`, `j45`
-    [mm/deg^3]: the levels of Table 1, of which the maximum lift determines the one left out. What is left out beyond
-    that is chosen for the largest area under the scene's limits, without the jerk limit where `jerk` is false. Raises
-    InputError for unusable angles or levels, a scene whose two ramps differ, or limits that no member meets.
+    `sections_deg`: the five section angles from the ramp to the nose; `a12`, `a45` [mm/deg^2], `j34`, `j45` [mm/deg^3]:
+    the levels of Table 1, of which the maximum lift determines the one left out. Further values that are left out are
+    chosen for the largest area under the scene's limits, without the jerk limit if `jerk` is false. Raises InputError
+    for unusable angles or levels, a scene whose two ramps differ, or limits that no member satisfies.
     """
     levels = {"a12": a12, "a45": a45, "j34": j34, "j45": j45}
     return member(scene, TABLE_1, STARTS, sections_deg, levels, jerk)

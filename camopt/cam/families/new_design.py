@@ -1,9 +1,9 @@
 """New Design of Kodama et al. (Table 2): four polynomial sections from the ramp to the nose.
 
-The paper is ambiguous in two places, and both readings can be chosen. Section II is quartic in the text and has six
-conditions in the table: a quartic takes five, so its end jerk j23 = -2 a12 / theta_II is a result; as a quintic, j23 is
-free. Section I starts at a12* = 50 to 95 % of a12: with the ramp of a scene that is a step in acceleration, and the
-jerk limit cannot hold there; a ratio of 0 repairs it. As in Table 1, the maximum lift is added.
+The paper is ambiguous in two places, and both readings can be chosen. Section II is quartic in the text but has six
+conditions in the table. A quartic satisfies five, so that its end jerk j23 = -2 a12 / theta_II is a result; with a
+quintic, j23 is free. Section I starts at a12* = 50 to 95 % of a12, which after the ramp of a scene is a step in
+acceleration, where no jerk limit holds; a ratio of 0 avoids the step. The maximum lift is added, as in Table 1.
 """
 
 from collections.abc import Mapping, Sequence
@@ -28,22 +28,22 @@ TABLE_2 = SectionTable(
     closed_by=("a34",),
 )
 START_RATIOS = 0.5, 0.95
-"""Table 2's range of a12* / a12; its upper end gives the largest area."""
+"""Range of a12* / a12 in Table 2; its upper end gives the largest area."""
 STARTS = (
     (0.114, 0.193, 0.264, 0.429),
     (0.028, 0.323, 0.352, 0.297),
     (0.139, 0.274, 0.345, 0.242),
     (0.243, 0.028, 0.338, 0.391),
 )
-"""Section angles, in shares of half the duration, of the members with the largest area under the paper's Table 4. They
+"""Section angles, as shares of half the duration, of the members with the largest area under the paper's Table 4. They
 belong to a ratio of 0.95, to 0, to 0 with a jerk limit of 0.003 mm/deg^3, and to a quintic section II with 0.95.
 Without any start, the search of experiments/cam_families.py finds at most 2e-4 more area ratio."""
 
 
-def table_2(quintic: bool, start_ratio: float) -> SectionTable:
-    """Table 2 in one of its readings: section II has degree five, or degree four with its end jerk as a result."""
-    multiples = (("a12*", start_ratio, "a12"),)
-    if quintic:
+def table_2(reading: Mapping[str, Any]) -> SectionTable:
+    """Table 2 with a `start_ratio` and a `section_II`, a quintic or a quartic with its end jerk as a result."""
+    multiples = (("a12*", reading["start_ratio"], "a12"),)
+    if reading["section_II"] == "quintic":
         return replace(TABLE_2, multiples=multiples)
     first, second, *others = TABLE_2.sections
     sections = (first, replace(second, jerk=(0, U)), *others)
@@ -64,10 +64,10 @@ def new_design(
 ) -> Lift:
     """The New Design cam of a scene's duration, maximum lift and ramps (Kodama et al., Eq. (4) and Table 2).
 
-    `sections_deg`: the four section angles from the ramp to the nose; `a12`, `a34` [mm/deg^2], `j34` and, where
-    section II is `quintic`, `j23` [mm/deg^3]: the levels of Table 2, of which the maximum lift determines the one left
-    out. What is left out beyond that is chosen as by `camopt.multi_pol`, with the same errors. `start_ratio` =
-    a12* / a12 in [0, 1]; by default 0.95, but 0 where a jerk limit must hold, as no step in acceleration meets one.
+    `sections_deg`: the four section angles from the ramp to the nose; `a12`, `a34` [mm/deg^2], `j34` and, if section II
+    is `quintic`, `j23` [mm/deg^3]: the levels of Table 2, of which the maximum lift determines the one left out.
+    Further values that are left out are chosen as by `camopt.multi_pol`, and the same errors are raised. `start_ratio`
+    = a12* / a12 in [0, 1] is 0.95 by default, but 0 under a jerk limit, which a step in acceleration would violate.
     """
     if start_ratio is None:
         start_ratio = 0.0 if _jerk_limited(scene, jerk) and a12 is None else START_RATIOS[1]
@@ -77,24 +77,20 @@ def new_design(
         raise InputError("new-design: j23 is a level only where section II is quintic; leave it out or set quintic")
     levels = {"a12": a12, "a34": a34, "j34": j34, "j23": j23}
     reading = {"start_ratio": start_ratio, "section_II": "quintic" if quintic else "quartic"}
-    return member(scene, table_2(quintic, start_ratio), STARTS, sections_deg, levels, jerk, **reading)
+    return member(scene, table_2(reading), STARTS, sections_deg, levels, jerk, **reading)
 
 
 def _jerk_limited(scene: Scene, jerk: bool) -> bool:
     return jerk and scene.design is not None and scene.design.jerk_max_mm_per_deg3 is not None
 
 
-def _table_of(reading: Mapping[str, Any]) -> SectionTable:
-    return table_2(reading["section_II"] == "quintic", reading["start_ratio"])
-
-
 def _space(scene: Scene, jerk: bool, start_ratio: float | None = None, quintic: bool = False) -> Space:
-    """Table 2's start ratio is free in its range; under a jerk limit only the repaired reading, 0, is possible."""
+    """The search space: the start ratio varies in the range of Table 2; under a jerk limit it can only be 0."""
     if start_ratio is None and _jerk_limited(scene, jerk):
         start_ratio = 0.0
     reading = {"start_ratio": start_ratio, "section_II": "quintic" if quintic else "quartic"}
-    own = {"start_ratio": START_RATIOS} if start_ratio is None else {}
-    return sections_space(scene, jerk, _table_of, STARTS, reading, own)
+    free_settings = {"start_ratio": START_RATIOS} if start_ratio is None else {}
+    return sections_space(scene, jerk, table_2, STARTS, reading, free_settings)
 
 
 FAMILY = Family(
@@ -105,7 +101,7 @@ FAMILY = Family(
         "start_ratio": Parameter("start_ratio", number, searched=False),
         "quintic": Parameter("quintic", yes_or_no, searched=False),
     },
-    lambda _, cam: sections_construction(cam, _table_of, ["start_ratio"]),
+    lambda _, cam: sections_construction(cam, table_2, ["start_ratio"]),
     space=_space,
     line=("#B0518E", (0, (1.3, 1.1))),
 )

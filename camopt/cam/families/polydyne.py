@@ -1,38 +1,38 @@
 """Polydyne (Dudley 1948; Thoren, Engemann, Stoddart 1952), in the form of Kodama et al., Eqs. (1) to (3).
 
-The wanted valve lift is y(x) = y_max (1 + sum_i C_i x^p_i), x = theta / half duration; the cam lift that makes a
-train of stiffness k_e, spring rate k_sp and mass M follow it at the design speed is y_r + A y + B y'', with
-A = (k_e + k_sp) / k_e and B = omega^2 M / k_e. Eq. (2) is printed with A dy/dt; only A y has the right dimension and
-agrees with Eq. (3). Six linear unknowns (y_max and the five y_max C_i) meet the five conditions of Eq. (3) and the
-total lift.
+The required valve lift is y(x) = y_max (1 + sum_i C_i x^p_i) with x = theta / half duration. The cam lift with which a
+train of stiffness k_e, spring rate k_sp and mass M follows it at the design speed is y_r + A y + B y'', with A = (k_e +
+k_sp) / k_e and B = omega^2 M / k_e. Eq. (2) is printed with A dy/dt; only A y has the right dimension and fits Eq. (3).
+Six linear unknowns (y_max and the five y_max C_i) satisfy the five conditions of Eq. (3) and the total lift.
 """
 
 import numpy as np
 
 from camopt.cam.families.powers import power_cam, power_construction, power_space
-from camopt.cam.families.record import Event, Family, Parameter, Parameters, Space, number, numbers
+from camopt.cam.families.record import BuildEvent, Family, Parameter, Parameters, Space, number, numbers
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import Ramp, symmetric_conditions
 from camopt.scene import InputError, Scene, Train, build_train
+from camopt.scene.design import Design
 from camopt.scene.rest import linearised_at_rest, static_matrices
 from camopt.scene.train import GROUND
 from camopt.scene.units import DEG, MM
 
 LEAST_SHARE = 1e-9
-"""Part of the valve's stiffness that is the cam's, below which rounding alone may have made it."""
+"""Stiffness towards the cam, relative to the total stiffness at the valve, up to which it may be rounding alone."""
 LEAST_SPEED_RPM, MOST_SPEED_RPM = 1.0, 1e6
 DESIGN_SPEEDS = 0.4, 1.1
-"""The design speeds that are searched, over the highest listed speed."""
+"""Range of design speeds in a search, relative to the highest listed speed."""
 
 
 def equivalent_train(train: Train) -> tuple[float, float, float]:
     """(stiffness between cam and valve k_e [N/m], spring rate at the valve k_sp [N/m], moving mass M [kg]) of Eq. (2).
 
-    Static condensation to the valve, whatever kinds of elements stand between cam and valve: their contacts are closed
-    and the seat is open. k_sp is what the valve still feels when those contacts part; masses that nothing joins to the
-    valve then do not count; other laws than the linear one count with their stand-ins. M weighs each mass with the
-    square of its share in a slow lift of the valve (Rayleigh). Raises InputError where a slow cam does not move the
-    valve.
+    The train is condensed statically to the valve, whatever kinds of elements lie between cam and valve, with the
+    contacts between them closed and the seat open. k_sp is the stiffness at the valve with those contacts open; masses
+    that are then not connected to the valve do not count. Nonlinear laws are linearised. M weighs each mass with the
+    square of its displacement relative to the valve's in a slow lift (Rayleigh). Raises InputError if the valve does
+    not move.
     """
     train = linearised_at_rest(train)
     way = np.isin(np.arange(len(train.a)), train.cam_side)
@@ -51,8 +51,8 @@ def equivalent_train(train: Train) -> tuple[float, float, float]:
 
 
 def _condensed(train: Train, closed: np.ndarray, pull: np.ndarray) -> tuple[float, np.ndarray]:
-    """Stiffness [N/m] seen at the valve when all masses that `closed` elements join to it follow freely, and where
-    they come to rest (n) [m] under forces `pull` (n) [N]; zeros where no element joins them to the ground."""
+    """Stiffness [N/m] at the valve when all masses that `closed` elements join to it follow freely, and the
+    displacements at rest (n) [m] under forces `pull` (n) [N]; zeros if no element joins them to the ground."""
     stiffness, _ = static_matrices(train, closed)
     joined = np.isin(np.arange(len(train.mass)), train.valve)
     for _ in train.mass:
@@ -62,10 +62,10 @@ def _condensed(train: Train, closed: np.ndarray, pull: np.ndarray) -> tuple[floa
     if not np.any(at_ground):
         return 0.0, rest
     unit = np.eye(len(train.mass))[train.valve]
-    given, rest[joined] = np.linalg.solve(
+    unit_lift, rest[joined] = np.linalg.solve(
         stiffness[np.ix_(joined, joined)], np.column_stack([unit[joined], pull[joined]])
     ).T
-    return 1.0 / float(given @ unit[joined]), rest
+    return 1.0 / float(unit_lift @ unit[joined]), rest
 
 
 def polydyne(
@@ -78,12 +78,12 @@ def polydyne(
 ) -> Lift:
     """The Polydyne cam of a scene's duration, maximum lift and ramps.
 
-    `exponents`: five distinct numbers from 2 up, integers or at least 8; `design_speed_rpm`: crankshaft speed at which
-    the valve follows y exactly, the highest listed by default; `dynamic`: A [] and B [rad^2] in place of the train's.
-    `ramp_height_mm` replaces the scene's on both sides (the paper's Table 4 uses 0.250). The cam is symmetric.
-    Raises InputError for unusable exponents, speed or ramp height, a scene whose two ramps differ, a train without an
-    equivalent of one mass, and a dynamic correction that leaves the family: a cam that exceeds the maximum lift or
-    falls while it should rise.
+    `exponents`: five distinct numbers from 2 up, integers or at least 8; `design_speed_rpm`: the crankshaft speed at
+    which the valve follows y exactly, by default the highest listed speed; `dynamic`: A [] and B [rad^2] in place of
+    those of the train. `ramp_height_mm` replaces that of the scene on both sides (the paper's Table 4 uses 0.250). The
+    cam is symmetric. Raises InputError for unusable exponents, speed or ramp height, a scene whose two ramps differ, a
+    train without an equivalent of one mass, and a dynamic correction that leaves the family: a cam that exceeds the
+    maximum lift or whose opening flank falls.
     """
     operation = scene.operation
     if scene.design is None or operation is None:
@@ -102,16 +102,17 @@ def polydyne(
         k_e, k_sp, mass = equivalent_train(build_train(scene))
         dynamic = 1 + k_sp / k_e, scene.cam_speed(speed) ** 2 * mass / k_e
     a, b = dynamic
-    own = {"design_speed_rpm": speed, "A": a, "B_deg2": b / DEG**2, "ramp_height_mm": ramp.height / MM}
+    parameters = {"design_speed_rpm": speed, "A": a, "B_deg2": b / DEG**2, "ramp_height_mm": ramp.height / MM}
     law = a, b, [0.0, 0.0, 0.0, -ramp.velocity / b, 0.0]  # Eq. (3)
-    half_deg = design.duration_deg / 2
-    return power_cam("polydyne", exponents, design, ramp, law, lambda why: _left(why, exponents, own, half_deg), **own)
+    return power_cam(
+        "polydyne", exponents, design, ramp, law, lambda why: _refusal(why, exponents, parameters, design), **parameters
+    )
 
 
-def _left(why: str, exponents: tuple[float, ...], parameters: dict[str, float], half_deg: float) -> str:
-    """The sentence of a dynamic correction that leaves the family, with its remedy."""
+def _refusal(why: str, exponents: tuple[float, ...], parameters: dict[str, float], design: Design) -> str:
+    """The sentence on a dynamic correction that leaves the family, with its remedy."""
     speed, follows = parameters["design_speed_rpm"], abs(parameters["B_deg2"] / parameters["A"]) ** 0.5
-    shows = half_deg / max(exponents)
+    shows = design.duration_deg / 2 / max(exponents)
     stiff = follows < shows
     train = "follows its cam within" if stiff else "lags behind its cam by"
     speeds = "a higher speed_rpm, higher exponents" if stiff else "a lower speed_rpm, lower exponents"
@@ -122,21 +123,21 @@ def _left(why: str, exponents: tuple[float, ...], parameters: dict[str, float], 
     )
 
 
-def _construction(_: Scene, cam: Lift) -> tuple[Parameters, Event]:
+def _construction(_: Scene, cam: Lift) -> tuple[Parameters, BuildEvent]:
     a, b = cam.parameters["A"], cam.parameters["B_deg2"] * DEG**2
     speed = cam.parameters["design_speed_rpm"]
 
     def dynamic(p: Parameters, ramp: Ramp) -> tuple:
-        now = b * (p["speed_rpm"] / speed) ** 2  # B = omega^2 M / k_e
-        return a, now, [0, 0, 0, -ramp.velocity / now, 0]
+        b_at_speed = b * (p["speed_rpm"] / speed) ** 2  # B = omega^2 M / k_e
+        return a, b_at_speed, [0, 0, 0, -ramp.velocity / b_at_speed, 0]
 
     return power_construction(cam, {"speed_rpm": speed}, dynamic)
 
 
-def _space(scene: Scene, jerk: bool, **given) -> Space:
+def _space(scene: Scene, jerk: bool, **fixed) -> Space:
     top = scene.required_operation.speeds_rpm[-1]
     bounds = [(DESIGN_SPEEDS[0] * top, DESIGN_SPEEDS[1] * top)]
-    return power_space(lambda exponents, speed: polydyne(scene, exponents, speed, **given), bounds, [top])
+    return power_space(lambda exponents, speed: polydyne(scene, exponents, speed, **fixed), bounds, [top])
 
 
 FAMILY = Family(

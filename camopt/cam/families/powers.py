@@ -1,7 +1,7 @@
-"""Laws y_max (1 + sum_i C_i x^p_i) with five exponents, which Polydyne and the exponent polynomial share.
+"""Laws y_max (1 + sum_i C_i x^p_i) with five exponents, which Polydyne and the exponent polynomial have in common.
 
-Six linear unknowns (y_max and the five y_max C_i) meet five conditions where the flank meets the ramp and the total
-lift (Kodama et al., Eqs. (1) to (3)). The exponents, from 2 up, are what a search may choose.
+Six linear unknowns (y_max and the five y_max C_i) satisfy five conditions where the flank meets the ramp and the total
+lift (Kodama et al., Eqs. (1) to (3)). A search may choose the exponents, from 2 up.
 """
 
 from collections.abc import Callable, Sequence
@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from camopt.cam.families.record import Event, Parameters, Space
+from camopt.cam.families.record import BuildEvent, Parameters, Space
 from camopt.cam.lift import Lift, with_ramps
 from camopt.cam.polynomials import MATCHED, osculating_pieces, power_derivatives
 from camopt.cam.ramps import Ramp
@@ -18,12 +18,13 @@ from camopt.scene.design import ROUNDING, Design
 from camopt.scene.units import DEG, MM, MM_PER_DEG
 
 MISSED = 1e-6
-"""Relative error of a condition that rounding may leave: solved conditions are met to 1e-9."""
+"""Relative error of a condition that rounding may leave; solved conditions are satisfied to 1e-9."""
 LEAST_REAL_EXPONENT = 8
-"""An exponent below this has to be an integer, smooth enough at the nose: nothing can be differentiated by it."""
+"""An exponent below this must be an integer, for smoothness at the nose; no derivative with respect to it exists."""
 GAPS = [(2.0, 24.0), (1.0, 24.0), (1.0, 24.0), (1.0, 24.0)]
-"""From one exponent to the next, the first being 2: none comes out above 98."""
+"""Bounds on the gaps between successive exponents, which start at 2: none exceeds 98."""
 PLAIN_GAPS = (8.0, 8.0, 8.0, 8.0)
+"""Gaps of the member that joins the first population of a search."""
 
 
 def power_cam(
@@ -35,10 +36,10 @@ def power_cam(
     refusal: Callable[[str], str],
     **parameters: float,
 ) -> Lift:
-    """The cam of these exponents between two equal ramps; `dynamic` is as of `power_construction`.
+    """The cam of these exponents between two equal ramps; `dynamic` is as for `event_pieces`.
 
     Raises InputError for exponents that are not five distinct and usable numbers, for ramps that do not fit, and, with
-    the sentence `refusal` of the reason, where the six conditions have no solution that is a cam.
+    the sentence `refusal` of the reason, if the six conditions have no solution that is a cam.
     """
     powers = np.array(exponents, dtype=float)
     if len(powers) != 5 or len(set(exponents)) != 5 or powers.min() < 2 or not np.all(np.isfinite(powers)):
@@ -49,11 +50,11 @@ def power_cam(
     try:
         event = event_pieces(powers, half, top - ramp.height, ramp.height, dynamic)
         lift = with_ramps(*event, ramp, ramp, family, {"exponents": powers.tolist(), **parameters})
-    except InputError:  # ramps that do not fit: no fault of the exponents
+    except InputError:  # ramps that do not fit, whatever the exponents
         raise
     except (np.linalg.LinAlgError, ValueError):
         raise InputError(refusal("its six conditions have no common solution")) from None
-    if why := _no_member(lift, top, ramp):
+    if why := _why_no_cam(lift, top, ramp):
         raise InputError(refusal(why))
     return lift
 
@@ -68,10 +69,10 @@ def event_pieces(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Borders [rad] and pieces of the symmetric cam ramp_height + a y + b y'' between the ramp tops.
 
-    `dynamic` holds a [], b [rad^2], and the value and four derivatives (5) [m/rad^k] that the law
-    y = y_max (1 + sum_i C_i x^p_i) has at x = 1; the cam rises by `rise` [m] from the ramp top to the nose. `shares` of
-    the half duration are the borders of a flank's pieces, by default `piece_shares`. The arrays are NumPy's or JAX's,
-    but `shares`: x^p has no derivative by x at 0 for JAX.
+    `dynamic` has a [], b [rad^2], and the value and four derivatives (5) [m/rad^k] of the law y = y_max (1 + sum_i C_i
+    x^p_i) at x = 1; the cam rises by `rise` [m] from the ramp top to the nose. `shares` of the half duration are the
+    borders of a flank's pieces, by default `piece_shares`. The arrays are NumPy's or JAX's, except `shares`, because
+    JAX has no derivative of x^p by x at 0.
     """
     (a, b, flank_end), xp = dynamic, powers.__array_namespace__()
     shares = piece_shares(powers) if shares is None else shares
@@ -100,8 +101,8 @@ def event_pieces(
 
 
 def piece_shares(powers: np.ndarray) -> np.ndarray:
-    """Ascending borders in [0, 1] of the pieces of sum C_i x^p_i, each as wide as x^p (p width / x)^12 <= 1 allows: the
-    error of `osculating_pieces` is at its bound everywhere, and the pieces widen towards the nose."""
+    """Ascending borders in [0, 1] of the pieces of sum C_i x^p_i, each as wide as x^p (p width / x)^12 <= 1 permits:
+    the error of `osculating_pieces` equals its bound everywhere, and the pieces widen towards the nose."""
     high = powers[powers >= 2 * MATCHED]  # lower powers are met exactly
     borders = [1.0]
     while borders[-1] > 0.0:
@@ -110,8 +111,8 @@ def piece_shares(powers: np.ndarray) -> np.ndarray:
     return np.array(borders[::-1])
 
 
-def _no_member(lift: Lift, top: float, ramp: Ramp) -> str:
-    """Why a solution of the six conditions is no cam under the maximum lift `top` [m], as a clause; "" where it is."""
+def _why_no_cam(lift: Lift, top: float, ramp: Ramp) -> str:
+    """Why a solution of the six conditions is no cam under the maximum lift `top` [m], as a clause; "" if it is one."""
     half, largest = lift.half_duration, lift.max_lift
     slowest, fastest = lift.extremes(1, -half, 0.0)
     missed = abs(lift(-half) - ramp.height) / top, abs(lift(-half, 1) / ramp.velocity - 1), abs(lift(0.0) / top - 1)
@@ -125,31 +126,31 @@ def _no_member(lift: Lift, top: float, ramp: Ramp) -> str:
 
 
 def power_construction(
-    cam: Lift, own: Parameters, dynamic: Callable[[Parameters, Ramp], tuple]
-) -> tuple[Parameters, Event]:
-    """Own parameters of a cam of powers, `own` beside its exponents of at least 8, and its event built from them;
-    `dynamic(parameters, ramp)` gives A, B [rad^2] and the five conditions at the flank's end [m/rad^k]."""
+    cam: Lift, family_parameters: Parameters, dynamic: Callable[[Parameters, Ramp], tuple]
+) -> tuple[Parameters, BuildEvent]:
+    """The free parameters of a cam of powers, `family_parameters` and exponents of at least 8, and the function that
+    builds its event, in which `dynamic(parameters, ramp)` returns the `dynamic` of `event_pieces`."""
     exponents = np.array(cam.parameters["exponents"])
     free = exponents >= LEAST_REAL_EXPONENT
-    kept, placed = np.where(free, 0.0, exponents), np.eye(len(exponents))[:, free]
+    fixed, into_free = np.where(free, 0.0, exponents), np.eye(len(exponents))[:, free]
     shares = piece_shares(exponents)
 
     def event(p: Parameters, ramp: Ramp, _: Ramp):
         half, rise = p["duration_deg"] * DEG / 2, p["max_lift_mm"] * MM - ramp.height
-        return event_pieces(kept + placed @ p["exponents"], half, rise, ramp.height, dynamic(p, ramp), shares)
+        return event_pieces(fixed + into_free @ p["exponents"], half, rise, ramp.height, dynamic(p, ramp), shares)
 
-    return {"exponents": exponents[free]} | own, event
+    return {"exponents": exponents[free]} | family_parameters, event
 
 
 def power_space(member: Callable[..., Lift], bounds: Sequence[tuple[float, float]], known: Sequence[float]) -> Space:
-    """The gaps between the exponents, of which one below 8 is rounded, and parameters of the family's own with their
-    bounds and a known point; `member(exponents, *own)` designs a member."""
+    """The search space: the gaps between the exponents, those below 8 being rounded, and further parameters of the
+    family with their bounds and a known point; `member(exponents, *own)` designs a member."""
 
     def member_at(x: np.ndarray) -> Lift:
-        found = [2.0]
+        exponents = [2.0]
         for gap in x[:4]:
-            power = found[-1] + float(gap)
-            found.append(power if power >= LEAST_REAL_EXPONENT else float(round(power)))
-        return member(tuple(found), *(float(value) for value in x[4:]))
+            power = exponents[-1] + float(gap)
+            exponents.append(power if power >= LEAST_REAL_EXPONENT else float(round(power)))
+        return member(tuple(exponents), *(float(value) for value in x[4:]))
 
     return Space([*GAPS, *bounds], member_at, [[*PLAIN_GAPS, *known]])

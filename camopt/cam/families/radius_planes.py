@@ -1,10 +1,11 @@
 """The radii of a cam under a roller or pad: planes on the safe side of the limit, near a given cam.
 
-At a lift s and a velocity v the curvature of the centre's path over the cam is affine in the acceleration a, and it
-falls as a grows (`camopt.cam.followers`): it is k where a = g(s, v; k). With the circle's radius r a convex cam
-has the radius rho or more if a >= g(s, v; 1 / (rho + r)), a concave one if a <= g(s, v; -1 / (rho - r)). Neither is
-linear in the lift. Near a given cam a plane on the safe side of g replaces it: the tangent at the given cam, moved by
-what g leaves it within the neighbourhood. The planes come as near to g as the neighbourhood is small, to second order.
+At a lift s and a velocity v, the curvature of the centre's path relative to the cam is affine in the acceleration a and
+decreases with a (`camopt.cam.followers`): it equals k at a = g(s, v; k). With the circle's radius r, a convex cam has
+at least the radius rho if a >= g(s, v; 1 / (rho + r)), and a concave one if a <= g(s, v; -1 / (rho - r)). Neither
+condition is linear in the lift. Near a given cam, g is replaced by a plane on the safe side: the tangent at the given
+cam, shifted by the largest deviation of g from it within the neighbourhood. The planes approach g to second order in
+its size.
 """
 
 from dataclasses import dataclass
@@ -18,23 +19,21 @@ from camopt.scene.geometry import Geometry
 from camopt.scene.units import MM
 
 NODES = np.linspace(0.0, 1.0, 5)
-"""Where, within a neighbourhood, a plane is compared with what it replaces."""
+"""Relative places within a neighbourhood at which a plane is compared with the limit that it replaces."""
 ACCELERATION = 0.01
-"""An acceleration of usual size [m/rad^2], by which the curvature's slope is taken."""
+"""An acceleration of usual magnitude [m/rad^2], from which the slope of the curvature is computed."""
 
 
 @dataclass(frozen=True)
 class Neighbourhood:
-    """Cams whose lift differs from that of `lift` by at most `share` of the largest lift, and their velocity alike."""
+    """Cams whose lift and velocity differ from a cam's by at most this `share` of the largest lift and velocity."""
 
     lift: Lift
     share: float
 
     def box(self, edges: np.ndarray, top: float) -> tuple[np.ndarray, np.ndarray]:
-        """Least and largest lift and velocity between neighbours of `edges` (k + 1) [rad], both (2, k).
-
-        No lift lies beyond 0 and `top` [m].
-        """
+        """Least and largest lift and velocity, both (2, k), between neighbouring `edges` (k + 1) [rad]. Lifts are
+        limited to 0 to `top` [m]."""
         ends = np.stack([self.lift(edges), self.lift(edges, 1)])
         reach = self.share * np.array([[top], [np.abs(self.lift.extremes(1)).max()]])
         low, high = (pick(ends[:, 1:], ends[:, :-1]) for pick in (np.minimum, np.maximum))
@@ -44,12 +43,12 @@ class Neighbourhood:
 
 
 SIDES = {"nose_radius_min_mm": -1.0, "concave_radius_min_mm": 1.0}
-"""Sign of the acceleration of which a limit sets the largest value."""
+"""Sign with which a limit on a radius bounds the acceleration from above."""
 
 
 def planes(geometry: Geometry, key: str, radius: float, low: np.ndarray, high: np.ndarray):
-    """Weights (2, k) of lift and velocity and level (k) with side * a + weights @ (s, v) <= level, and d level by the
-    radius, in k neighbourhoods."""
+    """Weights (2, k) of lift and velocity and levels (k), with which side * a + weights @ (s, v) <= level implies the
+    limit in k neighbourhoods, and the derivatives of the levels by the radius."""
     side = SIDES[key]
     assert geometry.contact_radius_mm is not None, "by the schema"
     size = radius - side * geometry.contact_radius_mm * MM
@@ -66,8 +65,8 @@ def planes(geometry: Geometry, key: str, radius: float, low: np.ndarray, high: n
 
 
 def _acceleration(geometry: Geometry, s: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """The acceleration at which the centre's path is straight, and its slope by the path's curvature, which is below
-    zero; arrays like `s` [m] and `v` [m/rad]."""
+    """The acceleration at which the centre's path is straight, and its derivative by the curvature of the path, which
+    is negative; arrays of the shape of `s` [m] and `v` [m/rad]."""
     follower, circle = follower_of(geometry), (geometry.contact_radius_mm or 0.0) * MM
     laws = [np.stack([s.ravel(), v.ravel(), np.full(s.size, a)]) for a in (0.0, ACCELERATION)]
     radii = (follower.contact(law, np.zeros(s.size)).radius_of_curvature for law in laws)

@@ -1,6 +1,6 @@
-"""Where the record of each cam family stands. A record is imported when it is first used.
+"""Module and name of each cam family's record, which is imported when it is first used.
 
-So a command that ends in help or in an input error loads no family.
+A command that ends in help or in an input error therefore loads no family.
 """
 
 FAMILIES = {
@@ -16,4 +16,4 @@ FAMILIES = {
 }
 """Families whose members are designed from a scene: name on the command line -> module and name of the record."""
 BY_COEFFICIENTS = {"free": "camopt.cam.families.free:FAMILY"}
-"""Families whose members come from their coefficients, so that no command names one."""
+"""Families whose members are defined by their coefficients, so that no command names one."""

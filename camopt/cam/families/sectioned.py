@@ -1,9 +1,8 @@
-"""The members of a sectioned family and its record, whose construction for gradients and search space follow from its
-table.
+"""The members of a sectioned family and its record, whose construction and search space follow from its table.
 
-A sectioned family is searched over its section angles and over how much of each limit it may use; for each such point
-its levels have the largest area under limits so tightened. A cam that uses less than its limits allow bounces less, and
-this way of leaving room costs the least area.
+A sectioned family is searched over its section angles and over the share of each limit that it may use. At each such
+point its levels have the largest area under the limits tightened to these shares. A cam that uses less than its limits
+permit bounces less, and this way of leaving a margin costs the least area.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -12,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from camopt.cam.families.largest_area import POPULATION, angle_shares, best_angles, best_levels, section_angles
-from camopt.cam.families.record import Event, Family, Parameter, Parameters, Space, number, numbers, yes_or_no
-from camopt.cam.families.sections import Flank, SectionTable, closed, flank
+from camopt.cam.families.record import BuildEvent, Family, Parameter, Parameters, Space, number, numbers, yes_or_no
+from camopt.cam.families.sections import Flank, SectionTable, close_flank, opening_flank
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import Ramp, symmetric_conditions
 from camopt.scene import InputError, Scene
@@ -21,13 +20,14 @@ from camopt.scene.design import Design
 from camopt.scene.units import DEG, MM
 
 LEAST_USE = 0.3
-"""Part of a limit that a searched member may use at least."""
+"""Least share of a limit that a searched member may use."""
 TIGHTENED = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3")
+"""Limits of which a searched member uses a share."""
 
 TableOf = Callable[[Mapping[str, Any]], SectionTable]
-"""The table of a family whose tables differ by parameters, from a mapping that holds these."""
+"""Function from a mapping with parameters to the table of a family whose table depends on them."""
 STRETCH_ROUND_OFF = 1e-8
-"""A stretch of the limits up to this size counts as none."""
+"""Relaxation of the limits up to which it counts as none."""
 
 
 def sectioned_family(
@@ -37,10 +37,10 @@ def sectioned_family(
     levels: Sequence[str] = (),
     line: tuple[str, Any] | None = None,
 ) -> Family:
-    """The record of a family that has one table.
+    """The record of a family that has a single table.
 
-    `design` takes the scene and, as keywords, `sections_deg`, `jerk`, and the `levels` that its user may give, here
-    with their unit (`a23_mm_per_deg2`). `starts` are as of `best_angles`.
+    `design` takes the scene and, as keywords, `sections_deg`, `jerk`, and the `levels` that its user may give, which
+    have their unit in their name here (`a23_mm_per_deg2`). `starts` are as for `best_angles`.
     """
     return Family(
         table.family,
@@ -53,30 +53,30 @@ def sectioned_family(
 
 
 def section_parameters(levels: Sequence[str]) -> dict[str, Parameter]:
-    """Section angles, levels and the word on the jerk limit, by their names on the command line."""
-    own = {level: Parameter(level.partition("_")[0], number) for level in levels}
-    return {"sections_deg": Parameter("sections_deg", numbers)} | own | {"jerk": Parameter("jerk", yes_or_no)}
+    """Section angles, levels and the switch for the jerk limit, by their names on the command line."""
+    by_level = {level: Parameter(level.partition("_")[0], number) for level in levels}
+    return {"sections_deg": Parameter("sections_deg", numbers)} | by_level | {"jerk": Parameter("jerk", yes_or_no)}
 
 
-def sections_construction(cam: Lift, table_of: TableOf, own: Sequence[str] = ()) -> tuple[Parameters, Event]:
-    """Own parameters of a sectioned cam, among them those named in `own`, which its table depends on, and its event."""
-    given = cam.parameters
-    table = table_of(given)
+def sections_construction(cam: Lift, table_of: TableOf, settings: Sequence[str] = ()) -> tuple[Parameters, BuildEvent]:
+    """The free parameters of a sectioned cam and its event; `settings` are those on which its table depends."""
+    values = cam.parameters
+    table = table_of(values)
     names = level_names(table)
-    free = {name: given[name] for name, level in zip(names, table.levels, strict=True) if level not in table.closed_by}
+    free = {name: values[name] for name, level in zip(names, table.levels, strict=True) if level not in table.closed_by}
     if len(table.sections) > 1:
-        free["sections_deg"] = np.array(given["sections_deg"][:-1])
-    free |= {name: given[name] for name in own}
+        free["sections_deg"] = np.array(values["sections_deg"][:-1])
+    free |= {name: values[name] for name in settings}
 
     def event(p: Parameters, ramp: Ramp, _: Ramp):
-        now = table_of(given | p)
+        moved_table = table_of(values | p)
         xp = p["duration_deg"].__array_namespace__()
         first = p.get("sections_deg", xp.zeros(0)) * DEG
         angles = xp.append(first, p["duration_deg"] * DEG / 2 - first.sum())
-        one = flank(now, angles)
-        levels = [p.get(name, 0.0) * unit for name, unit in zip(names, now.units(), strict=True)]
+        flank = opening_flank(moved_table, angles)
+        levels = [p.get(name, 0.0) * unit for name, unit in zip(names, moved_table.units(), strict=True)]
         x = xp.asarray([ramp.height, ramp.velocity, *levels])
-        return one.event(closed(now, one, x, p["max_lift_mm"] * MM, now.closed_by))
+        return flank.event(close_flank(moved_table, flank, x, p["max_lift_mm"] * MM, moved_table.closed_by))
 
     return free, event
 
@@ -87,36 +87,36 @@ def sections_space(
     table_of: TableOf,
     starts: Sequence[Sequence[float]],
     reading: Mapping[str, Any] | None = None,
-    own: Mapping[str, tuple[float, float]] | None = None,
+    free_settings: Mapping[str, tuple[float, float]] | None = None,
 ) -> Space:
-    """The vector: `own` parameters in their bounds, shares of the half duration, used parts of the limits.
+    """The search space, over `free_settings` in their bounds, shares of half the duration, and used shares of limits.
 
-    `reading` holds the parameters that the table depends on; those in `own` take their values from the vector.
+    `reading` has the parameters on which the table depends; those in `free_settings` take their values from the vector.
     """
-    reading, own = reading or {}, own or {}
-    at_most = np.array([high for _, high in own.values()])  # the largest start ratio has the largest area
-    table = table_of({**reading, **dict(zip(own, at_most, strict=True))})
+    reading, free_settings = reading or {}, free_settings or {}
+    at_most = np.array([high for _, high in free_settings.values()])  # the largest start ratio has the largest area
+    table = table_of({**reading, **dict(zip(free_settings, at_most, strict=True))})
     design, ramp = symmetric_conditions(scene, table.family)
     half = design.duration_deg * DEG / 2
-    cuts = len(own) + len(table.sections) - 1
+    cuts = len(free_settings) + len(table.sections) - 1
     names = [n for n in TIGHTENED if getattr(design, n) is not None and (jerk or "jerk" not in n)]
 
     def cam(x: np.ndarray, angles: np.ndarray, limits: Design) -> Lift:
-        now = {**reading, **{name: float(value) for name, value in zip(own, x, strict=False)}}
-        table = table_of(now)
-        one = flank(table, angles)
-        levels, _ = best_levels(table, one, limits, ramp, jerk, {})
-        return cam_of(table, one, angles, levels, ramp, **now)
+        settings = {**reading, **{name: float(value) for name, value in zip(free_settings, x, strict=False)}}
+        table = table_of(settings)
+        flank = opening_flank(table, angles)
+        levels, _ = best_levels(table, flank, limits, ramp, jerk, {})
+        return cam_of(table, flank, angles, levels, ramp, **settings)
 
     def member(x: np.ndarray) -> Lift:
         used = {n: float(u) * getattr(design, n) for n, u in zip(names, x[cuts:], strict=True)}
-        return cam(x, section_angles(x[len(own) : cuts], half), design.model_copy(update=used))
+        return cam(x, section_angles(x[len(free_settings) : cuts], half), design.model_copy(update=used))
 
     def largest(members: int, seed: int) -> Lift:
         generations = max(1, members // POPULATION - 1)
         return cam(at_most, best_angles(table, design, ramp, jerk, starts, generations, seed), design)
 
-    bounds = [*own.values(), *[(0.0, 1.0)] * (len(table.sections) - 1), *[(LEAST_USE, 1.0)] * len(names)]
+    bounds = [*free_settings.values(), *[(0.0, 1.0)] * (len(table.sections) - 1), *[(LEAST_USE, 1.0)] * len(names)]
     known = [[*at_most, *angle_shares(np.array(start) * half, half), *[1.0] * len(names)] for start in starts]
     return Space(bounds, member, known, largest)
 
@@ -132,53 +132,53 @@ def member(
 ) -> Lift:
     """The cam of a table for a scene's duration, maximum lift and ramps; levels are in mm/deg^order.
 
-    Where `levels` gives all levels but those that the nose determines, the cam is that member, whatever the limits;
-    else the others, and the section angles where they are None, are chosen for the largest area under the limits, of
-    which that on the jerk holds only with `jerk`. Raises InputError for unusable angles or levels, and where no member
-    meets the limits.
+    If `levels` gives all levels except those that the nose determines, the cam is that member, whatever the limits.
+    Otherwise the remaining levels, and the section angles if they are None, are chosen for the largest area under the
+    limits; the jerk limit applies only with `jerk`. Raises InputError for unusable angles or levels, and if no member
+    satisfies them.
     """
     design, ramp = symmetric_conditions(scene, table.family)
-    given = {n: float(v) for n, v in levels.items() if v is not None}
-    open_levels = [n for n in table.levels if n not in given]
-    if not all(np.isfinite(v) for v in given.values()):
-        raise InputError(f"{table.family}: levels {given}: finite numbers are needed")
+    stated = {n: float(v) for n, v in levels.items() if v is not None}
+    open_levels = [n for n in table.levels if n not in stated]
+    if not all(np.isfinite(v) for v in stated.values()):
+        raise InputError(f"{table.family}: levels {stated}: finite numbers are needed")
     if len(open_levels) < len(table.closed_by):
         raise InputError(
             f"{table.family}: all of {', '.join(table.levels)} are given; the maximum lift determines one: leave it out"
         )
     if sections_deg is None:
-        if given:
-            raise InputError(f"{table.family}: {', '.join(given)} given without sections_deg; give the angles too")
+        if stated:
+            raise InputError(f"{table.family}: {', '.join(stated)} given without sections_deg; give the angles too")
         angles = best_angles(table, design, ramp, jerk, starts)
     else:
         angles = _checked(table, sections_deg, design.duration_deg / 2) * DEG
-    one = flank(table, angles)
+    flank = opening_flank(table, angles)
     units = dict(zip(table.levels, table.units(), strict=True))
-    si = {n: v * units[n] for n, v in given.items()}
+    si = {n: v * units[n] for n, v in stated.items()}
     if sections_deg is not None and len(open_levels) == len(table.closed_by):
         x = np.array([ramp.height, ramp.velocity, *(si.get(n, 0.0) for n in table.levels)])
-        x = closed(table, one, x, design.max_lift_mm * MM, open_levels)
+        x = close_flank(table, flank, x, design.max_lift_mm * MM, open_levels)
     else:
-        x, stretch = best_levels(table, one, design, ramp, jerk, si)
+        x, stretch = best_levels(table, flank, design, ramp, jerk, si)
         if stretch > STRETCH_ROUND_OFF:
             raise InputError(
                 f"{table.family}: no member found within the limits of [design]; the best breaks one by "
                 f"{100 * stretch:.2g} %: loosen the limits on acceleration and jerk, those of the drawing, or the "
                 f"maximum lift"
             )
-    return cam_of(table, one, angles, x, ramp, **parameters)
+    return cam_of(table, flank, angles, x, ramp, **parameters)
 
 
 def level_names(table: SectionTable) -> list[str]:
-    """The levels with their unit, as a cam's parameters and the command line name them."""
+    """The levels with their units, as they are named in a cam's parameters and on the command line."""
     return [f"{n}_mm_per_deg{k}" for n, k in zip(table.levels, table.orders(), strict=True)]
 
 
-def cam_of(table: SectionTable, one: Flank, angles: np.ndarray, x: np.ndarray, ramp: Ramp, **parameters) -> Lift:
-    """The cam with the levels x (n) on a flank with these section angles [rad]; both stand among its parameters."""
+def cam_of(table: SectionTable, flank: Flank, angles: np.ndarray, x: np.ndarray, ramp: Ramp, **parameters) -> Lift:
+    """The cam with the levels x (n) on a flank with these section angles [rad], which become parameters of the cam."""
     levels = dict(zip(level_names(table), (x[2:] / table.units()).tolist(), strict=True))
     parameters = {"sections_deg": (angles / DEG).tolist(), **levels, **parameters}
-    return one.lift(x, ramp, table.family, parameters)
+    return flank.lift(x, ramp, table.family, parameters)
 
 
 def _checked(table: SectionTable, sections_deg: Sequence[float], half_deg: float) -> np.ndarray:

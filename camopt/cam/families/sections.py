@@ -3,7 +3,7 @@
 A table states lift, velocity, acceleration and jerk at the start and the end of every section, as the tables of Kodama
 et al. do. A section has as many terms as conditions, which makes it unique (their Eq. (4), where the terms are powers).
 The levels are the accelerations and jerks at the borders that the table leaves to the designer. For fixed section
-angles the pieces, the area and every limit are linear in them. The arrays are NumPy's or JAX's.
+angles the pieces, the area and every limit are linear in the levels. The arrays are NumPy's or JAX's.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,12 +18,12 @@ from camopt.cam.ramps import Ramp
 from camopt.scene.units import DEG, MM
 
 U = None
-"""A boundary condition that is not given, in the tables' own notation."""
+"""A boundary condition that is not stated, in the tables' own notation."""
 QUANTITIES = ("lift", "velocity", "acceleration", "jerk")
 RAMP = {"y_r": 0, "v_r": 1}
-"""Columns of the ramp's height and velocity; the columns of the levels follow."""
+"""Columns of the ramp's height and velocity; those of the levels follow."""
 OSCULATING_PARTS = 4
-"""Number of pieces of a section whose terms are not powers: they meet a half wave to 1e-13 of its amplitude."""
+"""Number of pieces of a section whose terms are not powers; they approximate a half wave to 1e-13 of its amplitude."""
 
 Cell = str | float | None
 Terms = Callable[[int, np.ndarray, int], np.ndarray]
@@ -36,10 +36,10 @@ def powers(count: int, u: np.ndarray, order: int) -> np.ndarray:
 
 @dataclass(frozen=True)
 class Section:
-    """Boundary conditions (start, end) of one section, each of them a symbol, 0, or U.
+    """Boundary conditions (start, end) of one section; each is a symbol, 0, or U.
 
-    A symbol is the ramp's (y_r, v_r), a level of the table, or else the value at the end of the section before. `terms`
-    gives the section's functions of 0 <= u <= 1.
+    A symbol is the ramp's (y_r, v_r), a level of the table, or otherwise the value at the end of the previous section.
+    `terms` gives the functions of 0 <= u <= 1 that make up the section.
     """
 
     lift: tuple[Cell, Cell]
@@ -50,7 +50,7 @@ class Section:
 
     @cached_property
     def conditions(self) -> list[tuple[int, int, str | float]]:
-        """Order of the derivative, place (0 start, 1 end) and value of every condition that is given."""
+        """Order of the derivative, place (0 start, 1 end) and value of every condition that is stated."""
         cells = ((k, end, getattr(self, name)[end]) for k, name in enumerate(QUANTITIES) for end in (0, 1))
         return [(k, end, cell) for k, end, cell in cells if cell is not None]
 
@@ -59,9 +59,9 @@ class Section:
 class SectionTable:
     """A family's sections, its free levels, and the levels that the conditions at the nose determine.
 
-    The first letter of a level is its order (v, a, j). One level in `closed_by` meets the condition that the lift ends
-    at the maximum lift; a second one meets the end velocity 0 where no section states it. `multiples` names fixed
-    multiples of a level.
+    The first letter of a level gives the order of its derivative (v, a, j). One level in `closed_by` satisfies the
+    condition that the lift ends at the maximum lift; a second one satisfies zero velocity at the end, if no section
+    states it. `multiples` has the names of fixed multiples of a level, with the factor and the level.
     """
 
     family: str
@@ -72,7 +72,7 @@ class SectionTable:
 
     @cached_property
     def symbols(self) -> dict[str | float, np.ndarray]:
-        """Row of every known symbol on x = (ramp height, ramp velocity, levels)."""
+        """The row of every known symbol, by which it is computed from x = (ramp height, ramp velocity, levels)."""
         unit = np.eye(2 + len(self.levels))
         rows: dict[str | float, np.ndarray] = {s: unit[i] for s, i in RAMP.items()}
         rows |= {level: unit[2 + i] for i, level in enumerate(self.levels)}
@@ -80,17 +80,17 @@ class SectionTable:
         return rows | {0: np.zeros(len(unit))}
 
     def orders(self) -> np.ndarray:
-        """Order of derivative of every level (m)."""
+        """Order of the derivative of every level (m)."""
         return np.array(["yvaj".index(level[0]) for level in self.levels])
 
     def units(self) -> np.ndarray:
-        """The unit mm/deg^order of every level, in SI (m)."""
+        """SI value of the unit mm/deg^order of every level (m)."""
         return MM / DEG ** self.orders()
 
 
 @dataclass(frozen=True)
 class Flank:
-    """The opening flank for fixed angles; its local coefficients [m/rad^k] are pieces (p, q, n) @ x.
+    """The opening flank for fixed section angles; its local coefficients [m/rad^k] are pieces (p, q, n) @ x.
 
     `borders` (p + 1) [rad] run from 0 at the ramp top to half the duration at the nose; x = (ramp height [m], ramp
     velocity [m/rad], levels [m/rad^order]).
@@ -101,7 +101,7 @@ class Flank:
 
     @cached_property
     def relative(self) -> np.ndarray:
-        """Coefficients (p, q, n) by the angle relative to each piece's width."""
+        """Coefficients (p, q, n) in powers of the angle relative to the width of each piece."""
         widths = np.diff(self.borders)[:, None] ** np.arange(self.pieces.shape[1])
         return self.pieces * widths[:, :, None]
 
@@ -117,7 +117,7 @@ class Flank:
         return 2 * np.einsum("p,pqn->n", np.diff(self.borders), terms)
 
     def lift(self, x: np.ndarray, ramp: Ramp, family: str, parameters: dict) -> Lift:
-        """The symmetric cam of levels x (n) between two equal ramps."""
+        """The symmetric cam for levels x (n) between two equal ramps."""
         return with_ramps(*self.event(x), ramp, ramp, family, parameters)
 
     def event(self, x) -> tuple[np.ndarray, np.ndarray]:
@@ -129,7 +129,7 @@ class Flank:
         return borders, xp.concatenate([up, down])
 
 
-def flank(table: SectionTable, angles: np.ndarray) -> Flank:
+def opening_flank(table: SectionTable, angles: np.ndarray) -> Flank:
     """The opening flank of a table for section angles [rad] in an array of NumPy or JAX, section by section."""
     xp = angles.__array_namespace__()
     symbols = table.symbols
@@ -139,7 +139,7 @@ def flank(table: SectionTable, angles: np.ndarray) -> Flank:
         conditions = section.conditions
         count = len(conditions)
         system, ends, orders = _system(section)
-        # a symbol that is no level is the end of the section before, which only a start can take over
+        # a start whose symbol is not known has the value at the end of the previous section
         rows = [symbols[cell] if end or cell in symbols else before[k] for k, end, cell in conditions]
         coefficients = xp.linalg.solve(system, xp.stack(rows) * angle**orders)
         before = ends / angle ** np.arange(len(QUANTITIES))[:, None] @ coefficients
@@ -147,7 +147,7 @@ def flank(table: SectionTable, angles: np.ndarray) -> Flank:
         borders.append(borders[-1][-1] + angle * u[1:])
         pieces.append(unit / angle ** np.arange(unit.shape[1])[:, None] @ coefficients)
     widest = max(p.shape[1] for p in pieces)
-    # padding costs NumPy more than the section's own equations
+    # in NumPy the padding takes more time than the equations of the section
     short = [np.zeros((len(p), widest - p.shape[1], p.shape[2])) for p in pieces]
     padded = [xp.concatenate([p, zero], axis=1) if zero.size else p for p, zero in zip(pieces, short, strict=True)]
     return Flank(xp.concatenate(borders), xp.concatenate(padded))
@@ -155,8 +155,8 @@ def flank(table: SectionTable, angles: np.ndarray) -> Flank:
 
 @cache
 def _system(section: Section) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A section's terms in its conditions (count, count), their derivatives of order 0 to 3 at the end of it, and the
-    orders (count, 1) of the conditions."""
+    """Matrix (count, count) of a section's terms in its conditions, the derivatives of order 0 to 3 of the terms at the
+    end of the section, and the orders (count, 1) of the conditions."""
     conditions = section.conditions
     count = len(conditions)
     system = np.stack([section.terms(count, np.array([end]), k)[0] for k, end, _ in conditions])
@@ -174,14 +174,14 @@ def _unit(terms: Terms, count: int) -> tuple[np.ndarray, np.ndarray]:
     return u, np.stack([osculating_pieces(u, derivatives[:, :, i]) for i in range(count)], axis=2)
 
 
-def closed(table: SectionTable, one: Flank, x: np.ndarray, max_lift: float, by: Sequence[str]) -> np.ndarray:
-    """x (n) with the levels `by` changed so that the lift ends at the maximum lift [m], with two of them at rest."""
+def close_flank(table: SectionTable, flank: Flank, x: np.ndarray, max_lift: float, by: Sequence[str]) -> np.ndarray:
+    """x (n) with the levels `by` changed so that the lift ends at the maximum lift [m], with two levels at rest."""
     columns = [2 + table.levels.index(level) for level in by]
-    xp = one.borders.__array_namespace__()
-    rows = xp.stack([one.end(k) for k in range(len(columns))])
+    xp = flank.borders.__array_namespace__()
+    rows = xp.stack([flank.end(k) for k in range(len(columns))])
     wanted = xp.asarray([max_lift, 0.0])[: len(columns)]
     chosen = np.eye(len(x))[:, columns]
     x = x * (1 - chosen.sum(axis=1))
-    for _ in range(2):  # the second solve leaves the end lift at round-off
+    for _ in range(2):  # the second solve reduces the error of the end lift to rounding
         x = x + chosen @ xp.linalg.solve(rows[:, columns], wanted - rows @ x)
     return x

@@ -1,7 +1,7 @@
 """The limits of a design on a spline cam, as rows on its free coefficients that hold at every angle.
 
 Each limit is imposed on Bernstein control points, between which a polynomial lies (Farin, Curves and Surfaces for CAGD,
-2002, ch. 5): bounds on a derivative, a pattern of signs of the jerk, sums of the lift and its derivatives
+2002, ch. 5): bounds on a derivative, a sign pattern of the jerk, sums of the lift and its derivatives
 (`camopt.cam.linear_limits`), and planes that replace a radius near a given cam (`camopt.cam.families.radius_planes`).
 """
 
@@ -20,31 +20,31 @@ from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
 CAP_INTERVAL = 0.5 * DEG
-"""Longest interval between lift control nets: control points then exceed the lift by less than 1e-4 mm."""
+"""Longest interval [rad] between control nets of the lift; control points then exceed the lift by less than 1e-4 mm."""
 INTERVALS = (CAP_INTERVAL, 1.0 * DEG, np.inf)
-"""Longest interval between control nets by the highest derivative that is limited, infinite for a knot interval: where
-the lift's second derivative counts, closer nets nearly repeat each other, on which a linear program may founder."""
+"""Longest interval [rad] between control nets, by the highest derivative in the limit; infinite means a knot interval.
+With a second derivative, closer nets give almost equal rows, on which a linear program may fail."""
 PLANE_INTERVAL, FEWEST_PLANES = 0.5 * DEG, 240
-"""Longest interval over which one plane replaces a radius, and the least number of these intervals in a duration."""
+"""Longest interval [rad] over which one plane replaces a radius, and least number of intervals in a duration."""
 HUGE = 1.0
-"""A free coefficient [mm/deg^2] that no cam has: a hundred times a usual acceleration."""
+"""A free coefficient [mm/deg^2] larger than that of any cam: a hundred times a usual acceleration."""
 CELL = 1.0 * DEG
-"""Least distance at which a program tells two sign changes of the jerk apart."""
+"""Least distance [rad] between two sign changes of the jerk that a program distinguishes."""
 FREE = 100 * MM_PER_DEG3
-"""A jerk that no cam has, for the rows of the sign that is allowed."""
+"""A jerk [m/rad^3] larger than that of any cam, as the bound of rows for the sign that is permitted."""
 SIGNS = {"nose_deg": "smaller", "waves_max": "larger"}
-"""Limits on a sign: of the acceleration, of the jerk; and which numbers of them allow more."""
+"""Limits on the sign of the acceleration and of the jerk, with the kind of number that permits more."""
 NEAR = "neighbourhood"
-"""Name of the rows that keep a cam near another one, of which no number of the design speaks."""
+"""Name of the rows that keep a cam near another one; they belong to no number of the design."""
 
 
 @dataclass(frozen=True)
 class LinearisationPoint:
-    """Where limits that are not linear in the lift are linearised.
+    """The point at which limits that are not linear in the lift are linearised.
 
-    `centres` [rad] are those of the design's durations, in order; at `switches` [rad] the jerk may change its sign.
-    Without switches the number of its changes is not limited. Radii under a roller or pad are held `near` a cam.
-    Without one only those of a roller are limited, by the linear limits that are stricter everywhere.
+    `centres` [rad] are the middles of the design's durations, in order; at `switches` [rad] the jerk may change its
+    sign. Without switches the number of sign changes is not limited. Radii under a roller or pad are linearised `near`
+    a cam. Without one only those of a roller are limited, by the linear limits that are stricter everywhere.
     """
 
     centres: tuple[float, ...] = ()
@@ -54,9 +54,9 @@ class LinearisationPoint:
 
 @dataclass(frozen=True)
 class LimitRows:
-    """The rows matrix (r, m) @ z <= bound (r) of the limit `name`, as `Limits` has them.
+    """The rows matrix (r, m) @ z <= bound (r) of the limit `name`, which `Limits` collects.
 
-    `stated` holds its size, unit, value and sign; `slope` is a number or one for every row.
+    `stated` has its size, unit, value and sign; `slope` is one number, or one per row.
     """
 
     name: str
@@ -70,9 +70,9 @@ class LimitRows:
 class Limits:
     """Linear limits `matrix @ z <= bound` on a free cam; row r comes from the limit `names[group[r]]`.
 
-    `value` (per name) is the number that the scene states, in the unit `unit` [SI], and it grows by `sign` times as
-    much as the bound; `size` is its magnitude in SI and `slope[r]` is d bound[r] / d size. Size and slope are zero for
-    the limits of `SIGNS`, whose rows bound a sign and no value, and for `NEAR`.
+    `value` (per name) is the number that the scene states, in the unit `unit` [SI]; it changes by `sign` times the
+    change of the bound. `size` is its magnitude in SI, and `slope[r]` is d bound[r] / d size. Size and slope are zero
+    for the limits of `SIGNS`, whose rows bound a sign and not a value, and for `NEAR`.
     """
 
     matrix: np.ndarray  # (r, m)
@@ -86,29 +86,27 @@ class Limits:
     sign: np.ndarray  # (g)
 
     def rows(self, name: str) -> np.ndarray:
-        """Indices of the rows of one limit; empty where the design does not set it."""
+        """Indices of the rows of one limit; empty if the design does not set it."""
         return np.flatnonzero(self.group == self.names.index(name)) if name in self.names else np.zeros(0, int)
 
 
 def shape_rows(cam: SplineCam, design: Design, about: LinearisationPoint) -> Limits:
-    """All limits of a design on the shape of a cam, those that are not linear linearised `about` a cam.
-
-    Raises InputError where the neighbourhood of that cam has lifts that the follower cannot follow.
-    """
-    every = [*_bounds(cam, design)]
+    """All limits of a design on the shape of a cam; those that are not linear are linearised `about` a cam. Raises
+    InputError if the neighbourhood of that cam has lifts that the follower cannot follow."""
+    groups = [*_bounds(cam, design)]
     if design.waves_max is not None and about.switches:
         stated = 0.0, MM_PER_DEG3, design.waves_max, 1.0
-        every.append(LimitRows("waves_max", *sign_rows(cam, about.switches), 0.0, stated))
-    every += _sums(cam, design, about)
-    every += near_rows(cam, design, about.near) if about.near else ()
-    first = {rows.name: rows.stated for rows in reversed(every)}
-    names = tuple(dict.fromkeys(rows.name for rows in every))
+        groups.append(LimitRows("waves_max", *sign_rows(cam, about.switches), 0.0, stated))
+    groups += _sums(cam, design, about)
+    groups += near_rows(cam, design, about.near) if about.near else ()
+    first = {rows.name: rows.stated for rows in reversed(groups)}
+    names = tuple(dict.fromkeys(rows.name for rows in groups))
     size, unit, value, sign = np.array([first[name] for name in names], dtype=float).T
     return Limits(
-        matrix=np.concatenate([rows.matrix for rows in every]),
-        bound=np.concatenate([rows.bound for rows in every]),
-        slope=np.concatenate([np.broadcast_to(rows.slope, len(rows.bound)) for rows in every]),
-        group=np.concatenate([np.full(len(rows.bound), names.index(rows.name)) for rows in every]),
+        matrix=np.concatenate([rows.matrix for rows in groups]),
+        bound=np.concatenate([rows.bound for rows in groups]),
+        slope=np.concatenate([np.broadcast_to(rows.slope, len(rows.bound)) for rows in groups]),
+        group=np.concatenate([np.full(len(rows.bound), names.index(rows.name)) for rows in groups]),
         names=names,
         size=size,
         unit=unit,
@@ -135,11 +133,11 @@ def _bounds(cam: SplineCam, design: Design) -> Iterator[LimitRows]:
         if value is None or (on_sign and not value):
             continue
         matrix, offset = cam.control_points(order, edges)
-        if order in (2, 3) and not on_sign:  # the ramps are fixed: they hold it or no cam does
+        if order in (2, 3) and not on_sign:  # the ramps are fixed: they satisfy it or no cam does
             matrix = np.vstack([matrix, np.zeros((2, matrix.shape[1]))])
             offset = np.append(offset, cam.ramp_extremes(order))
         level = 0.0 if on_sign else abs(value * unit)
-        tight = ROUNDING * (MM_PER_DEG2 * 0.01 if on_sign else level)  # the nose has no level: a usual acceleration
+        tight = ROUNDING * (MM_PER_DEG2 * 0.01 if on_sign else level)  # relative to a usual acceleration at the nose
         for sign in signs:
             bound = level - tight - sign * offset
             yield LimitRows(name, sign * matrix, bound, 0.0 if on_sign else 1.0, (level, unit, value, np.sign(value)))
@@ -152,35 +150,33 @@ def cells(cam: SplineCam) -> Float[np.ndarray, " k"]:
 
 
 def sign_rows(cam: SplineCam, switches: tuple[float, ...]) -> tuple[np.ndarray, np.ndarray]:
-    """Rows (r, m) and bounds (r) that hold a jerk of one sign between neighbouring `switches` [rad], positive first.
-
-    The left sides are the same for all switches at `cells`: rows of the sign that is allowed do not bind.
-    """
+    """Rows (r, m) and bounds (r) that require a jerk of one sign between neighbouring `switches` [rad], positive first.
+    The left-hand sides are the same for all switches at `cells`; rows for the permitted sign are not active."""
     edges = merged(np.concatenate([cells(cam), cam.breaks]))
     matrix, offset = cam.control_points(3, edges)
     positive = np.searchsorted(switches, 0.5 * (edges[1:] + edges[:-1])) % 2 == 0
     width = (len(offset) - 1) // len(positive)
-    may = []
+    permitted = []
     for sign in (positive, ~positive):
         within = np.append(np.repeat(sign, width), sign[-1])
         within[width:-1:width] &= sign[:-1]  # a control point that two intervals share
-        may.append(within)
-    bound = np.concatenate([np.where(may[0], FREE, 0.0) - offset, np.where(may[1], FREE, 0.0) + offset])
+        permitted.append(within)
+    bound = np.concatenate([np.where(permitted[0], FREE, 0.0) - offset, np.where(permitted[1], FREE, 0.0) + offset])
     return np.vstack([matrix, -matrix]), bound
 
 
 def _sums(cam: SplineCam, design: Design, about: LinearisationPoint) -> Iterator[LimitRows]:
-    """The limits on sums of the lift and its derivatives, without the radii that are held near a cam."""
+    """The limits on sums of the lift and its derivatives, without the radii that are linearised near a cam."""
     for limit in linear_limits(design, about.centres):
         if about.near is None or limit.key not in radii_held_near(design):
             matrix, bound = _sum_rows(cam, limit)
-            per_value = 1 / limit.rate  # of the bound, per unit of the scene's number
+            per_value = 1 / limit.rate  # change of the bound per unit of the scene's number
             stated = limit.value * per_value, abs(per_value), limit.value, float(np.sign(limit.rate))
             yield LimitRows(limit.name, matrix, bound - ROUNDING * limit.size, 1.0, stated)
 
 
 def _sum_rows(cam: SplineCam, limit: LinearLimit) -> tuple[np.ndarray, np.ndarray]:
-    """Rows (r, m) and bounds (r) that hold a limit at every angle of its level, on the ramps as between them."""
+    """Rows (r, m) and bounds (r) that impose a limit at every angle of its level, on the ramps and between them."""
     level, (first, last) = limit.level, cam.breaks[[0, -1]]
     if level.low == level.high:
         assert len(limit.weights) == 1, "only the lift itself is limited at one angle"
@@ -200,14 +196,14 @@ def _sum_rows(cam: SplineCam, limit: LinearLimit) -> tuple[np.ndarray, np.ndarra
     powers[:, : taylor.shape[1]] = taylor * width[:, None] ** np.arange(taylor.shape[1])
     upper = powers @ from_powers(5).T
     matrix, bound = matrix.reshape(-1, matrix.shape[2]), (upper - offset).ravel() - level.error
-    if level.low < first and level.high > last:  # the ramps are fixed: they hold it or no cam does
+    if level.low < first and level.high > last:  # the ramps are fixed: they satisfy it or no cam does
         outside = [limit.excess(cam.without_spline, *ends) for ends in ((level.low, first), (last, level.high))]
         matrix, bound = np.vstack([matrix, np.zeros(matrix.shape[1])]), np.append(bound, -max(outside))
     return _without_fixed(matrix, bound)[:2]
 
 
 def near_rows(cam: SplineCam, design: Design, near: Neighbourhood) -> Iterator[LimitRows]:
-    """The planes of all radii, then the rows that keep the cam in the neighbourhood; errors as of `shape_rows`."""
+    """The planes of all radii, then the rows that keep the cam in the neighbourhood; errors are as for `shape_rows`."""
     assert design.geometry is not None, "the scene asks for it"
     count = int(np.ceil(max((cam.breaks[1] - cam.breaks[0]) / PLANE_INTERVAL, FEWEST_PLANES / (len(cam.breaks) - 1))))
     edges = np.linspace(cam.breaks[0], cam.breaks[-1], count * (len(cam.breaks) - 1) + 1)
@@ -217,8 +213,8 @@ def near_rows(cam: SplineCam, design: Design, near: Neighbourhood) -> Iterator[L
     def bounding(name: str, value: float, matrix: np.ndarray, bound: np.ndarray, slope: np.ndarray) -> LimitRows:
         """The rows of the control points of all intervals."""
         matrix, bound, slope = matrix.reshape(-1, matrix.shape[2]), bound.ravel(), np.repeat(slope, matrix.shape[1])
-        matrix, bound, kept = _without_fixed(matrix, bound - ROUNDING * np.abs(bound).max())
-        return LimitRows(name, matrix, bound, slope[kept], (value * MM, MM, value, -1.0))
+        matrix, bound, remaining = _without_fixed(matrix, bound - ROUNDING * np.abs(bound).max())
+        return LimitRows(name, matrix, bound, slope[remaining], (value * MM, MM, value, -1.0))
 
     for key in radii_held_near(design):
         value = getattr(design, key)
@@ -232,8 +228,8 @@ def near_rows(cam: SplineCam, design: Design, near: Neighbourhood) -> Iterator[L
 
 
 def _without_fixed(matrix: np.ndarray, bound: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The rows and bounds without those that the ramps beside them keep, and which rows these are: where the free
-    coefficients change hardly anything, the ramps keep a limit or no cam does."""
+    """The rows and bounds that are kept, and their mask. Where the free coefficients have almost no effect, either the
+    ramps satisfy a limit, and its row is dropped, or no cam does, and its row is zero with a negative bound."""
     fixed = np.abs(bound) > np.abs(matrix).sum(axis=1) * HUGE
-    kept = ~fixed | (bound < 0)
-    return np.where(fixed[:, None], 0.0, matrix)[kept], bound[kept], kept
+    remaining = ~fixed | (bound < 0)
+    return np.where(fixed[:, None], 0.0, matrix)[remaining], bound[remaining], remaining

@@ -2,8 +2,8 @@
 
 The acceleration over the duration is a clamped cubic B-spline (de Boor, A Practical Guide to Splines, 1978) on equal
 knot intervals, so the lift is a quintic spline, four times continuously differentiable inside. The Bernstein control
-points of a derivative enclose it on their interval (Farin, Curves and Surfaces for CAGD, 2002, ch. 5): a bound on them
-holds at every angle and is linear in z.
+points of a derivative enclose it on their interval (Farin, Curves and Surfaces for CAGD, 2002, ch. 5), so a bound on
+them holds at every angle, and it is linear in z.
 """
 
 from collections.abc import Sequence
@@ -54,22 +54,22 @@ class SplineCam:
         return with_ramps(self.breaks[[0, -1]], line, self.opening, self.closing, "free", {})
 
     def ramp_extremes(self, order: int) -> tuple[float, float]:
-        """The least and the largest lift^(order) [m/rad^order] on the ramps, which no free coefficient moves."""
+        """The least and the largest lift^(order) [m/rad^order] on the ramps, which no free coefficient changes."""
         sides = ((-np.pi, self.breaks[0]), (self.breaks[-1], np.pi))
         low, high = zip(*(self.without_spline.extremes(order, *side) for side in sides), strict=True)
         return min(low), max(high)
 
     def coefficients(self, z: np.ndarray) -> np.ndarray:
-        """Spline coefficients x (n) [mm/deg^2] of free coefficients z (m)."""
+        """Spline coefficients x (n) [mm/deg^2] for free coefficients z (m)."""
         return self.x_p + self.Z @ z
 
     def lift(self, z: np.ndarray) -> Lift:
-        """The cam of free coefficients z (m), its pieces exact."""
+        """The cam for free coefficients z (m), with exact pieces."""
         parameters = {"knot_deg": self.knot_deg, "coefficients_mm_per_deg2": self.coefficients(z).tolist()}
         return with_ramps(self.breaks, self.pieces(z), self.opening, self.closing, "free", parameters)
 
     def pieces(self, z):
-        """Local coefficients (k, 6) [m/rad^k] of free coefficients z (m), an array of NumPy or JAX."""
+        """Local coefficients (k, 6) [m/rad^k] for free coefficients z (m), an array of NumPy or JAX."""
         line = np.zeros((len(self.breaks) - 1, DEGREE + 3))
         line[:, 0] = self.opening.height + self.opening.velocity * (self.breaks[:-1] - self.breaks[0])
         line[:, 1] = self.opening.velocity
@@ -82,10 +82,8 @@ class SplineCam:
         return np.stack([self.lift(unit).coefficients - offset for unit in np.eye(size)], axis=-1), offset
 
     def basis(self, theta, order: int = 0) -> tuple[np.ndarray, np.ndarray]:
-        """Matrix (k, n) and offset (k) with lift^(order)(theta) = matrix @ x + offset [m/rad^order].
-
-        `theta` (k) [rad] may lie anywhere; derivatives go up to the sixth, one-sided from the right at the knots.
-        """
+        """Matrix (k, n) and offset (k) with lift^(order)(theta) = matrix @ x + offset [m/rad^order]. `theta` (k) [rad]
+        may lie anywhere; derivatives go up to the sixth, one-sided from the right at the knots."""
         theta = np.mod(np.asarray(theta, dtype=float) + np.pi, 2 * np.pi) - np.pi
         inside = (theta >= self.breaks[0]) & (theta < self.breaks[-1])
         matrix = np.zeros((len(theta), len(self.x_p)))
@@ -93,8 +91,8 @@ class SplineCam:
         return matrix, self.without_spline(theta, order)
 
     def samples(self, theta) -> tuple[np.ndarray, np.ndarray]:
-        """Lift [m] and its angle derivative [m/rad] at `theta` (k) [rad]: by each of the free coefficients z, shape
-        (k, 2, m), and at z = 0, shape (k, 2)."""
+        """Lift [m] and its angle derivative [m/rad] at `theta` (k) [rad]: their derivatives by the free coefficients z,
+        shape (k, 2, m), and their values at z = 0, shape (k, 2)."""
         orders = [self.basis(theta, order) for order in (0, 1)]
         along = np.stack([matrix @ self.Z for matrix, _ in orders], axis=1)
         return along, np.stack([offset + matrix @ self.x_p for matrix, offset in orders], axis=1)
@@ -130,9 +128,9 @@ class SplineCam:
         self, weights: Sequence[float | np.ndarray], start: np.ndarray, width: np.ndarray
     ) -> tuple[np.ndarray, np.ndarray]:
         """Matrix (k, 6, m) and offset (k, 6) of the control points of sum_k weights[k] * lift^(k), of degree five, from
-        `start` (k) [rad] over `width` (k). A weight is a number, or one per interval, in which no knot may lie."""
+        `start` (k) [rad] over `width` (k). A weight is a number, or one per interval, which contains no knot."""
         degree = DEGREE + 2
-        inside = start + 1e-9 * width  # a derivative that steps at a knot is that of the interval
+        inside = start + 1e-9 * width  # where a derivative steps at a knot, its value in the interval
         taylor = np.zeros((degree + 1, len(start), len(self.x_p)))
         ramp = np.zeros((degree + 1, len(start)))
         for order, weight in enumerate(weights):
@@ -154,6 +152,6 @@ def basis_lift(breaks: np.ndarray) -> PPoly:
 
 
 def merged(edges: np.ndarray) -> np.ndarray:
-    """The edges in ascending order, without those that differ from another by round-off only."""
+    """The edges in ascending order, without those that differ from another one by rounding only."""
     edges = np.sort(edges)
     return edges[np.append(True, np.diff(edges) > 1e-12)]

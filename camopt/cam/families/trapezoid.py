@@ -1,8 +1,8 @@
 """Jerk-limited trapezoid: the acceleration rises to a level, is held, falls to another level and is held to the nose.
 
-The jerk limit shapes this flank: the acceleration rises and falls at constant jerk and rests at two levels, which the
-maximum lift and the rest at the nose determine (Norton, Cam Design and Manufacturing Handbook, 2009, on trapezoidal
-acceleration). The jerk steps at every border.
+The jerk limit shapes this flank: the acceleration rises and falls at constant jerk and stays constant at two levels,
+which are determined by the maximum lift and zero velocity at the nose (Norton, Cam Design and Manufacturing Handbook,
+2009, on trapezoidal acceleration). The jerk has a step at every border.
 """
 
 from collections.abc import Sequence
@@ -27,16 +27,15 @@ STARTS = (
     (0.028, 0.198, 0.028, 0.746),
     (0.069, 0.150, 0.092, 0.689),
 )
-"""Section angles, in shares of half the duration, of the members with the largest area under the paper's Table 4,
-without and with a jerk limit of 0.003 mm/deg^3.
-"""
+"""Section angles, as shares of half the duration, of the members with the largest area under the paper's Table 4,
+without and with a jerk limit of 0.003 mm/deg^3."""
 
 
 def trapezoid(scene: Scene, sections_deg: Sequence[float] | None = None, jerk: bool = True) -> Lift:
     """The trapezoidal cam of a scene's duration, maximum lift and ramps.
 
-    `sections_deg` holds the four section angles from the ramp to the nose, which determine both levels; by default they
-    are chosen as by `camopt.multi_pol`, with the same errors.
+    `sections_deg` has the four section angles from the ramp to the nose, which determine both levels; by default they
+    are chosen as by `camopt.multi_pol`, and the same errors are raised.
     """
     return member(scene, TABLE, STARTS, sections_deg, {}, jerk)
 

@@ -1,1 +1,1 @@
-"""Lift tables: camopt's own, read back unsmoothed, and measured ones, smoothed within their own noise or refused."""
+"""Lift tables: camopt's own, read without smoothing, and measured ones, smoothed within their own noise or refused."""

@@ -1,7 +1,4 @@
-"""The event of a measured table: its rows between the feet, and the scene's own ramp where a flank was cut.
-
-A flank that ends above the base circle is completed by that ramp.
-"""
+"""The event of a measured table: its rows between the feet of the flanks, and the scene's ramp where one is missing."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -16,36 +13,38 @@ from camopt.scene.units import DEG, MM, MM_PER_DEG
 
 TURN = 360.0
 BASE_MM = 0.03
-"""Lift below which a row may belong to the base circle: three times the largest noise expected, 10 um."""
+"""Lift [mm] below which a row may belong to the base circle: three times the largest noise expected, 10 um."""
 CLOSING_SHARE = 0.01
-"""Largest step, over the maximum lift, between the first row and the one a turn later: more is no reading error."""
+"""Largest step between the first row and the one a turn later, over the maximum lift; more is no reading error."""
 FOOT_REACH_DEG = 15.0
-"""How far outside the last row above BASE_MM the foot is looked for: a ramp's foot of 10 deg is within the noise."""
+"""Distance [deg] beyond the last row above BASE_MM within which the foot is sought; noise hides a foot of 10 deg."""
 SHORTEST_BASE_DEG = 10.0
+"""Shortest base circle [deg]; with a shorter one the table counts as a turn without base circle."""
 CUT = 15.0
-"""Where a flank's last step, to the base circle, is this many times the noise more than twice the one before, it has no
-ramp, whose steps shrink or stay there. Four standard deviations of that difference."""
+"""A flank was cut, and has no ramp, if its last step, to the base circle, exceeds twice the step before by this many
+times the noise, four standard deviations of that difference. The steps of a ramp shrink there or stay equal."""
 LEAST_CUT_MM = 2e-3
-"""The same where there is no noise: two units of a table with three decimals."""
+"""The same limit [mm] for a table without noise: two units of a table with three decimals."""
 MEDIAN_TO_DEVIATION = 1.4826
+"""Standard deviation of normal noise over the median of its magnitude."""
 COMPLETED_SHARE = 0.05
-"""Largest lift at which a table may end, over its maximum lift: above it, the flank would be camopt's invention."""
-LONGEST = 2.0
-"""Longest completion, over the scene's own ramp: a gentler slope at the end of the rows leads nowhere."""
+"""Largest lift at which a table may end, relative to its maximum lift; above it, camopt would invent the flank."""
+LONGEST_COMPLETION = 2.0
+"""Largest length of a completion relative to the scene's ramp; rows with a gentler end do not reach the base circle."""
 LOCAL_ROWS = 10
-"""Rows at the end of a flank through which a cubic gives lift and slope there."""
+"""Number of rows at the end of a flank to which a cubic is fitted for the lift and slope there."""
 GENTLER = 0.6
 """Slope of the last rows over the ramp's, below which (by two standard errors) the cut lies in the ramp's foot."""
 WINDOW_DEG = 5.0
-"""Distance of the lifts whose second difference counts as an acceleration of the flank."""
+"""Distance [deg] between the lifts whose second difference is taken as an acceleration of the flank."""
 
 
 @dataclass(frozen=True)
 class Event:
-    """Rows (indices into the table, angles ascending) that make the law, and the angles it may stand between [deg].
+    """The rows (indices into the table, angles ascending) of the law, and the angles [deg] between which it lies.
 
-    `start` and `end` are infinite for a turn without base circle. `cut` says which flank, opening and closing, ends
-    without a ramp; `completed` adds the rows that continue it. `noise` [mm] is a first estimate.
+    `start` and `end` are infinite for a turn without base circle. `cut` states for the opening and the closing flank
+    whether it ends without a ramp; `completed` adds rows that continue it. `noise` [mm] is a first estimate.
     """
 
     rows: np.ndarray = field(repr=False)
@@ -59,8 +58,8 @@ class Event:
 
 
 def find_event(where: str, degrees: np.ndarray, lift: np.ndarray) -> Event:
-    """The event of a table of ascending cam `degrees` and `lift` [mm], both (r), at most one turn; raises InputError
-    where the table neither closes on itself nor begins and ends on the base circle."""
+    """The event of a table of ascending cam `degrees` and `lift` [mm], both (r), over at most one turn. Raises
+    InputError if the table neither closes on itself nor begins and ends on the base circle."""
     check_ends(where, degrees, lift, CLOSING_SHARE * lift.max(), BASE_MM)
     angle = np.mod(degrees - degrees[0], TURN)
     angle[np.abs(degrees - degrees[0] - TURN) < 1e-9] = 0.0
@@ -76,26 +75,27 @@ def find_event(where: str, degrees: np.ndarray, lift: np.ndarray) -> Event:
     widest = int(np.argmax(gaps))
     if gaps[widest] < SHORTEST_BASE_DEG or np.count_nonzero(~high) == 0:
         return Event(order, angle)
-    # unrolled to three turns, the event is one ascending stretch of rows between two stretches of base circle
+    # in three successive turns the event is one range of ascending rows between two ranges of base circle
     after = above[(widest + 1) % len(above)]
     n = len(order)
     index = np.arange(after - n, after + 2 * n)
-    wide, height = angle[np.mod(index, n)] + TURN * np.floor_divide(index, n), turned[np.mod(index, n)]
+    angles, lifts = angle[np.mod(index, n)] + TURN * np.floor_divide(index, n), turned[np.mod(index, n)]
     opening = n
     closing = opening + int(np.mod(above[widest] - after, n))
     noise = _noise(angle, turned, high)
     largest_drop = max(CUT * noise, LEAST_CUT_MM)
-    start, cut_before = _foot(wide, height, opening, -1, largest_drop)
-    end, cut_after = _foot(wide, height, closing, 1, largest_drop)
+    start, cut_before = _foot(angles, lifts, opening, -1, largest_drop)
+    end, cut_after = _foot(angles, lifts, closing, 1, largest_drop)
     row = np.arange(len(index))
-    begun, not_over = row >= opening if cut_before else wide > start, row <= closing if cut_after else wide < end
-    kept = np.flatnonzero(begun & not_over)
-    return Event(order[np.mod(index[kept], n)], wide[kept], start, end, (cut_before, cut_after), noise)
+    after_start = row >= opening if cut_before else angles > start
+    before_end = row <= closing if cut_after else angles < end
+    event_rows = np.flatnonzero(after_start & before_end)
+    return Event(order[np.mod(index[event_rows], n)], angles[event_rows], start, end, (cut_before, cut_after), noise)
 
 
 def _noise(angle: np.ndarray, lift: np.ndarray, high: np.ndarray) -> float:
-    """Noise [mm] of the rows above the base circle, by what a cubic through the four around each says of it."""
-    once = np.append(True, np.diff(angle) > 0)  # a turn's first and last row are one
+    """Noise [mm] of the rows above the base circle, from their distances to cubics through their four neighbours."""
+    once = np.append(True, np.diff(angle) > 0)  # the first and the last row of a turn coincide
     angle, lift, high = angle[once], lift[once], high[once]
     near = np.array([-2, -1, 1, 2])
     at = np.flatnonzero(high[:-4] & high[1:-3] & high[2:-2] & high[3:-1] & high[4:]) + 2
@@ -108,7 +108,7 @@ def _noise(angle: np.ndarray, lift: np.ndarray, high: np.ndarray) -> float:
 
 
 def _foot(angle: np.ndarray, lift: np.ndarray, last: int, outward: int, largest_drop: float) -> tuple[float, bool]:
-    """Outermost angle of the foot beside the row `last` of a flank, and whether its ramp was cut: then that row's."""
+    """Outermost angle of the foot beyond the row `last` of a flank, and whether its ramp was cut at that row."""
     step = abs(angle[last] - angle[last - outward])
     rise, drop = lift[last - outward] - lift[last], lift[last] - lift[last + outward]
     on_base_circle = abs(lift[last + outward]) < BASE_MM
@@ -125,11 +125,12 @@ def _foot(angle: np.ndarray, lift: np.ndarray, last: int, outward: int, largest_
 
 
 def completed(where: str, event: Event, lift: np.ndarray, lines: list[int], ramps: tuple[Ramp, Ramp]) -> Event:
-    """The event with rows of the scene's opening and closing ramp added where its flanks were cut, and its feet.
+    """The event with rows of the scene's opening and closing ramp added where its flanks were cut, and with its feet.
 
-    From the lift and slope at the last row, the velocity falls to the ramp's as (1 - u)^2, down to the ramp's height
-    or as the flank's largest acceleration has it; from there on it is the ramp. A slope well below the ramp's is kept.
-    Raises InputError where the table ends too high or with a slope that no such ramp continues.
+    From the lift and slope at the last row, the velocity falls to that of the ramp as (1 - u)^2, over the angle in
+    which the lift reaches the ramp's height, or over a longer one if the flank's largest acceleration requires it. From
+    there on the lift follows the ramp. A slope well below the ramp's is kept. Raises InputError if the table ends too
+    high or with a slope that no such ramp continues.
     """
     height, ends = lift[event.rows], [event.start, event.end]
     acceleration = _flank_acceleration(event.degrees, height)
@@ -147,13 +148,13 @@ def completed(where: str, event: Event, lift: np.ndarray, lines: list[int], ramp
             )
         (end, slope, bend), error = _end_of_flank(outward * (angle - angle[0])[:LOCAL_ROWS], flank[:LOCAL_ROWS])
         gentler = slope + 2 * error * event.noise < GENTLER * ramps[side].velocity / MM_PER_DEG
-        found = _profile(end, slope, ramps[side], max(bend, acceleration), gentler)
-        if found is None:
+        profile = _profile(end, slope, ramps[side], max(bend, acceleration), gentler)
+        if profile is None:
             raise InputError(
                 f"{what} with a slope of {slope:.3g} mm/deg, which the scene's ramp does not continue down to the base "
                 f"circle: give the rows of its ramp"
             )
-        length, curve = found
+        length, curve = profile
         away = np.arange(step, length, step)
         event = replace(
             event,
@@ -167,8 +168,8 @@ def completed(where: str, event: Event, lift: np.ndarray, lines: list[int], ramp
 
 
 def _end_of_flank(beyond: np.ndarray, flank: np.ndarray) -> tuple[tuple[float, float, float], float]:
-    """Lift, slope (falling) and second derivative at the last row by a cubic, `beyond` [deg] being 0 there, and the
-    slope's standard error over the noise [1/deg]."""
+    """Lift, slope (falling) and second derivative at the last row, where `beyond` [deg] is 0, from a cubic, and the
+    standard error of the slope over the noise [1/deg]."""
     powers = np.vander(beyond, 4, increasing=True)
     fit = np.linalg.pinv(powers)
     c = fit @ flank
@@ -176,7 +177,7 @@ def _end_of_flank(beyond: np.ndarray, flank: np.ndarray) -> tuple[tuple[float, f
 
 
 def _flank_acceleration(degrees: np.ndarray, height: np.ndarray) -> float:
-    """Largest acceleration [mm/deg^2] of the rows over twice `WINDOW_DEG`: noise of 10 um is worth 0.001."""
+    """Largest acceleration [mm/deg^2] of the rows over twice `WINDOW_DEG`; noise of 10 um contributes 0.001."""
     at = degrees[(degrees - degrees[0] >= WINDOW_DEG) & (degrees[-1] - degrees >= WINDOW_DEG)]
     before, now, after = (np.interp(at + away, degrees, height) for away in (-WINDOW_DEG, 0.0, WINDOW_DEG))
     return float(np.max(after - 2 * now + before, initial=0.0)) / WINDOW_DEG**2
@@ -185,28 +186,30 @@ def _flank_acceleration(degrees: np.ndarray, height: np.ndarray) -> float:
 def _profile(
     height: float, slope: float, ramp: Ramp, acceleration: float, gentler: bool
 ) -> tuple[float, Callable[[np.ndarray], np.ndarray]] | None:
-    """Length [deg] and lift [mm] by the angle beyond the last row, from its lift and slope, a `gentler` one than the
-    ramp's going on as it is; None where none fits."""
+    """Length [deg] and lift [mm] against the angle beyond the last row, from its lift and slope; None if no profile
+    fits. A slope that is `gentler` than the ramp's is kept."""
     scene_height, scene_slope = ramp.height / MM, ramp.velocity / MM_PER_DEG
-    low = slope if gentler else scene_slope
-    if not (height > 0 and low > 0 and acceleration > 0):
+    ramp_slope = slope if gentler else scene_slope
+    if not (height > 0 and ramp_slope > 0 and acceleration > 0):
         return None
-    excess = max(slope - low, 0.0)
-    blend = max(3 * (height - scene_height) / (slope + 2 * low), 2 * excess / acceleration) if excess > 0 else 0.0
-    left = height - blend * (low + excess / 3)
-    if left <= 0:
+    excess = max(slope - ramp_slope, 0.0)
+    blend = 0.0
+    if excess > 0:
+        blend = max(3 * (height - scene_height) / (slope + 2 * ramp_slope), 2 * excess / acceleration)
+    ramp_height = height - blend * (ramp_slope + excess / 3)
+    if ramp_height <= 0:
         return None
-    own = Ramp(left * MM, low * MM_PER_DEG, min(ramp.foot, 2 * left / low * DEG))
-    length = blend + own.length / DEG
-    if length > LONGEST * ramp.length / DEG:
+    completion = Ramp(ramp_height * MM, ramp_slope * MM_PER_DEG, min(ramp.foot, 2 * ramp_height / ramp_slope * DEG))
+    length = blend + completion.length / DEG
+    if length > LONGEST_COMPLETION * ramp.length / DEG:
         return None
-    borders, pieces = own.opening_pieces(0.0)
-    kept = np.diff(borders) > 0  # a ramp that is no higher than its foot rises has no straight piece
-    law = PPoly(pieces[kept, ::-1].T, np.append(borders[:-1][kept], borders[-1]))
+    borders, pieces = completion.opening_pieces(0.0)
+    nonempty = np.diff(borders) > 0  # a ramp no higher than the rise of its foot has no straight piece
+    law = PPoly(pieces[nonempty, ::-1].T, np.append(borders[:-1][nonempty], borders[-1]))
 
     def curve(away: np.ndarray) -> np.ndarray:
         share = np.clip(away / blend, 0.0, 1.0) if blend > 0 else np.ones_like(away)
-        above = left + (blend - np.minimum(away, blend)) * low + excess * blend / 3 * (1 - share) ** 3
+        above = ramp_height + (blend - np.minimum(away, blend)) * ramp_slope + excess * blend / 3 * (1 - share) ** 3
         return np.where(away < blend, above, law(-np.maximum(away - blend, 0.0) * DEG) / MM)
 
     return length, curve

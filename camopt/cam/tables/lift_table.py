@@ -1,4 +1,4 @@
-"""Lift tables: camopt's own `lift.csv`, read back unsmoothed, and tables from elsewhere with their units named."""
+"""Lift tables: camopt's own `lift.csv`, read without smoothing, and tables from elsewhere with units to be named."""
 
 import math
 from collections.abc import Sequence
@@ -21,19 +21,19 @@ from camopt.storage import write_csv
 FEWEST_ROWS = 20
 MOST_ROWS = 20_000
 DERIVATIVES = {"velocity_mm_per_deg": 1, "acceleration_mm_per_deg2": 2}
-"""Columns of camopt's own tables that are read beside the lift, and their order."""
+"""Columns of camopt's own tables that are read beside the lift, with the order of the derivative."""
 LIFT_UNITS_MM = {"mm": 1.0, "m": 1e3, "inch": 25.4}
 ANGLE_KINDS = ("cam", "crank")
 MOST_DECIMALS = 12
-"""Decimals of a table's lifts in mm beyond which they are taken as unrounded."""
+"""Largest number of decimals of a table's lifts [mm]; with more, they count as not rounded."""
 PLAUSIBLE = 10.0
-"""Largest ratio, either way, of a table's lift to the scene's maximum lift: beyond it the unit is taken to be wrong."""
+"""Largest ratio, either way, of a table's lift to the scene's maximum lift; beyond it the unit counts as wrong."""
 PLAUSIBLE_DURATION = 1.8
-"""The same for its duration: an angle taken for the other kind changes it by a factor of two."""
+"""The same for the duration, which changes by a factor of two if the cam angle is taken for the crank angle."""
 
 
 def write_lift_table(path: str | Path, lift: Lift, step_deg: float = 0.1) -> None:
-    """Writes `lift.csv`: angle, lift, velocity, acceleration and jerk with every digit, -180 to 180 deg."""
+    """Writes `lift.csv`: angle, lift, velocity, acceleration and jerk at full precision, from -180 to 180 deg."""
     write_csv(path, lift_table(lift, step_deg))
 
 
@@ -48,54 +48,55 @@ def read_lift_table(
     table_first_line: int | None = None,
     table_columns: Sequence[str | int] | None = None,
 ) -> Lift:
-    """The lift law of a table: camopt's own unsmoothed, any other smoothed within its noise.
+    """The lift law of a table: camopt's own without smoothing, any other smoothed within its noise.
 
-    A table with the columns cam_angle_deg and lift_mm (camopt's own) needs no more: the law passes through every row,
-    and meets velocity and acceleration where they stand beside the lift. Any other needs `table_angle` (cam, crank) and
-    `table_lift` (mm, m, inch), here or as keys in its # header; `table_ratio` (1) turns tappet lift into the valve lift
-    that the scene counts; `table_probe_mm` says that a ball probe of this radius felt the cam itself (infinite: a flat
-    one), whose lift is turned into that of the scene's follower. Its first two columns are angle [deg] and lift, or the
-    two of `table_columns`, named or counted from 1; its rows begin after a header of any length, or in the line
-    `table_first_line`. It covers a turn, one event that begins and ends on the base circle, or half a lobe from its
-    nose, and the middle of its duration becomes angle zero. What was done to it (mends, noise, outliers, largest shift
-    of a row, lift added where a ramp is missing, error of the acceleration) is in the lift's `parameters`; see
-    `camopt.cam.tables.text` and `smoothing`. The duration of every table lies between the scene's ramp heights.
-    Raises InputError with file and line for anything else.
+    A table with the columns cam_angle_deg and lift_mm (camopt's own) needs no other information: the law passes through
+    every row, and has the velocity and acceleration that stand beside the lift. Any other table needs `table_angle`
+    (cam, crank) and `table_lift` (mm, m, inch), here or as keys in its # header. `table_ratio` (1) converts tappet lift
+    into the valve lift of the scene. `table_probe_mm` states that a ball probe of this radius (infinite: a flat one)
+    measured the cam itself, whose lift is converted into that of the scene's follower. The first two columns are angle
+    [deg] and lift, unless `table_columns` names two others or counts them from 1. The rows begin after a header of any
+    length, or in the line `table_first_line`. The table covers a turn, one event that begins and ends on the base
+    circle, or half a lobe from its nose, and the middle of its duration becomes angle zero. Everything that was done to
+    it (corrections, noise, outliers, largest shift of a row, lift added where a ramp is missing, error of the
+    acceleration) is in the lift's `parameters`; see `camopt.cam.tables.text` and `smoothing`. The duration of every
+    table lies between the scene's ramp heights. Raises InputError with file and line for anything else.
     """
     where, table = str(path), parsed(Path(path), table_first_line, table_columns)
-    options = {"angle": table_angle, "lift": table_lift, "ratio": table_ratio, "probe": table_probe_mm}
-    given = {key: table.keys.get(key) if value is None else str(value) for key, value in options.items()}
-    rows = _own(where, table, given) if table.own else mended(_foreign(where, table, given, scene))
+    arguments = {"angle": table_angle, "lift": table_lift, "ratio": table_ratio, "probe": table_probe_mm}
+    options = {key: table.keys.get(key) if value is None else str(value) for key, value in arguments.items()}
+    rows = _own(where, table, options) if table.own else mended(_foreign(where, table, options, scene))
     design = scene.required_design
     _check(where, rows, design.max_lift_mm)
     report = {"file": Path(path).name, "rows": len(rows.degrees)}
     if table.own:
         pieces = _own_pieces(where, table, rows)
     else:
-        pieces, done = _measured(where, rows, scene_ramps(design))
-        report |= {"angle": given["angle"], "lift": given["lift"], "ratio": float(given["ratio"] or 1), **done}
-        if rows.said:
-            report["mended"] = list(rows.said)
+        pieces, changes = _measured(where, rows, scene_ramps(design))
+        report |= {"angle": options["angle"], "lift": options["lift"]}
+        report |= {"ratio": float(options["ratio"] or 1), **changes}
+        if rows.notes:
+            report["mended"] = list(rows.notes)
     report |= _row_error(rows, report)
-    if given["probe"] is not None:
-        pieces = _followed(where, pieces, given, scene)
-        report["probe_mm"] = given["probe"]
+    if options["probe"] is not None:
+        pieces = _followed(where, pieces, options, scene)
+        report["probe_mm"] = options["probe"]
     opening, closing = (h * MM for h, _, _ in design.ramps())
     start, end = event_borders(where, pieces, opening, closing)
-    found_deg, scene_deg = (end - start) / DEG, design.duration_deg
-    if not 1 / PLAUSIBLE_DURATION <= found_deg / scene_deg <= PLAUSIBLE_DURATION:
+    table_deg, scene_deg = (end - start) / DEG, design.duration_deg
+    if not 1 / PLAUSIBLE_DURATION <= table_deg / scene_deg <= PLAUSIBLE_DURATION:
         raise InputError(
-            f"{where}: {found_deg:.0f} cam degrees lie between the ramp heights against the scene's duration_deg of "
+            f"{where}: {table_deg:.0f} cam degrees lie between the ramp heights against the scene's duration_deg of "
             f"{scene_deg:g}: check --table-angle (crank angles are halved)"
         )
     borders, coefficients = centred(pieces, 0.0 if table.own else 0.5 * (start + end))
     return Lift(borders, coefficients, 0.5 * (end - start), "table", report)
 
 
-def _own(where: str, table: TableText, given: dict) -> TableRows:
+def _own(where: str, table: TableText, options: dict) -> TableRows:
     """The rows of a table that camopt wrote."""
-    named = given["angle"] not in (None, "cam") or given["lift"] not in (None, "mm")
-    if named or given["ratio"] is not None or given["probe"] is not None:
+    named = options["angle"] not in (None, "cam") or options["lift"] not in (None, "mm")
+    if named or options["ratio"] is not None or options["probe"] is not None:
         raise InputError(
             f"{where}: its columns are named cam_angle_deg and lift_mm, against the units given for it: "
             f"leave these out, or name the columns otherwise"
@@ -118,27 +119,27 @@ def _own_pieces(where: str, table: TableText, rows: TableRows) -> PPoly:
     return own_pieces(where, rows.degrees * DEG, rows.height * MM, velocity, acceleration, table.lines)
 
 
-def _foreign(where: str, table: TableText, given: dict, scene: Scene) -> TableRows:
+def _foreign(where: str, table: TableText, options: dict, scene: Scene) -> TableRows:
     """The rows of a table from elsewhere."""
-    if given["angle"] not in ANGLE_KINDS or given["lift"] not in LIFT_UNITS_MM:
+    if options["angle"] not in ANGLE_KINDS or options["lift"] not in LIFT_UNITS_MM:
         raise InputError(
             f"{where}: not a table that camopt wrote, so its units must be named: "
             f"--table-angle {'|'.join(ANGLE_KINDS)} --table-lift {'|'.join(LIFT_UNITS_MM)}"
         )
-    ratio = _positive(given["ratio"] or "1")
+    ratio = _positive(options["ratio"] or "1")
     if not (math.isfinite(ratio) and ratio > 0):
         raise InputError(
-            f"{where}: the ratio is {given['ratio']!r}; valve lift over the table's lift must be a number above 0"
+            f"{where}: the ratio is {options['ratio']!r}; valve lift over the table's lift must be a number above 0"
         )
     if len(table.rows) > MOST_ROWS:
         raise InputError(f"{where}: {len(table.rows)} rows, more than {MOST_ROWS}: give every n-th row")
-    per_unit = scene.required_operation.cam_per_crank if given["angle"] == "crank" else 1.0
-    height = table.rows[:, 1] * LIFT_UNITS_MM[given["lift"]] * ratio
-    return TableRows(table.rows[:, 0] * per_unit, height, table.lines, table.said)
+    per_unit = scene.required_operation.cam_per_crank if options["angle"] == "crank" else 1.0
+    height = table.rows[:, 1] * LIFT_UNITS_MM[options["lift"]] * ratio
+    return TableRows(table.rows[:, 0] * per_unit, height, table.lines, table.notes)
 
 
 def _positive(text: str) -> float:
-    """A number above zero, infinite ones included; NaN for anything else."""
+    """A number above zero, infinity included; NaN for anything else."""
     try:
         value = float(text)
     except ValueError:
@@ -146,12 +147,12 @@ def _positive(text: str) -> float:
     return value if value > 0 else math.nan
 
 
-def _followed(where: str, pieces: PPoly, given: dict, scene: Scene) -> PPoly:
-    """The pieces [rad, m] of the scene's follower on the cam that a probe felt with these pieces."""
-    radius = _positive(given["probe"])
-    if math.isnan(radius) or given["ratio"] is not None:
+def _followed(where: str, pieces: PPoly, options: dict, scene: Scene) -> PPoly:
+    """The pieces [rad, m] of the scene's follower on the cam that a probe measured with these pieces."""
+    radius = _positive(options["probe"])
+    if math.isnan(radius) or options["ratio"] is not None:
         raise InputError(
-            f"{where}: the probe is {given['probe']!r}; expected the radius of its ball in mm or inf for a flat one, "
+            f"{where}: the probe is {options['probe']!r}; expected the radius of its ball in mm or inf for a flat one, "
             f"and no ratio beside it: the scene's [geometry] has that"
         )
     if scene.geometry is None:
@@ -167,7 +168,7 @@ def _followed(where: str, pieces: PPoly, given: dict, scene: Scene) -> PPoly:
 
 
 def _measured(where: str, rows: TableRows, ramps: tuple[Ramp, Ramp]) -> tuple[PPoly, dict]:
-    """Pieces [rad, m] over one turn of a table from elsewhere, and what was done to it."""
+    """Pieces [rad, m] over one turn of a table from elsewhere, and a report on what was done to it."""
     degrees, height = rows.degrees, rows.height
     smooth, report = smoothed(where, degrees, height, rows.lines, ramps)
     if smooth is not None:
@@ -182,7 +183,7 @@ def _measured(where: str, rows: TableRows, ramps: tuple[Ramp, Ramp]) -> tuple[PP
 
 
 def _row_error(rows: TableRows, report: dict) -> dict:
-    """By how much the law may be off at the rows of a table with equal steps whose error is its rounding, and the step;
+    """The largest error of the law at the rows of a table with equal steps whose only error is rounding, and the step;
     empty for tables that were measured, or whose steps differ."""
     step, decimals = float(np.median(np.diff(rows.degrees))), range(MOST_DECIMALS + 1)
     unit = next((10.0**-d for d in decimals if np.array_equal(np.round(rows.height, d), rows.height)), 0.0)

@@ -1,12 +1,12 @@
-"""A periodic quintic smoothing spline whose noise and stiffness come from the data (restricted likelihood).
+"""A periodic quintic smoothing spline whose noise and stiffness are estimated from the data (restricted likelihood).
 
-The lift is sum_i c_i B_i on uniform knots over one turn, four times continuously differentiable, and penalised by the
-fourth or the third differences of c (P-splines: Eilers and Marx 1996, Statistical Science 11, Eq. 7). Read as a
-Gaussian prior, the penalty gives the noise, the weight of the penalty (Wahba 1985, Annals of Statistics 13, Eq. 1.8),
+The lift is sum_i c_i B_i on uniform knots over one turn, four times continuously differentiable, with a penalty on the
+fourth or the third differences of c (P-splines: Eilers and Marx 1996, Statistical Science 11, Eq. 7). Interpreted as a
+Gaussian prior, the penalty yields the noise, the weight of the penalty (Wahba 1985, Annals of Statistics 13, Eq. 1.8),
 the standard error of every derivative (Silverman 1985, JRSS B 47, section 6), and which of the two differences the rows
-speak for: fourth ones expect a jerk that wanders and steps, third ones an acceleration that does. Coefficients outside
-the event are zero, so that the base circle is exactly zero, and no coefficient is negative, so that the lift is not.
-Degrees and mm inside.
+support: fourth ones correspond to a jerk that wanders and steps, third ones to an acceleration that does. Coefficients
+outside the event are zero, so that the base circle is exactly zero, and no coefficient is negative, so that the lift is
+not. Angles are in degrees and lifts in mm.
 """
 
 from dataclasses import dataclass, field
@@ -18,26 +18,29 @@ from scipy.optimize import fminbound
 from scipy.sparse import csr_array
 from scipy.special import comb, gammaln
 
+from camopt.cam.tables.interpolation import with_one_base_circle
+
 DEGREE = 5
 BAND = 2 * DEGREE + 1
-"""Diagonals of the equations from the main one down: two knots on the ring are at most twice as far apart in them."""
+"""Diagonals of the equations from the main one down: at most twice the distance of two coefficients on the ring."""
 PENALTY_ORDERS = (4, 3)
-"""On the tables of experiments/measured_tables.py third differences alone leave 1.1 to 2 times the error of fourth ones
-on cams of limited jerk; fourth ones alone leave up to 1.4 times that of third ones where the acceleration steps, and
-state half of it or less. Generalised cross validation takes the coarse tables (1 and 2 deg) for noise-free."""
+"""Orders of the differences that are compared. On the tables of experiments/measured_tables.py third differences alone
+have 1.1 to 2 times the error of fourth ones on cams of limited jerk; fourth ones alone have up to 1.4 times that of
+third ones where the acceleration steps, and state half of it or less. Generalised cross-validation takes the coarse
+tables (1 and 2 deg) for noise-free."""
 RULED_OUT = 13.8
-"""Twice the logarithm of the odds, 1000 to 1, at which the rows have ruled out an order."""
-GIVEN_PRECISION = 100.0
-"""Precision of rows that are given, not measured, over that of a measured one: they hold to a tenth of the noise."""
+"""Twice the logarithm of the odds, 1000 to 1, from which the rows rule out an order."""
+ADDED_PRECISION = 100.0
+"""Precision of added rows over that of measured ones; the spline follows them to a tenth of the noise."""
 WEIGHTS = np.arange(-18.0, 16.0, 3.0)
-"""Logarithms of the penalty's weight that are tried before the best is refined. Below, the equations of knots denser
-than rows are singular to rounding."""
+"""Logarithms of the penalty's weight that are tried before the best is refined. Below them, the equations are singular
+to rounding if the knots are denser than the rows."""
 _CARDINAL = BSpline.basis_element(np.arange(DEGREE + 2.0), extrapolate=False)
 
 
 def basis(degrees: np.ndarray, count: int, order: int = 0) -> csr_array:
-    """Values (r, count) of the periodic basis functions, of which i stands on the knots i-5 to i+1, at 360 i/count, or
-    of a derivative, at `degrees` (r)."""
+    """Values (r, count) of the periodic basis functions, or of a derivative, at `degrees` (r). Function i lies on the
+    knots i-5 to i+1, which are at 360 i/count."""
     h = 360.0 / count
     piece = np.floor(degrees / h).astype(int)
     local = (degrees / h - piece)[:, None] + DEGREE - np.arange(DEGREE + 1)
@@ -49,13 +52,13 @@ def basis(degrees: np.ndarray, count: int, order: int = 0) -> csr_array:
 
 
 class Equations:
-    """Normal equations of the measured and the given rows, and the restricted likelihood of a penalty."""
+    """Normal equations of the measured and the added rows, and the restricted likelihood of a penalty."""
 
-    def __init__(self, degrees: np.ndarray, lift: np.ndarray, count: int, free: np.ndarray, given: int):
-        self.count, self.free, self.measured = count, free, len(lift) - given
+    def __init__(self, degrees: np.ndarray, lift: np.ndarray, count: int, free: np.ndarray, added: int):
+        self.count, self.free, self.measured = count, free, len(lift) - added
         self.rows = basis(degrees, count)[:, free]
         self.lift = lift
-        self.precision = np.where(np.arange(len(lift)) < self.measured, 1.0, GIVEN_PRECISION)
+        self.precision = np.where(np.arange(len(lift)) < self.measured, 1.0, ADDED_PRECISION)
         weighted = self.rows.multiply(self.precision[:, None]).tocsr()
         self.normal, self.right = _bands(weighted.T @ self.rows), weighted.T @ lift
         self.penalties = {order: _bands(_penalty(count, order)[free][:, free]) for order in PENALTY_ORDERS}
@@ -73,10 +76,10 @@ class Equations:
         return factor, c, (missed + bent) / self.measured
 
     def cost(self, order: int, log_weight: float) -> float:
-        """Minus twice the logarithm of the restricted likelihood, less what no penalty changes."""
+        """Minus twice the logarithm of the restricted likelihood, without terms that are the same for all penalties."""
         factor, _, variance = self.solved(order, log_weight)
         size = len(self.free)
-        rank = size - (size == self.count)  # a constant over the whole turn costs nothing
+        rank = size - (size == self.count)  # a constant over the whole turn is not penalised
         scaled = rank * (log_weight + np.log(_scale(self.count, order)))
         return (
             self.measured * np.log(variance)
@@ -86,56 +89,55 @@ class Equations:
         )
 
     def likeliest(self, order: int) -> tuple[int, float]:
-        """The order, and the logarithm of its weight of largest restricted likelihood."""
+        """The order, and the logarithm of the weight that has the largest restricted likelihood for it."""
         best = WEIGHTS[int(np.argmin([self.cost(order, weight) for weight in WEIGHTS]))]
-        found = fminbound(lambda weight: self.cost(order, float(weight)), best - 3, best + 3, xtol=0.05)
-        return order, float(np.asarray(found))
+        refined = fminbound(lambda weight: self.cost(order, float(weight)), best - 3, best + 3, xtol=0.05)
+        return order, float(np.asarray(refined))
 
 
 @dataclass(frozen=True)
 class Fit:
-    """A spline through noisy rows: `coefficients` (n) [mm] on n knots, those that the `equations` do not have zero."""
+    """A spline through noisy rows: `coefficients` (n) [mm] on n knots; those outside the `equations` are zero."""
 
     equations: Equations = field(repr=False)
     coefficients: np.ndarray = field(repr=False)
     penalty: tuple[int, float]  # order of the differences that are penalised, logarithm of the penalty's weight
     noise: float  # standard deviation of a row [mm]
     residuals: np.ndarray  # (r) row less spline [mm]
-    leverage: np.ndarray  # (r) how far the spline follows a row's own error, 0 to 1
+    leverage: np.ndarray  # (r) share of a row's own error that the spline follows, 0 to 1
 
     def studentised(self) -> np.ndarray:
         """Residuals over their own standard deviation, shape (r)."""
         return self.residuals / (self.noise * np.sqrt(np.maximum(1.0 - self.leverage, 1e-12)))
 
     def pieces(self) -> PPoly:
-        """The spline over one turn from 0, angle [deg] and lift [mm], pieces on the base circle joined."""
+        """The spline over one turn from 0, angle [deg] and lift [mm], with the base circle as one piece."""
         count = len(self.coefficients)
         knots = np.arange(-DEGREE, count + DEGREE + 1) * (360.0 / count)
         all_pieces = PPoly.from_spline(BSpline(knots, np.append(self.coefficients, self.coefficients[:DEGREE]), DEGREE))
         c = all_pieces.c[:, DEGREE : DEGREE + count]
-        zero = ~np.any(c, axis=0)
-        kept = ~(zero & np.append(False, zero[:-1]))
-        return PPoly(c[:, kept], np.append(knots[DEGREE : DEGREE + count][kept], 360.0))
+        return with_one_base_circle(PPoly(c, np.append(knots[DEGREE : DEGREE + count], 360.0)))
 
     def acceleration_error(self) -> tuple[float, float, float]:
-        """Standard errors of the acceleration over its largest size: the root mean square over the event under the
-        penalty that the rows speak for; the largest such one under the penalties that the rows do not rule out; and,
-        likewise, the larger of the errors where the acceleration is largest and smallest."""
+        """Standard errors of the acceleration over its largest magnitude: the root mean square over the event under the
+        penalty that the rows support best; the largest such value under the penalties that the rows do not rule out;
+        and, likewise, the larger of the errors at the largest and at the smallest acceleration."""
         equations, count = self.equations, len(self.coefficients)
         first = equations.free.min() if len(equations.free) == count else equations.free[0]
         at = (first - DEGREE + np.arange(0, len(equations.free) + DEGREE, 0.25)) * (360.0 / count)
         rows = basis(np.mod(at, 360.0), count, 2)[:, equations.free]
         acceleration = rows @ self.coefficients[equations.free]
         peaks = [int(np.argmax(acceleration)), int(np.argmin(acceleration))]
-        found = []
+        errors = []
         for order in PENALTY_ORDERS:
             penalty = equations.likeliest(order)
             factor, _, variance = equations.solved(*penalty)
             error = variance * _quadratic_forms(rows, cho_solve_banded((factor, True), np.eye(len(equations.free))))
-            found.append((equations.cost(*penalty), float(np.sqrt(error.mean())), float(np.sqrt(error[peaks].max()))))
-        best = min(found)
-        allowed = [one for one in found if one[0] - best[0] < RULED_OUT]
-        rms, at_peak = (max(one[i] for one in allowed) for i in (1, 2))
+            rms, at_peak = np.sqrt(error.mean()), np.sqrt(error[peaks].max())
+            errors.append((equations.cost(*penalty), float(rms), float(at_peak)))
+        best = min(errors)
+        allowed = [entry for entry in errors if entry[0] - best[0] < RULED_OUT]
+        rms, at_peak = (max(entry[i] for entry in allowed) for i in (1, 2))
         largest = float(np.abs(acceleration).max())
         return best[1] / largest, rms / largest, at_peak / largest
 
@@ -145,33 +147,33 @@ def fitted(
     lift: np.ndarray,
     count: int,
     free: np.ndarray,
-    given: int = 0,
+    added: int = 0,
     penalty: tuple[int, float] | None = None,
 ) -> Fit:
-    """The spline through rows `degrees`, `lift` [mm] (r), its coefficients `free` (k) in cyclic order, others zero.
+    """The spline through rows `degrees`, `lift` [mm] (r), with coefficients `free` (k) in cyclic order, others zero.
 
-    Without a `penalty` (order, logarithm of the weight) the one of largest restricted likelihood is taken. The last
-    `given` rows are not measured.
+    Without a `penalty` (order, logarithm of weight) the one of largest restricted likelihood is taken. The last `added`
+    rows are not measured.
     """
-    if len(free) == count:  # cyclic: neighbours on the ring come near each other by going both ways round at once
+    if len(free) == count:  # full turn: taken alternately from both ends, neighbours on the ring stay close
         free = np.stack([free, free[::-1]], axis=1).ravel()[:count]
-    equations = Equations(degrees, lift, count, free, given)
+    equations = Equations(degrees, lift, count, free, added)
     if penalty is None:
         penalty = min((equations.likeliest(order) for order in PENALTY_ORDERS), key=lambda p: equations.cost(*p))
     factor, c, variance = equations.solved(*penalty)
     covariance = cho_solve_banded((factor, True), np.eye(len(free)))
     coefficients = np.zeros(count)
     coefficients[free] = c
-    rows = equations.rows[: len(lift) - given]
-    residuals = lift[: len(lift) - given] - rows @ c
+    rows = equations.rows[: len(lift) - added]
+    residuals = lift[: len(lift) - added] - rows @ c
     leverage = _quadratic_forms(rows, covariance)
     return Fit(equations, coefficients, penalty, float(np.sqrt(variance)), residuals, leverage)
 
 
-def fitted_non_negative(degrees: np.ndarray, lift: np.ndarray, count: int, free: np.ndarray, given: int = 0) -> Fit:
-    """As `fitted`, its ends drawn in until no coefficient is negative, or none is positive (a table that is no lift):
-    the feet lie where the lift leaves the noise."""
-    fit = fitted(degrees, lift, count, free, given)
+def fitted_non_negative(degrees: np.ndarray, lift: np.ndarray, count: int, free: np.ndarray, added: int = 0) -> Fit:
+    """As `fitted`, with the ends of the event moved inwards until no coefficient is negative, or none is positive (a
+    table that is no lift). The feet then lie where the lift exceeds the noise."""
+    fit = fitted(degrees, lift, count, free, added)
     while True:
         c = fit.coefficients[free]
         negative, top = np.flatnonzero(c < 0), int(np.argmax(c))
@@ -180,11 +182,11 @@ def fitted_non_negative(degrees: np.ndarray, lift: np.ndarray, count: int, free:
         first = int(negative[negative < top].max(initial=-1)) + 1
         last = int(negative[negative > top].min(initial=len(c)))
         free = free[first:last]  # shorter by one coefficient at least
-        fit = fitted(degrees, lift, count, free, given, fit.penalty)
+        fit = fitted(degrees, lift, count, free, added, fit.penalty)
 
 
 def _penalty(count: int, order: int) -> csr_array:
-    """Integral of the squared derivative of an order by its differences at uniform knots, cyclic, (count, count)."""
+    """Integral of the squared derivative of an order, from differences at uniform knots, cyclic, (count, count)."""
     weights = [(-1) ** d * comb(2 * order, order + d, exact=True) for d in range(-order, order + 1)]
     columns = np.mod(np.arange(count)[:, None] + np.arange(-order, order + 1), count)
     rows = np.repeat(np.arange(count), 2 * order + 1)
@@ -193,7 +195,7 @@ def _penalty(count: int, order: int) -> csr_array:
 
 
 def _scale(count: int, order: int) -> float:
-    """Integral over the angle [deg] of a squared derivative of an order, over its sum of squared differences."""
+    """Integral over the angle [deg] of the squared derivative of an order, over the sum of its squared differences."""
     return (count / 360.0) ** (2 * order - 1)
 
 
@@ -201,8 +203,8 @@ def _log_determinant(size: int, order: int, ring: bool) -> float:
     """Logarithm of the determinant of the squared differences of `size` coefficients, zero beyond both ends.
 
     It is a Toeplitz matrix of symbol (2 - 2 cos x)^order, a pure Fisher-Hartwig singularity (Boettcher and Silbermann
-    1999, Introduction to Large Truncated Toeplitz Matrices); on the `ring` the product of its eigenvalues but for the
-    zero counts, size^(2 order).
+    1999, Introduction to Large Truncated Toeplitz Matrices). On the `ring` it is the product of the nonzero
+    eigenvalues, size^(2 order).
     """
     if ring:
         return 2 * order * float(np.log(size))

@@ -1,8 +1,8 @@
 """The text of a lift table: any common delimiter, a header of any length before the rows, and keys in # lines.
 
-A comma between digits is a decimal sign where semicolons, tabs or blanks part the columns. The rows begin where lines
-of numbers, with as many columns each, do; the last line before them may name the columns. Rows in another order, half a
-lobe and gaps are put right or named, with a sentence on each.
+Where semicolons, tabs or blanks separate the columns, a comma between digits is a decimal sign. The rows begin where
+lines of numbers with equally many columns begin; the last line before them may name the columns. Rows in another order
+and half a lobe are corrected, and gaps are reported, with one sentence (a note) on each.
 """
 
 import re
@@ -18,9 +18,9 @@ from camopt.scene.text_file import excerpt, read_text
 
 MAX_FILE_BYTES = 20_000_000
 LARGEST = 1e9
-"""Of any number in a table: products with a unit stay far from overflow."""
+"""Largest magnitude of a number in a table; products with a unit then stay far from overflow."""
 ALIKE = 3
-"""Lines of numbers with as many columns each that count as the begin of the rows."""
+"""Number of lines of numbers with equally many columns that count as the beginning of the rows."""
 _HEADER_KEY = re.compile(r"\btable[-_](angle|lift|ratio|probe)\s*[=:]\s*([\w.+-]+)")
 
 _OWN = {"cam_angle_deg", "lift_mm"}
@@ -28,13 +28,13 @@ _OWN = {"cam_angle_deg", "lift_mm"}
 _WITH_COMMA = re.compile(r"[+-]?\d+(,\d+)?([eE][+-]?\d+)?")
 """A number whose decimal sign, if any, is a comma."""
 _TORN = re.compile(r"[+-]?\d+,\d+,[+-]?\d+,\d+([eE][+-]?\d+)?")
-"""Two such numbers with a comma between them."""
+"""Two such numbers separated by a comma."""
 TOP_SHARE = 0.999
-"""Lift of the first or last row over the largest, from which on half a lobe ends at its nose."""
+"""Lift of the first or last row, relative to the largest, from which half a lobe ends at its nose."""
 GAP = 1.6
-"""Step from one row to the next over the larger of its neighbours', from which on rows are missing between."""
+"""Step between two rows, relative to the larger of its neighbours, from which rows are missing between them."""
 MOST_GAPS = 5
-"""Gaps that are named; how many more there are is said."""
+"""Largest number of gaps that are listed; the number of further ones is stated."""
 
 
 @dataclass(frozen=True)
@@ -45,11 +45,11 @@ class TableText:
     keys: dict[str, str]
     rows: np.ndarray  # (r, c)
     lines: list[int]  # line number of each row
-    said: tuple[str, ...] = ()  # what was mended in reading it
+    notes: tuple[str, ...] = ()  # one sentence per correction made in reading it
 
     @property
     def own(self) -> bool:
-        """Whether the columns are named as camopt names them, units included."""
+        """Whether the columns have the names that camopt gives them, units included."""
         return _OWN <= set(self.names)
 
 
@@ -60,19 +60,19 @@ class _Line:
     number: int
     text: str
     cells: list[str]
-    values: list[float]  # of its cells, none where one of them is no finite number
+    values: list[float]  # of its cells; empty if one of them is not a finite number
 
 
 def parsed(path: Path, first_line: int | None = None, columns: Sequence[str | int] | None = None) -> TableText:
     """Numbers of a text file with any common delimiter, a header before them, and # comments.
 
-    `first_line` says in which line the rows begin, where the text does not show it; `columns` names the two that hold
-    angle and lift, or counts them from 1. Raises InputError for rows that are not all numbers and alike.
+    `first_line` is the line in which the rows begin, if the text does not show it; `columns` names the two that hold
+    angle and lift, or counts them from 1. Raises InputError for rows that are not numbers in equal columns.
     """
     text = read_text(path, MAX_FILE_BYTES, "lift table", encoding="utf-8-sig")
-    every = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1)]
-    keys = dict(found for _, line in every if line.startswith("#") for found in _HEADER_KEY.findall(line))
-    lines = [_line(number, line) for number, line in every if line and not line.startswith("#")]
+    numbered = [(number, line.strip()) for number, line in enumerate(text.splitlines(), 1)]
+    keys = dict(match for _, line in numbered if line.startswith("#") for match in _HEADER_KEY.findall(line))
+    lines = [_line(number, line) for number, line in numbered if line and not line.startswith("#")]
     begin = _first_row(lines) if first_line is None else sum(line.number < first_line for line in lines)
     if begin == len(lines) or not any(line.values for line in lines[begin:]):
         after = "" if first_line is None else f" from line {first_line} on"
@@ -84,12 +84,13 @@ def parsed(path: Path, first_line: int | None = None, columns: Sequence[str | in
             f"{path}: line {lines[begin].number}: commas stand between its columns and in its numbers: part the "
             f"columns by semicolons, or write the numbers with points"
         )
-    said = (
-        ("its commas are read as decimal signs",) if any(_decimal_commas(line.text) for line in lines[begin:]) else ()
-    )
+    decimal_commas = any(_decimal_commas(line.text) for line in lines[begin:])
+    notes = ("its commas are read as decimal signs",) if decimal_commas else ()
     if begin > 1:
-        said += (f"its rows begin in line {lines[begin].number}: the {begin} lines of text before them are its header",)
-    table = TableText(names, keys, rows, [line.number for line in lines[begin:]], said)
+        notes += (
+            f"its rows begin in line {lines[begin].number}: the {begin} lines of text before them are its header",
+        )
+    table = TableText(names, keys, rows, [line.number for line in lines[begin:]], notes)
     return table if columns is None else _chosen(path, table, columns)
 
 
@@ -103,8 +104,8 @@ def _line(number: int, text: str) -> _Line:
 
 
 def _first_row(lines: list[_Line]) -> int:
-    """Index of the line in which the rows begin; a line of the header with as many numbers counts as the first row, so
-    that a row which cannot be read is named and not skipped."""
+    """Index of the line in which the rows begin. A line of the header with as many numbers counts as the first row, so
+    that a row which cannot be read is reported and not skipped."""
     widths = [len(line.values) for line in lines]
     runs = (i for i in range(len(lines)) if widths[i] > 1 and set(widths[i : i + ALIKE]) == {widths[i]})
     begin = next(runs, None)
@@ -114,7 +115,7 @@ def _first_row(lines: list[_Line]) -> int:
 
 
 def _rows(path: Path, lines: list[_Line]) -> np.ndarray:
-    """The numbers (r, c) of lines that must be rows, all alike."""
+    """The numbers (r, c) of lines that must all be rows with equally many columns."""
     width = len(lines[0].cells)
     for line in lines:
         where, shown = f"{path}: line {line.number}", f"{line.text[:60]!r}"
@@ -131,7 +132,7 @@ def _rows(path: Path, lines: list[_Line]) -> np.ndarray:
 
 
 def _names(path: Path, header: list[_Line], width: int) -> list[str]:
-    """The names of the columns, where the last line of the header has one for each."""
+    """The names of the columns, if the last line of the header has one for each."""
     cells = header[-1].cells if header else []
     if len(cells) != width and _OWN <= set(cells):
         raise InputError(f"{path}: {width} columns, and line {header[-1].number} names {len(cells)}: give all alike")
@@ -139,14 +140,14 @@ def _names(path: Path, header: list[_Line], width: int) -> list[str]:
 
 
 def _chosen(path: Path, table: TableText, columns: Sequence[str | int]) -> TableText:
-    """The table with two of its columns alone, as angle and lift."""
-    known = [name.lower() for name in table.names]
+    """The table with only two of its columns, as angle and lift."""
+    names = [name.lower() for name in table.names]
     at = []
     for column in map(str, columns):
         if column.isdecimal() and 1 <= int(column) <= table.rows.shape[1]:
             at.append(int(column) - 1)
-        elif known.count(column.strip().lower()) == 1:
-            at.append(known.index(column.strip().lower()))
+        elif names.count(column.strip().lower()) == 1:
+            at.append(names.index(column.strip().lower()))
         else:
             named = f", named {', '.join(map(repr, table.names))}" if table.names else " without names"
             raise InputError(
@@ -154,13 +155,13 @@ def _chosen(path: Path, table: TableText, columns: Sequence[str | int]) -> Table
                 f"give a name that one column has"
             )
     if len(at) != 2 or at[0] == at[1]:
-        given = excerpt(",".join(map(str, columns)))
-        raise InputError(f"{path}: its columns are to be {given}: give that of the angle and that of the lift")
+        wanted = excerpt(",".join(map(str, columns)))
+        raise InputError(f"{path}: its columns are to be {wanted}: give that of the angle and that of the lift")
     return replace(table, names=[], rows=table.rows[:, at])
 
 
 def _cells(line: str) -> list[str]:
-    """A line split at its delimiter; beside semicolons, tabs or blanks a comma between digits is a decimal sign."""
+    """A line split at its delimiter; with semicolons, tabs or blanks, a comma between digits is a decimal sign."""
     if _decimal_commas(line):
         line = line.replace(",", ".")
     for delimiter in (";", "\t"):
@@ -170,7 +171,7 @@ def _cells(line: str) -> list[str]:
 
 
 def _decimal_commas(line: str) -> bool:
-    """Whether a line has commas in numbers that something else parts."""
+    """Whether commas in a line are decimal signs, because something else separates its numbers."""
     if "," not in line or line.lstrip().startswith("#"):
         return False
     if ";" in line or "\t" in line:
@@ -181,29 +182,29 @@ def _decimal_commas(line: str) -> bool:
 
 @dataclass(frozen=True)
 class TableRows:
-    """Cam angles [deg] and lifts [mm] of a table's rows, their line numbers, and what was mended, a sentence each."""
+    """Cam angles [deg] and lifts [mm] of a table's rows, their line numbers, and one sentence per correction."""
 
     degrees: np.ndarray = field(repr=False)
     height: np.ndarray = field(repr=False)
     lines: list[int] = field(repr=False)
-    said: tuple[str, ...] = ()
+    notes: tuple[str, ...] = ()
 
 
 def mended(rows: TableRows) -> TableRows:
-    """The rows in ascending order over one turn at most, half a lobe as a whole one; what cannot be told (angles that
-    repeat or jump) is left as it is, for the check of the rows to refuse."""
+    """The rows in ascending order over at most one turn, with half a lobe made a whole one. Ambiguous rows (angles that
+    repeat or jump) are left as they are and refused by the check of the rows."""
     return _gaps_named(_whole_lobe(_unwrapped(_ascending(rows))))
 
 
 def _ascending(rows: TableRows) -> TableRows:
     if len(rows.degrees) < 2 or np.any(np.diff(rows.degrees) >= 0):
         return rows
-    said = "its angles descend throughout: the rows are read from the last to the first"
-    return TableRows(rows.degrees[::-1], rows.height[::-1], rows.lines[::-1], (*rows.said, said))
+    note = "its angles descend throughout: the rows are read from the last to the first"
+    return TableRows(rows.degrees[::-1], rows.height[::-1], rows.lines[::-1], (*rows.notes, note))
 
 
 def _unwrapped(rows: TableRows) -> TableRows:
-    """A table that passes from the end of a turn to its begin, once."""
+    """The rows of a table that passes once from the end of a turn to its beginning, in ascending order."""
     drops = np.flatnonzero(np.diff(rows.degrees) < 0)
     if len(drops) != 1:
         return rows
@@ -211,17 +212,17 @@ def _unwrapped(rows: TableRows) -> TableRows:
     degrees = np.append(rows.degrees[:at], rows.degrees[at:] + TURN)
     if rows.degrees[at - 1] - rows.degrees[at] < TURN / 2 or degrees[-1] - degrees[0] > TURN + 1e-9:
         return rows
-    said = f"from line {rows.lines[at]} on its angles begin anew: they are read as those of the following turn"
+    note = f"from line {rows.lines[at]} on its angles begin anew: they are read as those of the following turn"
     height, lines = rows.height, rows.lines
     shared = degrees[at] == degrees[at - 1] and abs(height[at] - height[at - 1]) <= CLOSING_SHARE * height.max()
-    if shared:  # the row that closes a turn and the one that begins it
+    if shared:  # the same row at the end of a turn and at its beginning
         degrees, height, lines = np.delete(degrees, at), np.delete(height, at), [*lines[:at], *lines[at + 1 :]]
-        said += f", line {rows.lines[at]} as the one before"
-    return TableRows(degrees, height, lines, (*rows.said, said))
+        note += f", line {rows.lines[at]} as the one before"
+    return TableRows(degrees, height, lines, (*rows.notes, note))
 
 
 def _whole_lobe(rows: TableRows) -> TableRows:
-    """Half a lobe from nose to base circle, or the other way round, mirrored about its nose."""
+    """Half a lobe, from nose to base circle or from base circle to nose, completed by its mirror image."""
     degrees, height = rows.degrees, rows.height
     if len(degrees) < 2 or np.any(np.diff(degrees) <= 0) or degrees[-1] - degrees[0] > TURN / 2 + 1e-9:
         return rows
@@ -234,24 +235,24 @@ def _whole_lobe(rows: TableRows) -> TableRows:
     parts = [(away, height[mirror], rows.lines[mirror]), (degrees, height, rows.lines)]
     (a, h, n), (b, g, m) = parts if nose == 0 else parts[::-1]
     whole = np.append(a, b), np.append(h, g), [*n, *m]
-    if whole[0][-1] - whole[0][0] > TURN - 1e-9:  # the base circle's last row is met from both sides
+    if whole[0][-1] - whole[0][0] > TURN - 1e-9:  # both halves end in the same row of the base circle
         whole = whole[0][:-1], whole[1][:-1], whole[2][:-1]
-    said = f"it is half a lobe, from line {rows.lines[nose]} at its nose: the other half is taken as its mirror image"
-    return TableRows(*whole, (*rows.said, said))
+    note = f"it is half a lobe, from line {rows.lines[nose]} at its nose: the other half is taken as its mirror image"
+    return TableRows(*whole, (*rows.notes, note))
 
 
 def _gaps_named(rows: TableRows) -> TableRows:
-    """Steps that are longer than both their neighbours, as rows left out make them."""
+    """Adds a sentence for each step that is longer than both its neighbours because rows were left out."""
     steps = np.diff(rows.degrees)
     if len(steps) < 3 or np.any(steps <= 0):
         return rows
     beside = np.maximum(np.append(steps[1], steps[:-1]), np.append(steps[1:], steps[-2]))
     long = np.flatnonzero(steps > GAP * beside)
-    said = [
+    notes = [
         f"rows are missing between lines {rows.lines[i]} and {rows.lines[i + 1]}, {steps[i]:g} cam degrees apart: "
         f"the law there is that of their neighbours"
         for i in long[:MOST_GAPS]
     ]
     if len(long) > MOST_GAPS:
-        said.append(f"rows are missing at {len(long) - MOST_GAPS} places more")
-    return TableRows(rows.degrees, rows.height, rows.lines, (*rows.said, *said))
+        notes.append(f"rows are missing at {len(long) - MOST_GAPS} places more")
+    return TableRows(rows.degrees, rows.height, rows.lines, (*rows.notes, *notes))
