@@ -1,4 +1,4 @@
-"""The commands as their parser explains them."""
+"""The reference of the commands, generated from the parser."""
 
 import argparse
 import re
@@ -38,7 +38,7 @@ def _called(action: argparse.Action) -> str:
 
 
 def _text(words: str | None) -> str:
-    """Help as Markdown: in one line, with what a table or HTML would take for its own set apart."""
+    """A help text as one line of Markdown, with characters that are special in tables or HTML escaped."""
     line = re.sub(r"\s+", " ", words or "").replace("%%", "%").replace("|", "\\|")
     line = re.sub(r"(?<![\w`-])(--[a-z][a-z-]*)", r"`\1`", line)
     return re.sub(r"(?<![`<])([\w/.-]*(?:<[^>`]+>[\w/.-]*)+)(?!`)", r"`\1`", line)

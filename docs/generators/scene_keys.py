@@ -1,4 +1,4 @@
-"""The tables and keys of a scene file as their schema declares them."""
+"""The reference of the tables and keys of a scene file, generated from the schema."""
 
 import re
 import types
@@ -17,7 +17,7 @@ TOP = {"mass", "element", "force", "tolerance", "operation", "design", "geometry
 
 
 def scene_keys(content: str) -> str:
-    """A section for each table of a scene: its docstring, and its keys with type, default and usual range."""
+    """A section for each table of a scene: its docstring, and its keys with meaning, type, default and usual range."""
     sections = [_section("The top of the file", Scene, "", skip=TOP)]
     for name in Scene.model_fields:
         if name in TOP:
@@ -30,7 +30,7 @@ def scene_keys(content: str) -> str:
 
 
 def _model(annotation: Any) -> tuple[type[BaseModel], bool]:
-    """The model inside an annotation, and whether there may be several of it."""
+    """The model inside an annotation, and whether the scene may have several such tables."""
     for part in _parts(annotation):
         if isinstance(part, type) and issubclass(part, BaseModel):
             return part, "tuple" in str(annotation)

@@ -8,7 +8,7 @@ from docs.generators.results import FUNCTIONS, RESULTS, Names, shown, stored, wr
 
 
 def result_table(content: str) -> str:
-    """The table that an experiment makes of its stored cams; the block's content is the result's name."""
+    """The table that an experiment makes from its stored cams; the block's content is the name of the result."""
     name = content.strip()
     return "\n".join(import_module(f"experiments.{name}").markdown(stored(RESULTS / f"{name}.json")["cams"]))
 
@@ -16,9 +16,9 @@ def result_table(content: str) -> str:
 def rows_table(content: str) -> str:
     """A table with a row for each row of a stored list or object.
 
-    The block's content is TOML: `of` the file's name, `at` the keys that lead to the list or object, `where` a
-    condition on the rows that are shown, and `columns`, rows of [heading, expression | format]. In every expression
-    the row is called `row`, and its key or number `key`.
+    The block's content is TOML: `of` is the file's name, `at` the keys that lead to the list or object, `where` a
+    condition that selects rows, and `columns` a list of [heading, expression | format]. In every expression `row` is
+    the row, and `key` its key or number.
     """
     asked = tomllib.loads(content)
     found = stored(RESULTS / f"{asked['of']}.json")
@@ -48,7 +48,7 @@ def _value(expression: str, key: object, row: object) -> object:
 
 
 def origin(content: str) -> str:
-    """Where a stored result comes from, in a sentence; the block's content is the result's name."""
+    """A sentence with date, machine, versions and command of a stored result, which the block's content names."""
     found = provenance(content.strip())
     versions = ", ".join(f"{name} {number}" for name, number in found["versions"].items())
     return f"*Measured on {found['date_utc']} ({found['machine']}; {versions}) by* `{found['command']}`.\n"
