@@ -25,7 +25,7 @@ class TestCam:
         assert "maximum lift   9.400000 mm" in out
 
     def raw_table(self, tmp_path):
-        """A table in crank angles of another cam than the scene's: longer, higher."""
+        """A table in crank angles of a cam with a longer duration and a higher lift than those of the scene."""
         file = tmp_path / "raw.dat"
         degrees = np.arange(-180.0, 180.1)
         lift = 1.4 * polydyne(load_scene("kodama"))(np.radians(degrees / 1.2)) * 1e3
@@ -72,7 +72,7 @@ class TestCam:
         assert list(tmp_path.iterdir()) == []
 
     def test_a_name_that_utf8_cannot_say_is_a_file_that_is_not_there(self, capsys):
-        """Names that no system takes: tests/test_hostile_input.py."""
+        """Names that no system accepts are in tests/test_hostile_input.py."""
         code, out, err = run(capsys, "cam", "kodama", "--cam", "\udcff.dat")
         assert (code, out) == (2, "") and "there is no such file" in err and err.count("\n") == 1
 

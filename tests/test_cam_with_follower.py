@@ -1,4 +1,4 @@
-"""`camopt cam` with a follower: contact, contour, cards and exchange, as an engineer or a grinder asks for them."""
+"""`camopt cam` with a follower: contact, contour, cam card and exchange files."""
 
 import csv
 import re
@@ -28,13 +28,13 @@ class TestCamWithFollower:
     CAM = ("--cam", "polydyne")
 
     def scene(self, tmp_path, geometry: str, name: str = "kodama") -> str:
-        """The built-in scene with this [geometry] for its own."""
+        """The built-in scene with its [geometry] replaced."""
         file = tmp_path / f"{name}.toml"
         file.write_text(re.sub(r"\[geometry\].*?(?=\n\[\[)", "", scene_text(name), flags=re.DOTALL) + geometry)
         return str(file)
 
     def test_contact_and_stress(self, capsys, tmp_path):
-        """Printed figures are those of the contact; the stress standing still is worked out here by hand."""
+        """Printed values are those of the contact; the stress at standstill is calculated here by hand."""
         where = self.scene(tmp_path, GEOMETRY)
         code, out, _ = run(capsys, "cam", where, *self.CAM, "--speed", "4000")
         scene = load_scene(where)
@@ -114,7 +114,7 @@ class TestCamWithFollower:
         assert first == "cam_angle_deg,x_mm,y_mm,polar_angle_deg,radius_mm"
         assert row == "-180,-30.00000,0.00000,-180.0000000,30.00000"
         opening = next(row for row in contour.read_text().splitlines() if row.startswith("-60,"))
-        assert float(opening.split(",")[2]) < -1.0  # below, as the sentence on the sense of rotation has it
+        assert float(opening.split(",")[2]) < -1.0  # below, as stated by the sentence on the sense of rotation
         assert table.read_text().splitlines()[361] == "0,9.4000,7.8333"
 
     def test_what_is_written_is_said_to_be_off_by(self, capsys, tmp_path):
@@ -125,7 +125,7 @@ class TestCamWithFollower:
         assert len((tmp_path / "lift.csv").read_text().splitlines()) == 721 + 3
 
     def test_card(self, capsys, tmp_path):
-        """The card on the crank with an overlap, as text and as a table."""
+        """The card in crank degrees with an overlap, as text and as a table."""
         file = tmp_path / "card.csv"
         words = ("--centre-deg", "108", "--exhaust", "exponent", "--exhaust-centre-deg", "-112", "--lifts-mm", "1,1.27")
         code, out, _ = run(capsys, "cam", "kodama", *self.CAM, *words, "--card-csv", str(file), "--lobes-deg", "0,90")

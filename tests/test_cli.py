@@ -1,4 +1,4 @@
-"""The command line: exit codes, one clear sentence per fault, files of the contract, and nothing heavy too early."""
+"""The command line: exit codes, one clear sentence per fault, output files, and no early import of heavy libraries."""
 
 import argparse
 import subprocess
@@ -28,7 +28,7 @@ VERBS = (
 
 
 def run(capsys, *arguments: str) -> tuple[int, str, str]:
-    """Exit code, stdout and stderr of one command; argparse's own exits count too."""
+    """Exit code, stdout and stderr of one command, also if argparse exits."""
     try:
         code = cli.main(arguments)
     except SystemExit as stop:

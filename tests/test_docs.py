@@ -1,4 +1,4 @@
-"""The pages in `docs`: every key that a run folder has stands in its page, and every link leads somewhere."""
+"""The pages in `docs`: every key of a run folder is documented, and every link has a target."""
 
 import csv
 import json
@@ -13,18 +13,18 @@ from camopt.scene.quantities import QUANTITIES
 ROOT = Path(__file__).parents[1]
 PAGES = sorted(p for p in (ROOT / "docs").rglob("*.md") if "site" not in p.parts)
 OPEN = {"parameters", "limit_worth", "versions", "scene", "first_broken", "blame", "baselines"}
-"""Keys whose content has names of its own: parameters of a family, limits, packages, scenes, tolerances, cams."""
+"""Keys whose content has arbitrary names as keys: parameters, limits, packages, scenes, tolerances, cams."""
 NAMED = {"event", "rkg", "tmm", "houbolt", "dop853"}
 WORDS = re.compile(r"`([^`\s]+)`")
 
 
 def documented() -> set[str]:
-    """Every word that the page of the run folder sets as code."""
+    """All words in code font on the page of the run folder."""
     return set(WORDS.findall((ROOT / "docs" / "run-folder.md").read_text(encoding="utf-8")))
 
 
 def keys(data) -> set[str]:
-    """All keys of a record at any depth, but for those whose names are content."""
+    """All keys of a record at any depth, except arbitrary names."""
     if isinstance(data, list):
         return set().union(*map(keys, data))
     if not isinstance(data, dict):
@@ -34,7 +34,7 @@ def keys(data) -> set[str]:
 
 
 def undocumented(folder: Path) -> set[str]:
-    """Files, columns and keys of a run folder that its page does not name."""
+    """Files, columns and keys of a run folder that its page does not document."""
     found = {f"{p.name}/" if p.is_dir() else p.name for p in folder.iterdir()}
     for path in folder.rglob("*.json"):
         found |= keys(json.loads(path.read_text(encoding="utf-8")))
@@ -47,7 +47,7 @@ def undocumented(folder: Path) -> set[str]:
 
 
 def test_the_page_names_every_key_of_an_energy_balance_and_a_periodic_solution():
-    """Those that the stored answer of `camopt verify --energy --periodic` has."""
+    """The keys are those of the stored output of `camopt verify --energy --periodic`."""
     stored = (ROOT / "tests" / "golden" / "slow-verify.txt").read_text(encoding="utf-8")
     (entry, *_) = json.loads(stored.rpartition("== settled.json")[2])["speeds"]
     assert {"residual_relative", "largest_multiplier"} <= keys(entry) <= documented()

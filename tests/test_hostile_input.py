@@ -1,4 +1,4 @@
-"""Paths, numbers and files that nobody would give on purpose: exit code 2 and one sentence, never a defect."""
+"""Invalid or extreme paths, numbers and files: exit code 2 and one sentence, never an internal error."""
 
 import ast
 import json
@@ -67,7 +67,7 @@ def test_numbers_beyond_every_engine(capsys, options):
 
 
 def changed(record: dict, case: str) -> str:
-    """The text of a design file with one thing wrong."""
+    """The text of a design file with one fault."""
     pieces = record["pieces"]
     if case == "integer beyond floats":
         pieces["coefficients_mm"][3][0] = 10**400
@@ -99,7 +99,7 @@ def test_design_files(tmp_path, case):
 
 
 def test_a_name_that_utf8_cannot_say_is_written_all_the_same(tmp_path):
-    write_text(tmp_path / "names.csv", "cam\nd\udcff\n")  # how Python reads the byte 255 of a file's name
+    write_text(tmp_path / "names.csv", "cam\nd\udcff\n")  # Python's representation of the byte 255 in a file's name
     assert (tmp_path / "names.csv").read_text() == "cam\nd\\udcff\n"
 
 
@@ -108,22 +108,22 @@ REMEDY = re.compile(
     r"loosen|lower|make|measure|merge|move|must|name|need|needed|needs|one of|raise|relax|run|set|shorten|simulate|"
     r"start|state|sweep|take|try|use|verify|would have to|write)\b"
 )
-"""A word by which a sentence says what to do or what was expected."""
+"""Words with which a sentence states a remedy or the expected input."""
 SAID_ELSEWHERE = (
-    "cannot be read",  # with the system's own reason
-    "not valid JSON",  # with the parser's own reason, and the place
+    "cannot be read",  # followed by the system's reason
+    "not valid JSON",  # followed by the parser's reason and the position
     "not valid TOML",
     "not UTF-8 text",
     "no scheduler answers",
-    "not built in",  # with what is
-    "no common solution",  # within a longer sentence
+    "not built in",  # followed by the built-in ones
+    "no common solution",  # part of a longer sentence
     "no confirmed cam was found",
-    "is refused",  # of a motion, whose method has said why
+    "is refused",  # of a motion, after the method's reason
     "the reference refuses",
-    "no grid of the steps allowed",  # of studies that go on with the next case
+    "no grid of the steps allowed",  # of studies that continue with the next case
     "pulls with more than",
     "as it was told to",
-    "no such number",  # with the ones that there are
+    "no such number",  # followed by the existing ones
     "the scene has no ",
     "is no number of the train",
 )
@@ -133,7 +133,7 @@ RAISED = ("InputError", "MotionRefused", "NoCamFound", "NoCamHoldsContact")
 
 
 def refusals() -> Iterator[tuple[str, str]]:
-    """Where every refusal with a sentence of its own stands, and its literal words."""
+    """Place and literal text of every error message in the sources."""
     root = Path(camopt.__file__).parent
     for path in sorted(root.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -144,7 +144,7 @@ def refusals() -> Iterator[tuple[str, str]]:
 
 
 def literals(nodes: Iterable[ast.AST]) -> Iterator[str]:
-    """The texts within expressions, without those that format a value."""
+    """The string literals within expressions, without format specifications."""
     for node in nodes:
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield node.value

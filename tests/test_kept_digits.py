@@ -1,6 +1,6 @@
-"""Figures of small motions stay what they were, in every method: digits change only where a change is meant.
+"""The results of small motions stay the same in every method: digits change only by an intended change.
 
-The reference of these figures is the other tests; this one is quick enough to notice any change at once.
+That these results are right is shown by other tests; this test quickly detects any change.
 """
 
 import json

@@ -1,4 +1,4 @@
-"""The layers of the design, read from the imports: arrows point one way, and names come from where they are defined."""
+"""The layers of the design, read from the imports: imports point one way, and names come from the defining module."""
 
 import ast
 import re
@@ -21,7 +21,7 @@ MAY_IMPORT = {
     "highs": set(),
     "storage": {"scene"},
     "scene": set(),
-    "plots": {"scene", "cam", "storage"},  # the colours of cam families; otherwise its arguments are arrays
+    "plots": {"scene", "cam", "storage"},  # the colours of cam families; other arguments are arrays
     "cam": {"highs", "scene", "storage"},
     "measure": {"cam", "programs"} | SUPPORT,
     "smooth": {"cam", "exact", "scene", "cache"},
@@ -43,8 +43,8 @@ UPWARD = {
     "cam/lift.py": {"plots"},
     "tasks/compute.py": {"study"},
 }
-"""The three files that may import a layer above their own: the verdict, a lift law, which can draw itself, and what
-computes a task, which loads its verb."""
+"""The three files that may import a higher layer: the verdict, the lift law (for its plot method), and the computation
+of tasks, which loads the function of a verb."""
 
 
 def modules() -> list[Path]:
@@ -53,7 +53,7 @@ def modules() -> list[Path]:
 
 @cache
 def nodes(path: Path) -> tuple[ast.AST, ...]:
-    """All of a file's syntax."""
+    """All syntax nodes of a file."""
     return tuple(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
 
 
@@ -75,7 +75,7 @@ def imported(path: Path) -> set[str]:
             stem = ".".join([*base, *([node.module] if node.module else [])])
             names |= {stem} | {f"{stem}.{alias.name}" for alias in node.names}
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.startswith("camopt."):
-            names.add(node.value)  # modules named for a lazy import
+            names.add(node.value)  # names of modules for lazy imports
     return names
 
 
@@ -85,7 +85,7 @@ def layers_imported(path: Path) -> set[str]:
 
 
 def test_imports_point_downward():
-    """Apart from UPWARD; and what is to run without JAX does not name it."""
+    """Imports point downward, except those of UPWARD; layers without JAX do not import it."""
     wrong = {}
     for path in modules():
         own = layer(path)
@@ -100,7 +100,7 @@ def test_imports_point_downward():
 
 
 def test_the_table_of_layers_for_contributors_is_this_one():
-    """CONTRIBUTING.md tells every layer of MAY_IMPORT, with what it may import, and no other."""
+    """The table in CONTRIBUTING.md has the layers of MAY_IMPORT and their permitted imports, and no others."""
     text = (ROOT.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `camopt/(\w+)` \|.*\| ([^|]+) \|$", text, re.MULTILINE)
     table = {layer: set() if names == "\u2013" else set(names.split(", ")) for layer, names in rows}
@@ -122,18 +122,18 @@ JOB = (
     "camopt.optimizer.run", "camopt.optimizer.search.search", "camopt.optimizer.baselines.comparison",
     "camopt.report",
 )  # fmt: skip
-"""What `camopt optimize --gradient exact` loads."""
+"""Modules that `camopt optimize --gradient exact` loads."""
 
 
 METHODS = tuple(f"camopt.verifier.methods.{name}" for name in ("dop853", "houbolt", "rkg", "tmm"))
 VERIFIER = ("camopt.verifier", "camopt.verifier.verdict", "camopt.verifier.accuracy", *METHODS)
-"""What is imported without event-exact too."""
+"""Modules whose import loads neither JAX nor `camopt.exact`."""
 LEAN = (*VERIFIER, "camopt", "camopt.scene", "camopt.cam.read", "camopt.exact", "camopt.cli", *JOB)
-"""What is imported without JAX."""
+"""Modules whose import does not load JAX."""
 
 
 def test_imports_leave_out_what_they_do_not_need():
-    """Every module of LEAN, and one that needs JAX, imported first in a process of its own."""
+    """Every module of LEAN, and one that needs JAX as a counter-example, is the first import of a new process."""
     snippet = "import sys, {}; assert not {} & {{*sys.modules}}"
     heavy = {module: {"jax", "camopt.exact"} if module in VERIFIER else {"jax"} for module in (*LEAN, "camopt.smooth")}
     ended = run_each({module: snippet.format(module, names) for module, names in heavy.items()})
@@ -141,7 +141,7 @@ def test_imports_leave_out_what_they_do_not_need():
 
 
 def test_double_precision_is_switched_on_in_one_place():
-    """JAX has one such switch for the whole process: whoever needs it imports `camopt.smooth`."""
+    """JAX has one such switch for the whole process, and importing `camopt.smooth` sets it."""
     assert [p for p in modules() if 'jax_enable_x64"' in p.read_text()] == [ROOT / "smooth" / "__init__.py"]
     switched = "import jax; assert jax.config.jax_enable_x64"
     ended = run_each({"none": switched, "smooth": f"import camopt.smooth; {switched}"}, ("jax",))
@@ -153,8 +153,8 @@ def dotted(path: Path) -> str:
 
 
 def modules_imported(path: Path, names: set[str]) -> set[str]:
-    """The modules out of `names` that a file imports, inside functions, under `if TYPE_CHECKING` and by a text that
-    names one as well."""
+    """The modules out of `names` that a file imports, including imports inside functions, under `if TYPE_CHECKING`
+    and by a string with the name of a module."""
     imports = set()
     for node in nodes(path):
         if isinstance(node, ast.ImportFrom):
@@ -168,14 +168,14 @@ def modules_imported(path: Path, names: set[str]) -> set[str]:
 
 
 def test_no_circle_of_imports():
-    """Every import counts: a circle that is put off, or that only a type checker sees, is a circle all the same."""
+    """All imports count, also lazy ones and those that only a type checker evaluates."""
     names = {dotted(path) for path in modules()}
     imports = {dotted(path): modules_imported(path, names) for path in modules()}
-    TopologicalSorter(imports).prepare()  # raises CycleError, which names the files of a circle
+    TopologicalSorter(imports).prepare()  # raises CycleError, which names the modules of a cycle
 
 
 def test_no_two_classes_share_a_name():
-    """A class's name has one meaning in the whole package, with or without an underscore before it."""
+    """The name of a class is unique in the whole package, with or without a leading underscore."""
     places: dict[str, list[str]] = {}
     for path in modules():
         for node in nodes(path):
@@ -186,14 +186,14 @@ def test_no_two_classes_share_a_name():
 
 @pytest.mark.long
 def test_every_module_can_be_imported_first():
-    """Each in a process in which nothing else of camopt was imported before; without circles it has to be so."""
+    """Each module is the first import of camopt in its process; this must work, since there are no cycles."""
     names = [dotted(path) for path in modules() if path.stem != "__main__"]
     ended = run_each({name: f"import {name}" for name in names}, (*LIBRARIES, "jax", "diffrax"))
     assert not any(ended.codes.values()), ended.said
 
 
 def defined(path: Path) -> set[str]:
-    """Names that a module defines, or imports under a name of its own to hand them on."""
+    """Names that a module defines, or imports under a new name in order to re-export them."""
     found = set()
     for node in nodes(path):
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
@@ -207,7 +207,7 @@ def defined(path: Path) -> set[str]:
 
 
 def test_a_name_is_imported_from_the_module_that_defines_it():
-    """Not from one that happens to import it too; a package may gather names."""
+    """A name is not imported from a module that only imports it; packages may re-export names."""
     known = {dotted(path): defined(path) for path in modules() if path.stem != "__init__"}
     wrong = [
         (dotted(path), node.module, alias.name)

@@ -1,4 +1,4 @@
-"""The last line of a command: what to do next, and after a failure or an interrupt what is left where."""
+"""The last line of a command: the next step, and after a failure or an interruption the files that remain."""
 
 import errno
 import os
@@ -42,7 +42,7 @@ def test_every_command_is_here():
 
 
 def stand_in(monkeypatch, tmp_path, verb: str, outcome) -> None:
-    """The verb does nothing but claim its folder and end as `outcome` says."""
+    """Replaces a verb by one that only creates its folder and ends with `outcome`."""
     monkeypatch.chdir(tmp_path)
 
     def act(args):
@@ -92,7 +92,8 @@ def test_nobody_is_told_to_write_a_table_over_the_one_that_was_given(capsys, mon
 
 
 def test_hints_lead_on_and_never_back(capsys, monkeypatch, tmp_path):
-    """From a design to its table, the table's verdict, its yield, what spoils it, and a design for a yield."""
+    """The suggested steps lead from a design to its table, the table's verdict, its yield, the effect of each
+    tolerance, and a design for a yield."""
     (tmp_path / "lift.csv").write_text("0,0")
     for words, follows in (
         (("verify", "kodama", "--cam", "runs/first"), "cam kodama --cam runs/first --csv lift.csv"),

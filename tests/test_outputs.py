@@ -1,4 +1,4 @@
-"""Every file and folder that a command or a function is to write is tried before the first computation."""
+"""Commands and functions check that every output file and folder can be written before they compute anything."""
 
 import argparse
 from importlib import import_module
@@ -27,7 +27,7 @@ NEEDED = {
     "rise": ("--rise-mm", "10", "--over-deg", "60"),
     "sweep --csv": ("--store", "rows.sqlite"),
 }
-"""What a verb needs beside its scene."""
+"""Required arguments of a verb other than its scene."""
 SCENES = {"rise": (), "sweep": ("plan.toml",)}
 FIRST = {
     "camopt.cli.verbs": ("cam_of",),
@@ -39,7 +39,7 @@ FIRST = {
     "camopt.optimizer.ascent.ascent": ("FreeVariables",),
     "camopt.report.regenerated": ("compare_again",),
 }
-"""What a verb or a function computes first, by its module."""
+"""The first functions that a verb or a public function calls to compute, by module."""
 
 
 def outputs() -> dict[str, argparse.Action]:
@@ -53,8 +53,8 @@ def outputs() -> dict[str, argparse.Action]:
 
 @pytest.fixture
 def places(tmp_path, monkeypatch):
-    """A folder with a file in which no folder can be, and one that lets no file be made (a superuser may do more than
-    its rights say)."""
+    """A folder with a file, below which no folder can be created, and a folder in which no file can be created
+    (simulated, because access rights do not bind a superuser)."""
     (tmp_path / "file").write_text("kept")
     (tmp_path / "closed").mkdir()
     plain = storage.Path.touch
@@ -72,7 +72,7 @@ def places(tmp_path, monkeypatch):
 
 
 def forbid(monkeypatch, *but: str) -> None:
-    """Fails the test where anything is computed."""
+    """Makes the test fail if anything is computed."""
     for module, names in FIRST.items():
         for name in set(names) - set(but):
             monkeypatch.setattr(import_module(module), name, lambda *_, **__: pytest.fail("it computed first"))

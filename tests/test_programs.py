@@ -1,4 +1,4 @@
-"""Programs that numba keeps: those of other sources are never used, and a kept one is found again."""
+"""The cache of compiled programs: programs of other sources are never used, and a cached one is found again."""
 
 import ast
 import os
@@ -72,7 +72,7 @@ def test_without_a_folder_every_process_compiles(tmp_path):
 
 
 def test_a_change_of_any_source_is_another_program(tmp_path, monkeypatch):
-    """A called file, a constant, a file that is added: the digest of every file of the folder changes with each."""
+    """The digest of a file changes if a called file or a constant is changed, or if a file is added to the folder."""
     monkeypatch.setattr(programs, "PACKAGE", tmp_path)
     monkeypatch.setattr(programs, "CONSTANTS", (tmp_path / "units.py",))
     caller, callee, alone = tmp_path / "exact/caller.py", tmp_path / "exact/kernel/callee.py", tmp_path / "study/one.py"
@@ -89,7 +89,7 @@ def test_a_change_of_any_source_is_another_program(tmp_path, monkeypatch):
     before = digest(alone)
     callee.write_text("a = 3")
     digest.cache_clear()
-    assert digest(alone) == before  # it stands alone
+    assert digest(alone) == before  # it does not depend on the changed file
     digest.cache_clear()
 
 
@@ -137,7 +137,7 @@ def test_an_inner_function_is_compiled_within_the_program_that_calls_it_and_nowh
 
 @pytest.mark.parametrize("path", files_that_compile(), ids=lambda p: p.relative_to(PACKAGE).as_posix())
 def test_everything_that_is_compiled_in_is_among_the_sources(path):
-    """What a file with programs imports of camopt in capitals (a constant), or from files with programs."""
+    """The sources of a file with programs include every camopt module from which it imports constants or programs."""
     listed = sources(path)
     for node in ast.walk(ast.parse(path.read_text())):
         if not isinstance(node, ast.ImportFrom) or not (node.module or "").startswith("camopt."):
@@ -145,13 +145,13 @@ def test_everything_that_is_compiled_in_is_among_the_sources(path):
         file = (PACKAGE.parent / node.module.replace(".", "/")).with_suffix(".py")
         constants = [
             a.name for a in node.names if a.name.isupper() and a.name != "GROUND"
-        ]  # of the format, -1 for ever
+        ]  # part of the format, always -1
         if constants or (file.exists() and file in files_that_compile()):
             assert file in listed, f"{path.name} compiles in what {node.module} holds"
 
 
 def compiled_as(node: ast.AST) -> tuple[str, bool] | None:
-    """By what decorator a function is compiled, and whether Python may call it; None for one that is not compiled."""
+    """The decorator that compiles a function, and whether Python may call it; None for an uncompiled function."""
     for decorator in node.decorator_list if isinstance(node, ast.FunctionDef) else []:
         call = decorator if isinstance(decorator, ast.Call) else None
         name = ast.unparse(call.func if call else decorator)
@@ -161,7 +161,7 @@ def compiled_as(node: ast.AST) -> tuple[str, bool] | None:
 
 
 def uncompiled_names(node: ast.AST):
-    """Names that are read outside compiled functions, with their lines."""
+    """Names that are read outside compiled functions, with their line numbers."""
     for part in ast.iter_child_nodes(node):
         if compiled_as(part):
             continue
@@ -171,7 +171,7 @@ def uncompiled_names(node: ast.AST):
 
 
 def run_by_python(tree: ast.Module) -> bool:
-    """Whether a fixture around every test of a module has Python run all that it names (tests/exact/interpreted)."""
+    """Whether an autouse fixture runs a module's compiled functions as plain Python (tests/exact/interpreted)."""
     fixtures = (
         node
         for node in tree.body
@@ -182,7 +182,7 @@ def run_by_python(tree: ast.Module) -> bool:
 
 
 def test_python_calls_no_function_that_only_compiled_code_may_call():
-    """Such a function has no entry for Python: the call would end the process."""
+    """Such a function has no entry point for Python: the call would crash the process."""
     root = PACKAGE.parent
     files = [file for folder in ("camopt", "tests", "experiments") for file in (root / folder).rglob("*.py")]
     texts = {".".join(file.relative_to(root).with_suffix("").parts): file.read_text() for file in files}

@@ -1,4 +1,4 @@
-"""The verbs of the command line that search: what they hand on, what is printed, and their exit codes."""
+"""The verbs of the command line that search: the arguments they pass on, their output and their exit codes."""
 
 import json
 import sys
@@ -13,7 +13,7 @@ from tests.test_cli import run
 
 
 class TestVerbsThatSearch:
-    """What the command line hands on and makes of the answer; the verbs themselves are tested where they live."""
+    """Arguments that the command line passes on, and how it shows results; the functions have their own tests."""
 
     @pytest.mark.parametrize(
         ("verdict", "code"), [("confirmed", 0), ("rejected", 3), ("sensitive", 3), ("not converged", 3)]
@@ -45,7 +45,7 @@ class TestVerbsThatSearch:
             "outside": False,
         }
         assert json.loads(file.read_text()) == content
-        assert out == "the verdict in words\n"  # what it says: tests of `Verdict`
+        assert out == "the verdict in words\n"  # its content is tested with `Verdict`
 
     @pytest.mark.parametrize(("code", "accuracy"), [(0, "standard"), (3, "standard"), (0, "draft")])
     def test_optimize(self, capsys, tmp_path, monkeypatch, code, accuracy):
@@ -62,9 +62,9 @@ class TestVerbsThatSearch:
             (folder / "design.json").write_text(json.dumps(record))
             word = {"verdict": "sensitive" if code else "confirmed", "broken": []}
             (folder / "verification.json").write_text(json.dumps(word))
-            designed(folder)  # before the comparison: the outcome is printed, and the report written, by then
+            designed(folder)  # called before the comparison: by then the result is printed and the report written
             said.append(capsys.readouterr().out)
-            early = accuracy != "draft"  # a draft's comparison hardly takes longer than the page, which is written once
+            early = accuracy != "draft"  # a draft's comparison is quick, and its report is written once
             assert (folder / "report.html").exists() == early
             return SimpleNamespace(exit_code=code, folder=folder)
 

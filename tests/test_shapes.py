@@ -1,4 +1,4 @@
-"""Array shapes are checked in the tests, and cost nothing where they are not checked."""
+"""Array shapes are checked in the tests, and the check costs nothing outside of them."""
 
 import subprocess
 import sys

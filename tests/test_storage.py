@@ -1,4 +1,4 @@
-"""Files appear whole or not at all; run folders are never overwritten."""
+"""Files are written atomically, and run folders are never overwritten."""
 
 import csv
 import json
@@ -150,7 +150,7 @@ def contents(folder):
 
 
 def begun(folder, error=None, worth=("design.json",), resume=False, identity=IDENTITY, results=("design.json",)):
-    """A run that leaves `results` behind and ends with `error`."""
+    """A run that writes `results` and ends with `error`."""
     with run_folder(folder, identity, resume, worth) as inside:
         for name in results:
             (inside / name).write_text(f"of {name}")
@@ -173,7 +173,7 @@ def test_run_folder_is_made_once(tmp_path):
 
 def test_of_two_processes_that_begin_at_once_one_makes_the_folder(tmp_path, monkeypatch):
     for made, begin in {"a": create_run_folder, "b": begun}.items():
-        checked = lambda folder, resume=False: folder.mkdir(exist_ok=True)  # noqa: E731 - by another, after this looked
+        checked = lambda folder, resume=False: folder.mkdir(exist_ok=True)  # noqa: E731 - made by another process meanwhile
         monkeypatch.setattr("camopt.storage.check_run_folder", checked)
         with pytest.raises(InputError, match=f"{made}: another run began in this folder just now: give another --out"):
             begin(tmp_path / made)
@@ -226,7 +226,7 @@ def test_a_failed_run_worth_keeping_says_what_it_is(tmp_path):
     ):
         begun(tmp_path / "run")
     assert (tmp_path / "run" / "design.json").exists()
-    with pytest.raises(InputError, match="again"):  # a resumed run keeps a folder that it did not make
+    with pytest.raises(InputError, match="again"):  # a resumed run does not remove a folder that it did not create
         begun(tmp_path / "run", InputError("again"), worth=(), resume=True)
     assert (tmp_path / "run" / "design.json").exists()
 
