@@ -89,7 +89,7 @@ def metrics() -> np.ndarray:
 
 
 def gradient(moving: Callable[[], tuple], moved: float = 0.0) -> np.ndarray:
-    """All metrics of the first revolution, started `moved` [m] away from rest, and the gradient of their weighted sum."""
+    """All metrics of the first revolution, started `moved` [m] from rest, and the gradient of their weighted sum."""
     train, lift, speed = moving()
     start = state_at_rest(train)
     start[-1] -= moved

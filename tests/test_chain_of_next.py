@@ -1,4 +1,5 @@
-"""Following every `next:` line leads to a table for the grinder: no command twice, no draft ground, no yield forgotten.
+"""Following the `next:` lines leads to a table for the grinder: no command is repeated, no draft is ground, and a
+required yield is kept.
 
 Verbs that take minutes are replaced by functions that write the same files, from a table of possible results; one chain
 runs the real verbs.

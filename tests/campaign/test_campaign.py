@@ -1,4 +1,4 @@
-"""The campaign at a small size; its full size is `python -m tests.campaign inputs --cases 100000` and `kills`."""
+"""The robustness tests at a small size; `python -m tests.campaign inputs --cases 100000` and `kills` run more cases."""
 
 import os
 import shutil
@@ -19,7 +19,7 @@ from tests.campaign.soak import grown, soaked
 from tests.campaign.starved import LEAST_FILES, QUICK, bare, camopt, mounted, refused
 
 LONG = pytest.mark.long
-"""For further rows of a table: a command starts in a second or more."""
+"""Mark for additional parameters, since each command takes a second or more to start."""
 
 
 class TestInputs:
@@ -29,13 +29,13 @@ class TestInputs:
         assert cases == [drawn(seed) for seed in range(300)]
 
     def test_a_sample_ends_in_a_sentence(self):
-        found = outcomes(range(80), workers=2)  # in processes of their own, whose limit slows the clock
+        found = outcomes(range(80), workers=2)  # a limit on processor time slows a process's clock
         assert {one["kind"] for one in found} >= {"scene", "cam", "table", "design", "command"}
         assert not [one for one in found if one["wrong"]]
 
     def test_a_case_that_takes_too_long_or_too_much_ends_or_is_wrong(self):
-        """Where its processor time is spent the process ends, and of one that holds much memory it is said. A process
-        with a limit on processor time has a clock of coarse ticks: no test shares it."""
+        """A process that exceeds its processor time is ended, and one that uses too much memory is reported. A process
+        with a limit on processor time has a clock with coarse ticks, so no other test runs in it."""
         code = "from tests.campaign import fuzz\nfuzz.SECONDS = 0.0\nfuzz.answer(0)\nwhile True: pass"
         assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == -signal.SIGXCPU
         code = "from tests.campaign import fuzz\nfuzz.BYTES = 1\nassert fuzz.answer(0)['wrong'] == 'over 2 GB'"
@@ -105,7 +105,7 @@ class TestKills:
 
 class TestSoak:
     def test_verdicts_leave_nothing_behind(self):
-        begin, end = soaked(2 * KEPT, KEPT)  # by then the tables of as many trains are kept as ever are
+        begin, end = soaked(2 * KEPT, KEPT)  # by then the cache of tables has its largest number of trains
         assert not grown(begin, end), (begin, end)
 
     @pytest.mark.parametrize("key", ["memory_MB", "threads", "files"])

@@ -1,4 +1,4 @@
-"""Run folders and stores of released versions, kept as they were written: read, or refused with a sentence."""
+"""Stored run folders and stores of released versions are read, or refused with a sentence."""
 
 import hashlib
 import json
@@ -14,7 +14,7 @@ KEPT = sorted((Path(__file__).parents[1] / "data").glob("version-*"))
 
 @pytest.fixture(params=KEPT, ids=lambda path: path.name)
 def old(request, tmp_path) -> Path:
-    """A copy of what a version left, which commands may write to."""
+    """A copy of the output of a version, to which commands may write."""
     return Path(shutil.copytree(request.param, tmp_path / "old"))
 
 

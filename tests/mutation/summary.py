@@ -1,4 +1,4 @@
-"""What came of the mutants that were tried, as it is stored: counts, and every survivor with its reason."""
+"""The stored summary of the tried mutants: counts, and every survivor with its reason."""
 
 import tomllib
 from collections import Counter
@@ -9,13 +9,13 @@ from tests.mutation.mutants import Mutant, bare, mutants_with
 
 STORED = Path(__file__).parents[1] / "data/mutants.json"
 REASONS = Path(__file__).parent / "survivors.toml"
-"""What is known of survivors: kind `equivalent`, the same behaviour, or `harmless`, another that no one would call
-wrong, with the reason. File, operator and the lines that differ name a mutant; where a file has these lines several
-times, `which` of them counts from 0."""
+"""The known survivors with their reasons. The kind is `equivalent` (the same behaviour) or `harmless` (a different but
+acceptable behaviour). A mutant is identified by file, operator and difference; if a file has the same lines several
+times, `which` is the number of the occurrence, from 0."""
 
 
 def reasons(file: Path = REASONS) -> dict[str, dict]:
-    """What is known of survivors, by the mutant's name in the sources as they are; of lines that are gone, nothing."""
+    """The known survivors by the mutant's key in the current sources, without those whose lines no longer exist."""
     found = {}
     for one in tomllib.loads(file.read_text(encoding="utf-8")).get("survivor", []):
         places, which = mutants_with(one["file"], one["operator"], one["difference"]), one.get("which", 0)
@@ -25,7 +25,7 @@ def reasons(file: Path = REASONS) -> dict[str, dict]:
 
 
 def summary(rows: dict[str, dict], drawn: Iterable[Mutant], seed: int, known: dict[str, dict]) -> dict:
-    """Counts of the drawn mutants that were tried, by folder too, and those that no test noticed."""
+    """Counts of the drawn mutants that were tried, in total and by folder, and the mutants that no test detected."""
     drawn = list(drawn)
     found = [rows[m.key] for m in drawn if m.key in rows]
     left = []
@@ -55,7 +55,7 @@ def summary(rows: dict[str, dict], drawn: Iterable[Mutant], seed: int, known: di
 
 
 def table(found: dict) -> str:
-    """A summary as lines."""
+    """A summary as text."""
     lines = [
         f"{folder:32s} {kind:10s} {n:4d}" for folder, kinds in found["folders"].items() for kind, n in kinds.items()
     ]

@@ -1,4 +1,4 @@
-"""The mutants are drawn as their seed says and each is a fault."""
+"""The order of the mutants follows from the seed, and every mutant is a fault."""
 
 from pathlib import Path
 

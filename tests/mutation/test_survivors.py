@@ -1,4 +1,4 @@
-"""The survivors whose reasons are kept still stand in the sources."""
+"""The survivors with stored reasons still exist in the sources."""
 
 import tomllib
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A mutant is asked the tests that run its line, and is caught where one of them fails."""
+"""A mutant is tried with the tests that run its line, and is caught if one of them fails."""
 
 import json
 from concurrent.futures import ProcessPoolExecutor
@@ -50,7 +50,7 @@ FILE = "camopt/measure/a.py"
 
 @pytest.fixture
 def tree(tmp_path, monkeypatch):
-    """A tree of one module with its tests."""
+    """A source tree with one module and its tests."""
     for path, text in {FILE: SOURCE, "tests/measure/test_a.py": TESTS, "tests/measure/test_b.py": ""}.items():
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(text)
@@ -107,7 +107,7 @@ def test_tests_take_a_time_that_is_limited():
 
 @pytest.fixture
 def alone():
-    """Calls a function in a process of its own: trials fork, which a worker that has started JAX must not."""
+    """Calls a function in a new process: trials fork, which is not allowed in a process that has started JAX."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
         yield lambda function, *arguments: process.submit(function, *arguments).result()
 

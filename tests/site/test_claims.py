@@ -1,4 +1,4 @@
-"""Every claim names commands that exist, and the results whose numbers it tells."""
+"""Every claim names existing commands, and the results from which its numbers come."""
 
 import re
 import shlex

@@ -1,4 +1,4 @@
-"""The generated parts of the reference have every command, key and name."""
+"""The generated parts of the reference contain every command, key and name."""
 
 import re
 

@@ -1,4 +1,4 @@
-"""Each notebook is in step with its script, its outputs are of one run, and nothing in them is of one machine."""
+"""Each notebook agrees with its script, its outputs come from its code, and they contain no machine-specific paths."""
 
 import os
 import subprocess
@@ -16,7 +16,7 @@ SCRIPTS = sorted(NOTEBOOKS.glob("*.py"))
 
 
 def stored(path: Path) -> nbformat.NotebookNode:
-    """The notebook beside a script."""
+    """The stored notebook of a script."""
     return nbformat.read(path.with_suffix(".ipynb"), as_version=4)
 
 
@@ -26,7 +26,7 @@ def test_every_script_has_one_notebook():
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda p: p.stem)
 def test_the_notebook_is_in_step_with_its_script(path):
-    """Text and code, cell by cell; `python -m docs.record_notebooks NAME` brings a notebook into step."""
+    """Compares text and code cell by cell; `python -m docs.record_notebooks NAME` updates a notebook."""
     made, kept = read_script(path.read_text(encoding="utf-8")), stored(path)
     assert [(one.cell_type, one.source) for one in kept.cells] == [(one.cell_type, one.source) for one in made.cells]
     assert kept.metadata["kernelspec"] == made.metadata["kernelspec"]

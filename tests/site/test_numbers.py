@@ -1,4 +1,4 @@
-"""Numbers of the pages come from the stored results: every expression is found, and another result shows."""
+"""Numbers of the pages come from the stored results: every expression can be evaluated, and results determine pages."""
 
 import json
 import re
@@ -21,7 +21,7 @@ def test_every_number_of_a_page_is_found(page):
 
 
 def test_a_page_shows_what_its_result_says(tmp_path):
-    """The number changes with the file, so that a page cannot tell another one."""
+    """A page shows a changed number if the result file changes."""
     content = json.loads((RESULTS / "optimiser.json").read_text(encoding="utf-8"))
     page = "It has {number}`optimiser.rows['kodama, band'].area_ratio | .4f`."
     (row,) = [row for row in content["rows"] if row["case"] == "kodama, band"]

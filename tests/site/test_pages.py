@@ -1,4 +1,4 @@
-"""What the pages print works as printed: commands, scenes and Python, and the example of a gradient that lies."""
+"""Commands, scenes and Python code of the pages work as printed, including the example of a wrong gradient."""
 
 import doctest
 import json
@@ -51,7 +51,7 @@ def test_every_command_with_its_output_is_recorded():
 @pytest.mark.long
 @pytest.mark.timeout(1200)
 def test_the_recorded_commands_still_end_so(tmp_path):
-    """Digits may differ from machine to machine; how a command ends, the verdict, and what the lines are may not."""
+    """Digits may differ from machine to machine, but not exit codes, verdicts and the words of the output."""
     found = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"]
     for page in PAGES:
         folder = tmp_path / page.stem
@@ -59,7 +59,7 @@ def test_the_recorded_commands_still_end_so(tmp_path):
         furnish(folder)
         for command in commands_of(page):
             if "--dxf" in command and not find_spec("ezdxf"):
-                continue  # an extra
+                continue  # needs an optional package
             again = printed(command, folder)
             verdicts = [
                 [li for li in one["output"] if li.startswith("verdict: con")] for one in (again, found[command])
@@ -70,7 +70,7 @@ def test_the_recorded_commands_still_end_so(tmp_path):
 
 
 def test_the_first_command_of_an_engineers_day_prints_what_is_recorded(tmp_path):
-    """The old cam comes from a file with decimal commas, a header and a column too many, below a chosen duration."""
+    """The old cam is read from a file with decimal commas, a header and a superfluous column."""
     furnish(tmp_path)
     command = commands_of(DOCS / "tutorials" / "an-engineers-day.md")[0]
     found = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"][command]
@@ -81,7 +81,7 @@ def test_the_first_command_of_an_engineers_day_prints_what_is_recorded(tmp_path)
 
 
 def words(lines: list[str]) -> set[str]:
-    """The words of an output, which its digits do not change."""
+    """The words of an output, without its digits."""
     return set(re.findall(r"[a-z_]{3,}", " ".join(lines)))
 
 
@@ -95,7 +95,7 @@ def test_the_scene_of_the_tutorial_is_a_scene():
     [
         pytest.param(n, marks=[pytest.mark.long] * (n in SLOW))
         for n in sorted(PYTHON.keys() - {*GRADIENTS})
-        if not n.startswith("cluster-")  # two files of one experiment, which tests/tasks/test_cluster.py runs
+        if not n.startswith("cluster-")  # two files of one experiment, run by tests/tasks/test_cluster.py
     ],
 )
 def test_python_runs(name, capsys, tmp_path, monkeypatch):
@@ -105,7 +105,7 @@ def test_python_runs(name, capsys, tmp_path, monkeypatch):
 
 
 def test_a_gradient_lies_where_a_switching_moves_and_the_exact_one_does_not(capsys):
-    """The example of diffrax #729, and the same question to event-exact."""
+    """The example of diffrax #729, and a similar derivative with event-exact."""
     lying, exact = GRADIENTS
     names: dict = {}
     exec(compile(PYTHON[lying], lying, "exec"), names)

@@ -1,4 +1,4 @@
-"""The site builds without a warning, of which a dead link is one, and asks no foreign address for anything."""
+"""The site builds without warnings (dead links are warnings), and loads nothing from other hosts."""
 
 import os
 import re
@@ -15,7 +15,7 @@ from tests.browser import started_browser
 pytest.importorskip("sphinx", reason="the extra `docs` is not installed; .ci/run installs it")
 ROOT = Path(__file__).parents[2]
 LOADING = {"script": "src", "img": "src", "iframe": "src", "link": "href", "source": "src"}
-"""Elements that a browser loads by itself, and the attribute that says from where."""
+"""Elements whose sources a browser loads automatically, and the attribute with the address."""
 READ = (
     "index", "tutorials/your-valve-train", "model", "reference/scene", "reference/commands", "run-folder",
     "validation/claims", "validation/handbook", "results/optimiser", "notebooks/first_design",
@@ -27,11 +27,11 @@ CUT_OFF = """() => [...document.querySelectorAll("article table, article img, ar
     while (around && getComputedStyle(around).overflowX === "visible") around = around.parentElement;
     return one.getBoundingClientRect().width > innerWidth && around === document.documentElement;
 }).map(one => one.outerHTML.slice(0, 80)).concat(document.documentElement.scrollWidth > innerWidth ? ["page"] : [])"""
-"""What is wider than the screen and cannot be scrolled by itself."""
+"""JavaScript that finds elements wider than the screen without horizontal scrolling of their own."""
 
 
 class Page(HTMLParser):
-    """What one page loads."""
+    """The addresses that a page loads."""
 
     def __init__(self, text: str):
         super().__init__()
@@ -44,7 +44,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    """The site as .ci/run builds it; the notebooks themselves are executed in tests/test_notebooks.py."""
+    """The site, built as in .ci/run; tests/test_notebooks.py executes the notebooks."""
     out = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html"]
     done = subprocess.run(

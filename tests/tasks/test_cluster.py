@@ -1,5 +1,5 @@
-"""A cluster of dask as an executor: the rows of the serial sweep, whatever is killed; skipped where there is none. And
-the experiment of docs/how-to/cluster.md: its function here, and its script with a local cluster."""
+"""A dask cluster as executor computes the rows of the serial sweep even if workers are killed (skipped without dask).
+Also tested: function and script of the experiment in docs/how-to/cluster.md."""
 
 import logging
 import os
@@ -19,7 +19,7 @@ from camopt.tasks.engines import check_address, cluster
 from tests.tasks.tasks_of_tests import rehearsals, stored
 from tests.tasks.test_sweep import DIED, DIES, Killer
 
-pytestmark = pytest.mark.filterwarnings("ignore")  # dask's own, of sockets that its dead workers leave
+pytestmark = pytest.mark.filterwarnings("ignore")  # warnings of dask about sockets of killed workers
 
 
 @pytest.fixture
@@ -35,7 +35,7 @@ def local():
 
 
 def kill_one(local, path) -> None:
-    """Kills a worker of a cluster once 40 rows stand in the store."""
+    """Kills a worker of a cluster as soon as the store has 40 rows."""
     pids = [nanny.pid for nanny in local.workers.values()]
     reader = Killer(path, [])
     while not path.exists() or reader.count() < 40:
@@ -89,7 +89,7 @@ ARGUMENTS = {"scene": "motori-1", "start": "calmest", "optimiser": "adam", "rate
 
 @pytest.fixture
 def files(tmp_path):
-    """The page's two files in a folder of their own."""
+    """The page's two files in a new folder."""
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     for name, text in zip(("climbs.py", "sweep_climbs.py"), blocks, strict=True):
         (tmp_path / name).write_text(text, encoding="utf-8")
@@ -100,8 +100,8 @@ def test_a_row_of_the_function(files, monkeypatch):
     monkeypatch.syspath_prepend(files)
     task = {"verb": "call", "function": "climbs:climb", "arguments": ARGUMENTS}
     found = camopt.sweep([task], files / "one.sqlite", workers=0).dataset()
-    assert 0.1 < float(found["area_ratio"][0]) < 0.6  # about the calmest cam's; the largest known is 0.58
-    assert float(found["contact_force_N"][0]) > -250.0  # its tied motion is tame
+    assert 0.1 < float(found["area_ratio"][0]) < 0.6  # near that of the calmest cam; the largest known value is 0.58
+    assert float(found["contact_force_N"][0]) > -250.0  # the tied motion has small pulling forces
 
 
 @pytest.mark.long
@@ -113,4 +113,4 @@ def test_the_script_with_a_local_cluster(files):
     )
     assert "4 done" in done.stdout, done.stdout + done.stderr
     areas = [float(word) for word in re.findall(r"0\.\d+", done.stdout.splitlines()[-1])]
-    assert len(areas) == 4 and len(set(areas)) == 4  # each start and rate has its own
+    assert len(areas) == 4 and len(set(areas)) == 4  # every start and rate gives a different area

@@ -1,4 +1,4 @@
-"""Plans and the command that runs them: which tasks they mean, and a sentence for each fault."""
+"""Plans and the command that runs them: the resulting tasks, and a sentence for each fault."""
 
 import os
 import re

@@ -1,4 +1,4 @@
-"""Sweeps: every task has its row, once, whatever computes it, and a store that belongs elsewhere is left alone."""
+"""Sweeps: every task has exactly one row, whatever computes it, and a store of another sweep is not changed."""
 
 import os
 import signal
@@ -28,14 +28,14 @@ KILLS = 3
 
 @pytest.fixture(scope="module")
 def serial(tmp_path_factory):
-    """The rows of 200 stand-ins computed one by one in this process."""
+    """The rows of 200 rehearsal tasks, computed one after another in this process."""
     path = tmp_path_factory.mktemp("serial") / "x.sqlite"
     assert camopt.sweep(rehearsals(200), path, workers=0).counts == {"done": 200}
     return stored(path)
 
 
 class Killer(threading.Thread):
-    """Kills a random worker process of this one each time that so many more rows stand in the store."""
+    """Kills a random worker of this process whenever the store reaches one of the given numbers of rows."""
 
     def __init__(self, path, after: list[int]):
         super().__init__(daemon=True)
@@ -55,7 +55,7 @@ class Killer(threading.Thread):
         try:
             with opened(self.path) as db:
                 return db.execute("SELECT count(*) FROM row").fetchone()[0]
-        except sqlite3.OperationalError:  # the parent is about to make the tables
+        except sqlite3.OperationalError:  # the parent has not yet created the tables
             return 0
 
 
@@ -99,8 +99,8 @@ if __name__ == "__main__":
 
 
 def rows_after_the_end(folder, path, tasks: str, how) -> int:
-    """Begins a sweep in a process of its own, ends that by a signal after 20 rows, and waits until its workers are gone
-    too; how many rows it leaves."""
+    """Starts a sweep in a new process, ends the process by a signal after 20 rows, waits until its workers have ended,
+    and returns the number of rows."""
     script = folder / "parent.py"
     script.write_text(PARENT.replace("TASKS", tasks))
     env = os.environ | {"PYTHONPATH": os.pathsep.join([os.getcwd(), os.environ.get("PYTHONPATH", "")])}
@@ -112,7 +112,7 @@ def rows_after_the_end(folder, path, tasks: str, how) -> int:
     parent.send_signal(how)
     parent.communicate(timeout=30)
     assert parent.returncode == -signal.SIGKILL if how == signal.SIGKILL else parent.returncode != 0
-    for _ in range(200):  # the orphans see that the parent is gone
+    for _ in range(200):  # until the workers notice that the parent has ended
         try:
             os.killpg(parent.pid, 0)
         except ProcessLookupError:
@@ -182,7 +182,7 @@ class TestStores:
         path = tmp_path / "x"
         camopt.sweep(rehearsals(200), path, workers=0)
         data = bytearray(path.read_bytes())
-        data[20_000:24_000] = b"\x7f" * 4000  # behind the pages that opening it reads
+        data[20_000:24_000] = b"\x7f" * 4000  # after the pages that are read when the store is opened
         path.write_bytes(data)
         with pytest.raises(InputError, match="cannot be read or written any further"):
             camopt.sweep(rehearsals(200), path, workers=0).write_csv(tmp_path / "x.csv")

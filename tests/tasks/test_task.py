@@ -1,4 +1,4 @@
-"""Tasks as plain data: what they may say, and their keys."""
+"""Tasks as plain data: their permitted content, and their keys."""
 
 import json
 

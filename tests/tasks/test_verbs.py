@@ -1,4 +1,4 @@
-"""What tasks on scenes compute: the numbers of the functions that they stand for, bit by bit in every process."""
+"""Tasks on scenes compute the same numbers as the corresponding functions, to the last bit in every process."""
 
 import numpy as np
 import pytest
