@@ -32,7 +32,7 @@ class TestCam:
         np.savetxt(file, np.column_stack([2 * degrees, lift * (np.abs(degrees) < 122)]), fmt="%.6f")
         return str(file), ("--table-angle", "crank", "--table-lift", "mm")
 
-    def test_another_duration_and_lift_are_said(self, capsys, tmp_path):
+    def test_a_different_duration_and_lift_are_reported(self, capsys, tmp_path):
         file, options = self.raw_table(tmp_path)
         code, out, _ = run(capsys, "cam", "kodama", "--cam", file, *options)
         own = float(out.split("duration")[1].split()[0])
@@ -45,7 +45,7 @@ class TestCam:
         quiet = run(capsys, "cam", "kodama", "--cam", "polydyne")[1]
         assert "longer" not in quiet and "exceeds" not in quiet and "confidence" not in quiet
 
-    def test_errors_and_added_lift_are_said(self, capsys, tmp_path):
+    def test_errors_and_added_lift_are_reported(self, capsys, tmp_path):
         file = tmp_path / "cut.dat"
         degrees = np.arange(-180.0, 180.1)
         lift = polydyne(load_scene("kodama"))(np.radians(degrees)) * 1e3 * (np.abs(degrees) < 75)
@@ -71,7 +71,7 @@ class TestCam:
         assert (code, "ends in .png or .svg" in err) == (2, True)
         assert list(tmp_path.iterdir()) == []
 
-    def test_a_name_that_utf8_cannot_say_is_a_file_that_is_not_there(self, capsys):
+    def test_a_name_that_is_not_utf8_is_reported_as_a_missing_file(self, capsys):
         """Names that no system accepts are in tests/test_hostile_input.py."""
         code, out, err = run(capsys, "cam", "kodama", "--cam", "\udcff.dat")
         assert (code, out) == (2, "") and "there is no such file" in err and err.count("\n") == 1

@@ -71,12 +71,12 @@ class TestCamWithFollower:
         )
         assert 0.1 < float(shown["film thickness ratio"][-4]) < 5
 
-    def test_laws_that_event_exact_refuses(self, capsys, tmp_path):
+    def test_laws_that_event_exact_does_not_support(self, capsys, tmp_path):
         where = self.scene(tmp_path, GEOMETRY, "kodama-hertz")
         code, out, _ = run(capsys, "cam", where, *self.CAM, "--speed", "6000")
         assert (code, "6000 r/min (rkg)" in out) == (0, True)
 
-    def test_a_refused_motion_is_not_tried_again_the_same_way(self, capsys, tmp_path, monkeypatch):
+    def test_a_refused_motion_is_not_tried_again_with_the_same_method(self, capsys, tmp_path, monkeypatch):
         asked = []
 
         def refuses(scene, cam, speed_rpm, method, revolutions):
@@ -90,7 +90,7 @@ class TestCamWithFollower:
             run(capsys, "cam", where, *self.CAM, "--speed", "6000")
             assert asked == methods
 
-    def test_faults_are_sentences(self, capsys, tmp_path):
+    def test_faults_are_reported_as_sentences(self, capsys, tmp_path):
         where = self.scene(tmp_path, '[geometry]\nfollower = "flat"\nbase_radius_mm = 5\nface_width_mm = 12\n')
         code, out, _ = run(capsys, "cam", where, "--cam", "exponent", "--speed", "6000")
         assert code == 0
@@ -117,7 +117,7 @@ class TestCamWithFollower:
         assert float(opening.split(",")[2]) < -1.0  # below, as stated by the sentence on the sense of rotation
         assert table.read_text().splitlines()[361] == "0,9.4000,7.8333"
 
-    def test_what_is_written_is_said_to_be_off_by(self, capsys, tmp_path):
+    def test_the_error_of_a_written_table_is_reported(self, capsys, tmp_path):
         files = ("--csv", str(tmp_path / "lift.csv"), "--step-crank-deg", "1", "--digits", "4")
         code, out, _ = run(capsys, "cam", self.scene(tmp_path, GEOMETRY), *self.CAM, *files)
         assert code == 0

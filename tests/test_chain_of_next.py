@@ -150,12 +150,12 @@ def test_every_chain_ends_with_a_table_for_the_grinder(capsys, monkeypatch, tmp_
         assert "yield" not in found or found["yield"]["confirmed"] or found["yield"]["low"] >= 0.95
 
 
-def test_what_is_missed_at_the_finest_is_asked_for_less(capsys, monkeypatch, tmp_path):
+def test_a_yield_missed_at_the_finest_accuracy_is_lowered(capsys, monkeypatch, tmp_path):
     done = follow(capsys, monkeypatch, tmp_path, HARD, "optimize", "kodama", "--yield", "0.95")
     assert done[1:3] == ["optimize kodama --accuracy fine --yield 0.95", "optimize kodama --accuracy fine --yield 0.9"]
 
 
-def test_after_a_table_nobody_is_sent_round_again(capsys, monkeypatch, tmp_path):
+def test_the_steps_after_a_table_do_not_repeat(capsys, monkeypatch, tmp_path):
     """After the table its verdict and its yield follow; the yield is sufficient, and the last line ends the chain."""
     world = World(share=0.98)
     done = follow(capsys, monkeypatch, tmp_path, world, "optimize", "kodama")
@@ -173,7 +173,7 @@ def test_after_a_table_nobody_is_sent_round_again(capsys, monkeypatch, tmp_path)
     assert [command.split()[1] for command in seen] == ["verify", "yield"]
 
 
-def test_the_words_of_a_free_design_are_kept(capsys, monkeypatch, tmp_path):
+def test_the_options_of_a_free_design_are_kept(capsys, monkeypatch, tmp_path):
     world = World()
     optimize = world.optimize
 
@@ -192,7 +192,7 @@ def test_the_words_of_a_free_design_are_kept(capsys, monkeypatch, tmp_path):
 
 
 @pytest.mark.long
-def test_a_real_chain(capsys, monkeypatch, tmp_path):
+def test_a_chain_of_real_verbs(capsys, monkeypatch, tmp_path):
     """From the first draft for a user's scene with a small tolerance to the table."""
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr(candidates, "FAMILIES", ("polydyne",))  # comparisons are tested elsewhere

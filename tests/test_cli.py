@@ -41,7 +41,7 @@ class TestHelp:
     def test_version(self, capsys):
         assert run(capsys, "--version") == (0, f"camopt {camopt.__version__}\n", "")
 
-    def test_help_lists_what_exists(self, capsys):
+    def test_help_lists_all_commands(self, capsys):
         code, out, _ = run(capsys, "--help")
         assert code == 0
         assert "example: camopt " in out
@@ -59,7 +59,7 @@ class TestHelp:
         "arguments",
         [(), ("optimise",), ("optimize", "--speed", "band"), ("simulate", "kodama"), ("modes",)],
     )
-    def test_wrong_use_ends_with_two(self, capsys, arguments):
+    def test_wrong_use_has_exit_code_two(self, capsys, arguments):
         code, out, err = run(capsys, *arguments)
         assert (code, out) == (2, "")
         assert "error:" in err
@@ -69,7 +69,7 @@ class TestHelp:
             2, "", "camopt: verify 'kodama': no cam: add --cam CAM, or give a run folder in the scene's place\n"
         )  # fmt: skip
 
-    def test_a_judge_from_outside_that_is_missing_is_named_before_anything_runs(self, capsys, monkeypatch):
+    def test_a_missing_external_program_is_reported_before_anything_runs(self, capsys, monkeypatch):
         monkeypatch.setattr("camopt.verifier.from_outside.find_spec", lambda name: None)
         code, out, err = run(capsys, "verify", "kodama", "--cam", "polydyne", "--outside")
         assert (code, out) == (2, "")
@@ -126,7 +126,7 @@ def test_closed_pipe_is_no_error():
 
 
 class TestFaults:
-    def test_faults_of_a_scene_come_with_file_and_key(self, capsys, tmp_path):
+    def test_faults_of_a_scene_are_reported_with_file_and_key(self, capsys, tmp_path):
         file = tmp_path / "bad.toml"
         file.write_text(scene_text("kodama").replace("mass_kg = 0.303", "mass_kg = -1.0").replace("nose_deg", "nose"))
         code, out, err = run(capsys, "verify", str(file), "--cam", "polydyne")
@@ -144,7 +144,7 @@ class TestFaults:
         code, _, err = run(capsys, "optimize", "kodama", "--resume")
         assert (code, "--out DIR" in err) == (2, True)
 
-    def test_a_defect_says_so_and_debug_shows_where(self, capsys, monkeypatch):
+    def test_an_internal_error_is_reported_and_debug_shows_its_place(self, capsys, monkeypatch):
         def broken(_):
             raise ZeroDivisionError("division by zero")
 
@@ -191,19 +191,19 @@ SIMULATE = ("simulate", "kodama", "--cam", "polydyne", "--speed", "6000")
         (("cam", "kodama", "--cam", "cycloidal:x=1"), "this family has none"),
     ],
 )
-def test_what_was_probably_meant(capsys, words, says):
+def test_similar_names_are_suggested(capsys, words, says):
     code, out, err = run(capsys, *words)
     assert (code, out) == (2, "")
     assert says in err.splitlines()[-1]
 
 
-def test_nothing_is_suggested_that_is_not_close(capsys):
+def test_no_dissimilar_name_is_suggested(capsys):
     for words in (("zzz",), ("modes", "zzz"), ("optimize", "--zzz"), ("scenes", "zzz"), ("optimize", "--seed", "z")):
         code, _, err = run(capsys, *words)
         assert (code, "did you mean" in err) == (2, False)
 
 
-def test_a_word_after_two_dashes_is_no_option(capsys):
+def test_a_word_after_two_dashes_is_not_an_option(capsys):
     _, _, err = run(capsys, "modes", "--", "--state")
     assert "neither a built-in scene" in err
 
@@ -252,7 +252,7 @@ class TestArguments:
         assert code == 2
         assert option.split("=")[1] in err
 
-    def test_defaults_are_the_contracts(self):
+    def test_defaults(self):
         args = cli.parser().parse_args(["optimize"])
         assert (args.scene, args.speeds, args.accuracy, args.gradient) == ("kodama", "band", "standard", "auto")
         assert (args.out, args.seed, args.resume) == (None, 0, False)
@@ -276,7 +276,7 @@ def test_every_method_has_a_name_for_readers():
     assert set(METHOD_NAMES) == {*verdict_methods(), "smooth"}
 
 
-def test_a_message_that_quotes_too_much_is_cut_in_its_middle(tmp_path, capsys):
+def test_a_long_message_is_cut_in_its_middle(tmp_path, capsys):
     (tmp_path / "a.toml").write_text(f"name = '{'a' * 5000}")
     assert cli.main(["modes", str(tmp_path / "a.toml")]) == 2
     assert max(map(len, capsys.readouterr().err.splitlines())) < 1500

@@ -37,7 +37,7 @@ def allowed() -> float:
 
 
 @pytest.mark.parametrize("answer", ANSWERS)
-def test_answers_at_once(answer, tmp_path, monkeypatch):
+def test_a_command_starts_quickly(answer, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, words = ANSWERS[answer]
     pairs = []
@@ -48,7 +48,7 @@ def test_answers_at_once(answer, tmp_path, monkeypatch):
     assert pairs[-1][0] < pairs[-1][1], pairs
 
 
-def test_help_into_a_pipe_has_no_escape():
+def test_help_written_to_a_pipe_has_no_escape_codes():
     done = subprocess.run([sys.executable, "-m", "camopt", "--help"], capture_output=True, check=True, timeout=60)
     assert done.stdout and b"\x1b" not in done.stdout
 
@@ -78,7 +78,7 @@ PREPARED = {
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have other allocators")
 @pytest.mark.parametrize("process", PREPARED)
-def test_freed_arrays_leave_the_process(process):
+def test_the_memory_of_freed_arrays_is_returned_to_the_system(process):
     words = [sys.executable, "-c", FREED.replace("PREPARED", PREPARED[process])]
     kept = float(subprocess.run(words, capture_output=True, text=True, check=True, timeout=60).stdout)
     assert kept < 30.0  # of 323 MB, which a process without the preparation keeps

@@ -53,7 +53,7 @@ def test_the_page_names_every_key_of_an_energy_balance_and_a_periodic_solution()
     assert {"residual_relative", "largest_multiplier"} <= keys(entry) <= documented()
 
 
-def test_a_key_that_the_page_lacks_is_found(tmp_path):
+def test_an_undocumented_key_is_detected(tmp_path):
     (tmp_path / "history.jsonl").write_text('{"stage": "margin", "new_key": 1}\n', encoding="utf-8")
     (tmp_path / "comparison.csv").write_text("cam,new_column\n", encoding="utf-8")
     (tmp_path / "design.json").write_text('{"pieces": {"start_rad": []}, "parameters": {"a23": 1}}', encoding="utf-8")
@@ -71,7 +71,7 @@ def test_the_model_defines_every_metric():
 @pytest.mark.parametrize(
     "page", [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *PAGES], ids=lambda p: str(p.relative_to(ROOT))
 )
-def test_links_lead_to_files(page):
+def test_the_targets_of_links_exist(page):
     links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8"))]
     files = [page.parent / link for link in links if link and "://" not in link]
     assert not [file for file in files if not (file.exists() and file.stat().st_size)]

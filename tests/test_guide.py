@@ -71,7 +71,7 @@ class TestAddingAFamily:
         assert lift((-72 + 11) * DEG, 2) == pytest.approx(1.5 * rise / (22 * DEG), rel=1e-9)
         assert lift(0.0, 1) == pytest.approx(0.0, abs=1e-9)
 
-    def test_commands_know_it(self, family, capsys, tmp_path):
+    def test_commands_accept_it(self, family, capsys, tmp_path):
         table = tmp_path / "lift.csv"
         code = cli.main(["cam", "motori-1", "--cam", "two-parabolas:sections_deg=22/50", "--csv", str(table)])
         assert code == 0 and "two-parabolas" in capsys.readouterr().out
@@ -93,7 +93,7 @@ class TestAddingAFamily:
         assert len(space.known) == 1 and space.largest is not None
         assert cam_line("two-parabolas:sections_deg=22/50")["color"] == "#2F4B7C"
 
-    def test_a_record_of_a_name_and_a_function_is_a_family_too(self, monkeypatch, capsys):
+    def test_a_record_with_only_a_name_and_a_function_is_a_family(self, monkeypatch, capsys):
         """Such a family can be used in every command, is represented by its default member, and has no gradient."""
         toy = types.ModuleType("camopt.cam.families.toy")
         toy.FAMILY = Family("toy", lambda scene: replace(camopt.cycloidal(scene), family="toy"))
@@ -133,7 +133,7 @@ class TestAddingAMethod:
         assert 1e-9 < errors[1] < 1e-6
         assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.3)
 
-    def test_commands_know_it_and_it_votes(self, method, capsys):
+    def test_commands_accept_it_and_a_verdict_includes_it(self, method, capsys):
         words = ["motori-1", "--cam", "polydyne"]
         assert cli.main(["simulate", *words, "--speed", "4000", "--method", self.NAME, "--step-deg", "1"]) == 0
         assert "revolution 2" in capsys.readouterr().out

@@ -36,7 +36,7 @@ CAM = ("cam", "kodama", "--cam", "polydyne")
         ("compare", "kodama", "--out", "PATH"),
     ],
 )
-def test_paths_that_the_system_does_not_take(capsys, tmp_path, monkeypatch, words, path):
+def test_invalid_paths(capsys, tmp_path, monkeypatch, words, path):
     monkeypatch.chdir(tmp_path)
     code, out, err = run(capsys, *(path if word == "PATH" else word for word in words))
     assert (code, out) == (2, "")
@@ -58,7 +58,7 @@ def test_paths_that_the_system_does_not_take(capsys, tmp_path, monkeypatch, word
         "--speed=6000 --step-deg=" + "9" * 5000,
     ],
 )
-def test_numbers_beyond_every_engine(capsys, options):
+def test_extreme_numbers(capsys, options):
     verb = "simulate" if "--speed=" in options else "verify"
     code, _, err = run(capsys, verb, "kodama", *CAM[2:], *options.split())
     assert code == 2
@@ -86,7 +86,7 @@ def changed(record: dict, case: str) -> str:
 @pytest.mark.parametrize(
     "case", ["integer beyond floats", "duration beyond floats", "overflow inside", "5,000 digits", "nested"]
 )
-def test_design_files(tmp_path, case):
+def test_invalid_design_files(tmp_path, case):
     scene = load_scene("kodama")
     record = plain(design_record(polydyne(scene), 9.4e-3))
     file = tmp_path / "design.json"
@@ -98,7 +98,7 @@ def test_design_files(tmp_path, case):
     assert len(str(error.value)) < 600
 
 
-def test_a_name_that_utf8_cannot_say_is_written_all_the_same(tmp_path):
+def test_a_name_that_is_not_utf8_is_written_with_an_escape(tmp_path):
     write_text(tmp_path / "names.csv", "cam\nd\udcff\n")  # Python's representation of the byte 255 in a file's name
     assert (tmp_path / "names.csv").read_text() == "cam\nd\\udcff\n"
 
@@ -152,13 +152,13 @@ def literals(nodes: Iterable[ast.AST]) -> Iterator[str]:
         yield from literals(inner)
 
 
-def test_every_refusal_says_what_to_do():
+def test_every_error_message_has_a_remedy():
     found = list(refusals())
     assert len(found) > 200
     mute = [one for one in found if not REMEDY.search(one[1]) and not any(part in one[1] for part in SAID_ELSEWHERE)]
     assert not mute, "\n".join(f"{where}: {words}" for where, words in mute)
 
 
-def test_a_refusal_without_a_remedy_is_noticed():
+def test_a_message_without_a_remedy_is_detected():
     assert not REMEDY.search("polydyne: the cam is symmetric, but the closing ramp differs from the opening ramp")
     assert REMEDY.search("the closing ramp differs: leave closing_ramp_height_mm out")

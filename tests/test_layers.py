@@ -99,7 +99,7 @@ def test_imports_point_downward():
     assert not wrong
 
 
-def test_the_table_of_layers_for_contributors_is_this_one():
+def test_the_table_of_layers_for_contributors_is_complete():
     """The table in CONTRIBUTING.md has the layers of MAY_IMPORT and their permitted imports, and no others."""
     text = (ROOT.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `camopt/(\w+)` \|.*\| ([^|]+) \|$", text, re.MULTILINE)
@@ -132,7 +132,7 @@ LEAN = (*VERIFIER, "camopt", "camopt.scene", "camopt.cam.read", "camopt.exact", 
 """Modules whose import does not load JAX."""
 
 
-def test_imports_leave_out_what_they_do_not_need():
+def test_imports_do_not_load_unneeded_libraries():
     """Every module of LEAN, and one that needs JAX as a counter-example, is the first import of a new process."""
     snippet = "import sys, {}; assert not {} & {{*sys.modules}}"
     heavy = {module: {"jax", "camopt.exact"} if module in VERIFIER else {"jax"} for module in (*LEAN, "camopt.smooth")}
@@ -167,7 +167,7 @@ def modules_imported(path: Path, names: set[str]) -> set[str]:
     return imports & names - {dotted(path)}
 
 
-def test_no_circle_of_imports():
+def test_there_is_no_cycle_of_imports():
     """All imports count, also lazy ones and those that only a type checker evaluates."""
     names = {dotted(path) for path in modules()}
     imports = {dotted(path): modules_imported(path, names) for path in modules()}
@@ -220,6 +220,6 @@ def test_a_name_is_imported_from_the_module_that_defines_it():
     assert not wrong
 
 
-def test_files_stay_readable():
+def test_files_have_at_most_300_lines_and_telling_names():
     assert not [p for p in modules() if len(p.read_text(encoding="utf-8").splitlines()) > 300]
     assert not {path.stem for path in modules()} & {"utils", "helpers", "common", "misc"}

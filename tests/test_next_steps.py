@@ -37,7 +37,7 @@ COMMANDS = {
 }
 
 
-def test_every_command_is_here():
+def test_every_command_is_tested():
     assert COMMANDS.keys() == set(VERBS)
 
 
@@ -72,26 +72,26 @@ def test_the_last_line_is_a_command_that_parses(capsys, monkeypatch, tmp_path, v
 
 
 @pytest.mark.parametrize("verb", COMMANDS)
-def test_quiet_is_quiet(capsys, monkeypatch, tmp_path, verb):
+def test_quiet_prints_nothing(capsys, monkeypatch, tmp_path, verb):
     stand_in(monkeypatch, tmp_path, verb, lambda args: 0)
     assert run(capsys, *COMMANDS[verb], "--quiet") == (0, "", "")
 
 
-def test_units_of_a_table_go_with_the_cam(capsys, monkeypatch, tmp_path):
+def test_the_next_step_repeats_the_units_of_a_table(capsys, monkeypatch, tmp_path):
     stand_in(monkeypatch, tmp_path, "cam", lambda args: 0)
     words = ("cam", "kodama", "--cam", "my table.csv", "--table-angle", "crank", "--table-lift", "mm")
     assert "--cam 'my table.csv' --table-angle crank --table-lift mm --csv" in run(capsys, *words)[2]
 
 
 @pytest.mark.parametrize("verb", ["verify", "cam"])
-def test_nobody_is_told_to_write_a_table_over_the_one_that_was_given(capsys, monkeypatch, tmp_path, verb):
+def test_the_next_step_does_not_overwrite_the_given_table(capsys, monkeypatch, tmp_path, verb):
     stand_in(monkeypatch, tmp_path, verb, lambda args: 0)
     (tmp_path / "lift.csv").write_text("0,0")
     assert "--csv" not in run(capsys, verb, "kodama", "--cam", "lift.csv")[2]
     assert "--csv lift.csv --digits 5" in run(capsys, verb, "kodama", *CAM)[2]
 
 
-def test_hints_lead_on_and_never_back(capsys, monkeypatch, tmp_path):
+def test_the_next_steps_do_not_lead_back(capsys, monkeypatch, tmp_path):
     """The suggested steps lead from a design to its table, the table's verdict, its yield, the effect of each
     tolerance, and a design for a yield."""
     (tmp_path / "lift.csv").write_text("0,0")
@@ -107,7 +107,7 @@ def test_hints_lead_on_and_never_back(capsys, monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize("option", ["--csv", "--contour", "--dxf", "--card-csv"])
-def test_a_command_does_not_write_over_what_it_reads(capsys, monkeypatch, tmp_path, option):
+def test_a_command_does_not_overwrite_its_input(capsys, monkeypatch, tmp_path, option):
     stand_in(monkeypatch, tmp_path, "cam", lambda args: 0)
     (tmp_path / "lift.csv").write_text("0,0")
     code, _, err = run(capsys, "cam", "kodama", "--cam", "lift.csv", option, str(tmp_path / "lift.csv"))
@@ -115,7 +115,7 @@ def test_a_command_does_not_write_over_what_it_reads(capsys, monkeypatch, tmp_pa
     assert "reads that file as its cam, and would overwrite it: name another file" in err
 
 
-def test_a_command_does_not_write_two_things_to_one_file(capsys, monkeypatch, tmp_path):
+def test_a_command_does_not_write_two_outputs_to_one_file(capsys, monkeypatch, tmp_path):
     stand_in(monkeypatch, tmp_path, "cam", lambda args: 0)
     words = ("cam", "kodama", "--cam", "polydyne", "--csv", "lift.csv", "--contour")
     code, _, err = run(capsys, *words, "./lift.csv")
@@ -143,7 +143,7 @@ class TestLeftBehind:
             (OSError(errno.ENOSPC, "No space left on device", "run/lift.csv"), 2),
         ],
     )
-    def test_what_is_left_is_said_with_how_to_go_on(self, capsys, monkeypatch, tmp_path, error, code):
+    def test_remaining_files_and_the_resuming_command_are_reported(self, capsys, monkeypatch, tmp_path, error, code):
         outcome = self.interrupted(tmp_path, error, ["scene.toml", "history.jsonl"])
         stand_in(monkeypatch, tmp_path, "optimize", outcome)
         got, out, err = run(capsys, *COMMANDS["optimize"])
@@ -157,12 +157,12 @@ class TestLeftBehind:
         _, _, err = run(capsys, *COMMANDS["compare"])
         assert "run is left, with comparison.csv: delete it or name another --out" in err
 
-    def test_an_empty_folder_does_not_block_the_retry(self, capsys, monkeypatch, tmp_path):
+    def test_an_empty_folder_is_removed(self, capsys, monkeypatch, tmp_path):
         stand_in(monkeypatch, tmp_path, "optimize", self.interrupted(tmp_path, InputError("no cam"), []))
         assert run(capsys, *COMMANDS["optimize"]) == (2, "", "camopt: no cam\n")
         assert not (tmp_path / "run").exists()
 
-    def test_a_folder_of_somebody_else_is_never_touched(self, capsys, monkeypatch, tmp_path):
+    def test_a_foreign_folder_is_not_changed(self, capsys, monkeypatch, tmp_path):
         monkeypatch.chdir(tmp_path)
         (tmp_path / "run").mkdir()
         code, _, err = run(capsys, *COMMANDS["optimize"])
@@ -177,7 +177,7 @@ class TestLeftBehind:
 
 
 class TestNotes:
-    def test_what_is_unusual_is_noted_and_runs(self, capsys, tmp_path):
+    def test_an_unusual_value_causes_a_note_and_runs(self, capsys, tmp_path):
         file = tmp_path / "heavy.toml"
         file.write_text(scene_text("motori-1").replace("mass_kg = 0.24", "mass_kg = 125"))
         code, out, err = run(capsys, "modes", str(file))
@@ -193,7 +193,7 @@ class TestNotes:
         assert err.startswith(f"camopt: note: {option}: 60000 is outside the usual 100 to 20000")
 
 
-def test_table_that_ends_compare(tmp_path):
+def test_the_table_printed_by_compare(tmp_path):
     rows = [
         ("design", 5000, 0.58, 0.01, 0.02, 0.001, "confirmed", ""),
         ("design", 6000, 0.58, 0.03, 0.04, 0.002, "sensitive", "jump_mm at 6000 r/min; jump_mm at 6500 r/min"),

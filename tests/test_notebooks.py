@@ -46,7 +46,7 @@ def shows_itself(value: object) -> bool:
     return value is None or isinstance(value, dict | str) or any(hasattr(value, r) for r in REPRESENTATIONS)
 
 
-def test_all_are_there():
+def test_all_notebooks_exist():
     assert {path.stem for path in NOTEBOOKS} == set(EXPECTED.values())
     for path in NOTEBOOKS:
         title = re.search(r"^# # (.*)$", path.read_text(encoding="utf-8"), re.MULTILINE)
@@ -69,7 +69,7 @@ def test_runs_at_small_size(path, undrawn, tmp_path, monkeypatch):
     assert time.process_time() - begin < LONGEST_S
 
 
-def test_a_cell_that_fails_or_shows_nothing_is_seen():
+def test_a_cell_that_fails_or_shows_nothing_is_detected():
     with pytest.raises(ZeroDivisionError):
         shown("a = 1\na / 0", "cell", {})
     assert shown("a = 1\na + 1", "cell", {}) == 2

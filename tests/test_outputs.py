@@ -79,7 +79,7 @@ def forbid(monkeypatch, *but: str) -> None:
 
 
 @pytest.mark.parametrize("option", outputs())
-def test_an_output_of_a_verb_is_tried_before_it_computes(capsys, monkeypatch, places, option):
+def test_an_output_of_a_verb_is_checked_before_it_computes(capsys, monkeypatch, places, option):
     verb, name = option.split()
     if outputs()[option].metavar == "FILE":
         assert outputs()[option].dest in WRITTEN
@@ -96,20 +96,20 @@ def test_an_output_of_a_verb_is_tried_before_it_computes(capsys, monkeypatch, pl
 
 
 @pytest.mark.parametrize("verb", ["optimize", "compare", "tradeoff", "extremes"])
-def test_the_folder_of_a_default_name_is_tried_too(capsys, monkeypatch, places, verb):
+def test_a_default_folder_is_checked_too(capsys, monkeypatch, places, verb):
     forbid(monkeypatch)
     monkeypatch.setattr(arguments, "default_run_folder", lambda name: places / "closed" / "runs" / name)
     code, _, err = run(capsys, verb, "motori-1")
     assert (code, "cannot be written to (Permission denied)" in err) == (2, True)
 
 
-def test_a_device_is_no_place_to_try():
+def test_a_device_passes_the_check():
     storage.check_file("/dev/null")
 
 
 @pytest.mark.parametrize("path", ["file/x", "closed/x"])
 @pytest.mark.parametrize("function", ["optimize", "tradeoff", "pareto", "ascend"])
-def test_an_output_of_a_function_is_tried_before_it_computes(monkeypatch, places, function, path):
+def test_an_output_of_a_function_is_checked_before_it_computes(monkeypatch, places, function, path):
     forbid(monkeypatch, "optimize")
     scene = load_scene("motori-1")
 
@@ -122,7 +122,7 @@ def test_an_output_of_a_function_is_tried_before_it_computes(monkeypatch, places
         asked(scene, out=places / path, **free)
 
 
-def test_the_page_of_a_run_is_tried_before_it_is_made_again(monkeypatch, tmp_path):
+def test_the_report_is_checked_before_it_is_made_again(monkeypatch, tmp_path):
     forbid(monkeypatch)
     (tmp_path / "scene.toml").write_text(scene_toml(load_scene("motori-1")))
     (tmp_path / "report.html").mkdir()

@@ -45,7 +45,7 @@ def test_a_second_process_finds_the_program_of_the_first(tmp_path):
 
 
 @pytest.mark.parametrize(("kind", "left"), [pytest.param("*.nbi", 0, marks=pytest.mark.long), ("*.nbc", 20)])
-def test_torn_files_are_made_anew(tmp_path, kind, left):
+def test_damaged_files_are_replaced(tmp_path, kind, left):
     fresh(CODE, tmp_path)
     for file in tmp_path.rglob(kind):
         os.truncate(file, left)
@@ -54,7 +54,7 @@ def test_torn_files_are_made_anew(tmp_path, kind, left):
 
 
 @pytest.mark.parametrize("options", ["size=4k", pytest.param("nr_inodes=3", marks=pytest.mark.long)])
-def test_a_full_disk_keeps_nothing(tmp_path, options):
+def test_nothing_is_cached_on_a_full_disk(tmp_path, options):
     with mounted(tmp_path / "disk", options) as folder:
         assert fresh(CODE + SAY, folder)[:2] == ["0", "1"]
 
@@ -93,7 +93,7 @@ def test_a_change_of_any_source_is_another_program(tmp_path, monkeypatch):
     digest.cache_clear()
 
 
-def test_programs_of_other_versions_go_when_they_are_old(tmp_path, monkeypatch):
+def test_old_programs_of_other_versions_are_removed(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     above = cache_folder(f"numba-{programs.numba.__version__}")
     assert above is not None
@@ -136,7 +136,7 @@ def test_an_inner_function_is_compiled_within_the_program_that_calls_it_and_nowh
 
 
 @pytest.mark.parametrize("path", files_that_compile(), ids=lambda p: p.relative_to(PACKAGE).as_posix())
-def test_everything_that_is_compiled_in_is_among_the_sources(path):
+def test_the_sources_of_a_program_include_all_its_constants_and_programs(path):
     """The sources of a file with programs include every camopt module from which it imports constants or programs."""
     listed = sources(path)
     for node in ast.walk(ast.parse(path.read_text())):
@@ -181,7 +181,7 @@ def run_by_python(tree: ast.Module) -> bool:
     return any(ast.unparse(node.body[0]).startswith("interpret(monkeypatch, __name__") for node in fixtures)
 
 
-def test_python_calls_no_function_that_only_compiled_code_may_call():
+def test_python_calls_no_function_without_a_python_entry_point():
     """Such a function has no entry point for Python: the call would crash the process."""
     root = PACKAGE.parent
     files = [file for folder in ("camopt", "tests", "experiments") for file in (root / folder).rglob("*.py")]
@@ -212,7 +212,7 @@ def test_python_calls_no_function_that_only_compiled_code_may_call():
             assert (imported | own).get(name) not in without_entry, f"{module}, line {line}: {name}"
 
 
-def test_the_folders_that_stand_together_exist():
+def test_the_listed_folders_and_files_exist():
     assert all((PACKAGE / folder).is_dir() for folder in TOGETHER) and all(path.is_file() for path in CONSTANTS)
     assert Path(camopt.__file__).parent == PACKAGE
 
@@ -250,7 +250,7 @@ def of_tuple(holding):
     return of_record(holding.pair) + holding.third[0]
 
 
-def test_fields_are_read_and_written_and_no_reference_stays():
+def test_fields_are_read_and_written_without_reference_leaks():
     first, second, third = np.array([1.0, 2.0]), np.array([10.0, 20.0]), np.array([100.0])
     before = [sys.getrefcount(array) for array in (first, second, third)]
     for i in range(50):

@@ -60,7 +60,7 @@ def test_signature(name):
 USED_FIRST = ("verify", "optimize", "simulate", "reduce", "differentiable")
 
 
-def test_a_public_name_stays_the_function_after_its_first_use():
+def test_a_public_name_remains_the_same_function():
     """Each name of USED_FIRST is used in a new process; the test also detects a name that a module hides."""
     snippet = "import camopt, camopt.smooth; first = camopt.{0}; assert callable(first) and camopt.{0} is first"
     hidden = {"hidden": "import camopt, camopt.scene; assert callable(camopt.scene)"}
@@ -77,7 +77,7 @@ def test_every_public_name_has_its_signature_in_the_table():
     assert list(SIGNATURES) == sorted(camopt.__all__)
 
 
-def test_the_reader_of_signatures_sees_names_defaults_and_kinds():
+def test_signatures_have_names_defaults_and_kinds():
     def one(a: int, b=1, *, c="x", d=signature) -> None: ...
 
     assert signature(one) == "a, b=1, *, c='x', d=signature"

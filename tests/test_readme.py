@@ -60,5 +60,5 @@ def test_every_command_works_as_printed(tmp_path, monkeypatch, capsys):
         assert run(line) == (3 if "verify kodama --cam polydyne" in line else 0), (line, capsys.readouterr().err)
 
 
-def test_it_is_short():
+def test_the_readme_has_at_most_100_lines():
     assert README.count("\n") <= 100

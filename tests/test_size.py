@@ -191,7 +191,7 @@ def allowed() -> dict[str, dict[str, int]]:
 
 
 @pytest.mark.parametrize("kind", ["lines", *OFFENDERS])
-def test_numbers_only_fall(kind):
+def test_no_count_exceeds_its_limit(kind):
     limits = allowed()[kind]
     exceeded = {name: count for name, count in measured()[kind].items() if count > limits.get(name, 0)}
     places = OFFENDERS.get(kind, largest_files)(ROOT)
@@ -214,12 +214,12 @@ def lowered(limits: dict[str, dict[str, int]], numbers: dict[str, dict[str, int]
     }
 
 
-def test_renewing_raises_no_number():
+def test_renewing_raises_no_limit():
     assert lowered({"lines": {"cam": 5}}, {"lines": {"cam": 7, "exact": 3}}) == {"lines": {"cam": 5, "exact": 3}}
     assert lowered({"lines": {"cam": 5}}, {"lines": {"cam": 4}}) == {"lines": {"cam": 4}}
 
 
-def test_what_a_checkout_has_is_counted(tmp_path):
+def test_the_counts_of_a_checkout(tmp_path):
     package = tmp_path / "camopt" / "cam"
     package.mkdir(parents=True)
     (package / "one.py").write_text(

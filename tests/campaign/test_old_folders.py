@@ -25,11 +25,11 @@ def contents(folder: Path) -> dict[str, str]:
     }
 
 
-def test_there_are_some():
+def test_stored_folders_exist():
     assert KEPT
 
 
-def test_a_design_is_the_cam_that_it_was(old, capsys):
+def test_a_stored_design_is_read_as_the_same_cam(old, capsys):
     known = json.loads((old / "run" / "design.json").read_text(encoding="utf-8"))
     code, out, err = run(capsys, "cam", "motori-1", "--cam", str(old / "run"), "--csv", str(old / "lift.csv"))
     assert code == 0, err
@@ -46,7 +46,7 @@ def test_a_design_is_the_cam_that_it_was(old, capsys):
     ],
     ids=["run", "yield", "sweep"],
 )
-def test_going_on_is_done_or_refused_without_a_change(old, capsys, monkeypatch, words, where):
+def test_a_stored_run_is_resumed_or_refused_without_a_change(old, capsys, monkeypatch, words, where):
     monkeypatch.chdir(old)
     before = contents(old)
     code, _, err = run(capsys, *words, "--quiet")
@@ -56,7 +56,7 @@ def test_going_on_is_done_or_refused_without_a_change(old, capsys, monkeypatch, 
         assert contents(old) == before
 
 
-def test_a_changed_file_of_an_old_folder_is_noticed(old, capsys):
+def test_a_changed_file_of_a_stored_folder_is_detected(old, capsys):
     design = old / "run" / "design.json"
     record = json.loads(design.read_text(encoding="utf-8"))
     record["pieces"]["coefficients_mm"][5][-1] = "x"

@@ -10,14 +10,14 @@ KNOWN = tomllib.loads(Path(__file__).with_name("survivors.toml").read_text(encod
 
 
 @pytest.mark.parametrize("one", KNOWN, ids=lambda one: f"{one['file']}:{one['operator']}")
-def test_its_lines_are_in_its_file(one):
+def test_the_lines_of_a_survivor_are_in_its_file(one):
     lines = (ROOT / one["file"]).read_text(encoding="utf-8").splitlines()
     lost = [line[1:] for line in one["difference"].splitlines() if line.startswith("-")]
     assert lost and all(line in lines for line in lost), "bring it to the line as it is now, or drop it"
     assert one["kind"] in ("equivalent", "harmless") and one["reason"]
 
 
-def test_a_known_place_is_found_whatever_stands_before_it(tmp_path, monkeypatch):
+def test_a_known_place_is_found_when_lines_before_it_change(tmp_path, monkeypatch):
     drawing = pytest.importorskip("tests.mutation.mutants", exc_type=ImportError)
     path = tmp_path / "camopt/measure/a.py"
     path.parent.mkdir(parents=True)

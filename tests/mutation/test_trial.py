@@ -66,11 +66,11 @@ def test_a_line_belongs_to_the_smallest_statement(tree):
 
 
 @pytest.mark.parametrize(("line", "known"), [(3, True), (6, True), (7, False), (10, False), (16, True), (19, False)])
-def test_what_stands_in_no_function_runs_on_import(tree, line, known):
+def test_code_outside_of_functions_runs_on_import(tree, line, known):
     assert on_import(tree / FILE, range(line, line + 1)) is known
 
 
-def test_the_tests_that_run_a_line_are_asked_in_the_order_of_their_time(tree):
+def test_the_tests_that_run_a_line_are_ordered_by_time(tree):
     rows = {
         DIGITS: {"d": {"seconds": 9.0, "lines": {FILE: [8]}}},
         "tests/measure/test_a.py": {
@@ -100,7 +100,7 @@ def test_the_tests_that_run_a_line_are_asked_in_the_order_of_their_time(tree):
     assert [t.name for t in constant[True]] == ["d"]
 
 
-def test_tests_take_a_time_that_is_limited():
+def test_the_summed_time_of_tests_is_limited():
     tests = [Timed("a", 3.0), Timed("b", 3.0), Timed("c", 3.0)]
     assert within(7.0, tests) == tests[:2] and within(1.0, tests) == tests[:1] and within(9.0, []) == []
 
@@ -112,7 +112,7 @@ def alone():
         yield lambda function, *arguments: process.submit(function, *arguments).result()
 
 
-def test_a_fault_is_caught_by_the_test_that_runs_it_and_not_by_one_that_fails_anyway(tree, alone):
+def test_a_fault_is_not_attributed_to_a_test_that_always_fails(tree, alone):
     seen = alone(watched, tree, "tests/measure/test_a.py", True)
     name = "tests/measure/test_a.py::test_"
     assert {test: one["lines"].get(FILE) for test, one in seen.items()} == {
@@ -132,7 +132,7 @@ def test_a_fault_is_caught_by_the_test_that_runs_it_and_not_by_one_that_fails_an
     assert (tree / FILE).read_text() == SOURCE
 
 
-def test_survivors_count_with_their_reasons_as_long_as_their_lines_are_the_same():
+def test_survivors_have_their_reasons_while_their_lines_are_unchanged():
     from tests.mutation.mutants import Mutant
 
     drawn = [Mutant(FILE, "op", i) for i in range(5)]

@@ -180,7 +180,7 @@ def _pytest(options: list[str], tests: list[str], plugin: Any) -> int:
 
 
 def _forked(folder: Path, plain: bool, faulty: str | None, work: Callable[[], int], seconds: int) -> tuple[int, float]:
-    """Exit status and processor time [s] of `work` in a fork in the folder; `plain` runs compiled programs as Python."""
+    """Exit status and processor time [s] of `work` in a fork in the folder; `plain` runs compiled code as Python."""
     child = os.fork()
     if child:
         _, status, used = os.wait4(child, 0)

@@ -37,7 +37,7 @@ def typed(text: str) -> set[str]:
 
 
 @pytest.mark.parametrize("page", PAGES)
-def test_typed_numbers_are_given(page):
+def test_typed_numbers_are_listed(page):
     found = typed(PAGES[page].read_text(encoding="utf-8"))
     listed = set(GIVEN.get(page, []))
     assert found <= listed, "a result is generated, a setting stands in docs/given.toml"
@@ -54,6 +54,6 @@ def test_every_list_has_a_page():
     assert set(GIVEN) <= set(PAGES)
 
 
-def test_what_counts_as_typed():
+def test_typed_numbers_are_recognised():
     text = "It has 0.575 and 46 080 of 3 % at −7e-3, `0.5`, {number}`a.b | .1f`, [x](y7.md), 2-10-18-26-34, float32.\n"
     assert typed(text + "```text\n12\n```\n") == {"0.575", "46 080", "3", "−7e-3"}

@@ -25,7 +25,7 @@ def test_every_script_has_one_notebook():
 
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda p: p.stem)
-def test_the_notebook_is_in_step_with_its_script(path):
+def test_the_notebook_agrees_with_its_script(path):
     """Compares text and code cell by cell; `python -m docs.record_notebooks NAME` updates a notebook."""
     made, kept = read_script(path.read_text(encoding="utf-8")), stored(path)
     assert [(one.cell_type, one.source) for one in kept.cells] == [(one.cell_type, one.source) for one in made.cells]
@@ -34,7 +34,7 @@ def test_the_notebook_is_in_step_with_its_script(path):
 
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda p: p.stem)
-def test_the_outputs_are_those_of_its_code(path):
+def test_the_stored_outputs_belong_to_the_code(path):
     cells = code_cells(notebook(path.read_text(encoding="utf-8")))
     kinds = {kind for cell in cells for output in cell.outputs for kind in output.get("data", {})}
     assert "image/png" in kinds and "application/vnd.jupyter.widget-view+json" not in kinds
@@ -45,7 +45,7 @@ def test_the_outputs_are_those_of_its_code(path):
     assert "/tmp/" not in text and "/root/" not in text and "Traceback" not in text
 
 
-def test_other_code_has_no_outputs():
+def test_changed_code_has_no_outputs():
     with pytest.raises(ValueError, match=r"docs\.record_notebooks"):
         notebook(SCRIPTS[0].read_text(encoding="utf-8") + "\n# %%\n1 + 1\n")
 

@@ -50,7 +50,7 @@ def test_every_command_with_its_output_is_recorded():
 
 @pytest.mark.long
 @pytest.mark.timeout(1200)
-def test_the_recorded_commands_still_end_so(tmp_path):
+def test_the_recorded_commands_still_have_their_results(tmp_path):
     """Digits may differ from machine to machine, but not exit codes, verdicts and the words of the output."""
     found = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"]
     for page in PAGES:
@@ -104,7 +104,7 @@ def test_python_runs(name, capsys, tmp_path, monkeypatch):
     assert capsys.readouterr().out
 
 
-def test_a_gradient_lies_where_a_switching_moves_and_the_exact_one_does_not(capsys):
+def test_the_wrong_gradient_of_a_switching_time_and_the_exact_one(capsys):
     """The example of diffrax #729, and a similar derivative with event-exact."""
     lying, exact = GRADIENTS
     names: dict = {}
@@ -118,7 +118,7 @@ def test_a_gradient_lies_where_a_switching_moves_and_the_exact_one_does_not(caps
     assert f"{slope:.0f} 1/s" in PYTHON[exact]
 
 
-def test_what_a_doctest_shows_is_so():
+def test_doctests():
     shown = re.findall(
         r"```\{doctest\}\n(.*?)```", (DOCS / "reference" / "python.md").read_text(encoding="utf-8"), re.DOTALL
     )

@@ -59,7 +59,7 @@ def site(tmp_path_factory):
     return out / "html"
 
 
-def test_nothing_is_loaded_from_elsewhere(site):
+def test_nothing_is_loaded_from_other_hosts(site):
     loads = {path.name: Page(path.read_text(encoding="utf-8")).loads for path in sorted(site.rglob("*.html"))}
     assert not {(name, url) for name, urls in loads.items() for url in urls if urlsplit(url).netloc}
     for path in [*site.rglob("*.css"), *site.rglob("*.js")]:
@@ -76,7 +76,7 @@ def test_pages_fit_a_laptop_and_a_phone(site):
                 assert page.evaluate(CUT_OFF) == [], (name, screen)
 
 
-def test_what_is_generated_is_in_the_pages(site):
+def test_the_pages_have_their_generated_parts(site):
     def text(page):
         return re.sub(r"<[^>]+>", "", (site / page).read_text(encoding="utf-8"))
 

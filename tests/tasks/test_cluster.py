@@ -58,7 +58,7 @@ def test_rows_of_a_cluster_with_a_killed_worker_are_those_of_the_serial_sweep(lo
     assert [row[4] for row in rows if row[1] == 200] == [DIED]
 
 
-def test_nobody_at_the_address(monkeypatch):
+def test_an_address_without_a_scheduler(monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr("camopt.tasks.engines.WAIT_SECONDS", 1)
     with pytest.raises(InputError, match=r"--scheduler tcp://127.0.0.1:9: no scheduler answers"):
@@ -67,18 +67,18 @@ def test_nobody_at_the_address(monkeypatch):
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:8786", "tcp://localhost:1", "tcp://[::1]:1", "tls://10.0.0.1:1"])
-def test_addresses_that_are_safe(address):
+def test_safe_addresses(address):
     check_address(address, insecure=False)
 
 
-def test_an_address_beyond_this_machine_needs_tls_or_a_word():
+def test_an_address_beyond_this_machine_needs_tls_or_an_option():
     with pytest.raises(InputError, match="use tls:// with certificates, or add --insecure"):
         check_address("tcp://cluster.example:8786", insecure=False)
     check_address("tcp://cluster.example:8786", insecure=True)
 
 
 @pytest.mark.parametrize("address", ["", "127.0.0.1:8786", "tcp://", "tcp://host", "tcp://host:port", "http://h:1"])
-def test_no_addresses(address):
+def test_invalid_addresses(address):
     with pytest.raises(InputError, match="expected tcp://HOST:PORT or tls://HOST:PORT"):
         check_address(address, insecure=True)
 
@@ -96,7 +96,7 @@ def files(tmp_path):
     return tmp_path
 
 
-def test_a_row_of_the_function(files, monkeypatch):
+def test_a_row_of_the_experiment(files, monkeypatch):
     monkeypatch.syspath_prepend(files)
     task = {"verb": "call", "function": "climbs:climb", "arguments": ARGUMENTS}
     found = camopt.sweep([task], files / "one.sqlite", workers=0).dataset()

@@ -60,7 +60,7 @@ class Killer(threading.Thread):
 
 
 class TestWorkers:
-    def test_random_workers_that_are_killed_leave_no_trace(self, tmp_path, serial):
+    def test_killed_workers_do_not_change_the_rows(self, tmp_path, serial):
         path, killer = tmp_path / "x.sqlite", Killer(tmp_path / "x.sqlite", [20, 80, 140])
         killer.start()
         found = camopt.sweep(rehearsals(200, 0.0), path, workers=2)
@@ -80,7 +80,7 @@ class TestWorkers:
         assert others == [(key, *rest) for key, _, *rest in serial]
         assert [outcome for *_, outcome in rows if outcome == DIED] == [DIED]
 
-    def test_workers_that_cannot_begin_are_said(self, tmp_path):
+    def test_workers_that_cannot_start_are_reported(self, tmp_path):
         code = f"import camopt; camopt.sweep([{{'verb': 'rehearse', 'number': 1}}], {str(tmp_path / 'x')!r}, workers=1)"
         (tmp_path / "script.py").write_text(code)
         done = subprocess.run([sys.executable, tmp_path / "script.py"], capture_output=True, text=True, timeout=240)
@@ -123,7 +123,7 @@ def rows_after_the_end(folder, path, tasks: str, how) -> int:
 
 class TestParent:
     @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
-    def test_a_parent_that_ends_leaves_a_store_that_goes_on(self, tmp_path, serial, how):
+    def test_the_store_of_a_parent_that_ended_can_be_continued(self, tmp_path, serial, how):
         path = tmp_path / "x.sqlite"
         assert 20 <= rows_after_the_end(tmp_path, path, "rehearsals(200, 0.01)", how) < 200
         camopt.sweep(rehearsals(200, 0.01), path, workers=0)
@@ -132,7 +132,7 @@ class TestParent:
         but_for_the_wait = [sorted((n, s, o) for _, n, _, s, o in rows) for rows in (stored(path), serial)]
         assert but_for_the_wait[0] == but_for_the_wait[1]
 
-    def test_rows_that_are_there_are_not_computed_again(self, tmp_path, monkeypatch):
+    def test_stored_rows_are_not_computed_again(self, tmp_path, monkeypatch):
         camopt.sweep(rehearsals(5), tmp_path / "x", workers=0)
         before = stored(tmp_path / "x")
         monkeypatch.setattr("camopt.tasks.sweep.compute", lambda task: pytest.fail("computed again"))
@@ -178,7 +178,7 @@ class TestStores:
             db.execute("CREATE TABLE row (key, number, task, state, outcome)")
         assert "a database, but not the store of a sweep" in self.refused(rehearsals(2), tmp_path / "x")
 
-    def test_a_torn_page(self, tmp_path):
+    def test_a_damaged_page(self, tmp_path):
         path = tmp_path / "x"
         camopt.sweep(rehearsals(200), path, workers=0)
         data = bytearray(path.read_bytes())
@@ -197,7 +197,7 @@ class TestStores:
         with pytest.raises(InputError, match="row 1 of the sweep's store is damaged"):
             found.columns()
 
-    def test_a_store_that_says_no_version(self, tmp_path):
+    def test_a_store_without_a_version(self, tmp_path):
         camopt.sweep(rehearsals(3), tmp_path / "x", workers=0)
         with opened(tmp_path / "x") as db:
             db.execute("DELETE FROM about")
@@ -235,7 +235,7 @@ def test_any_executor_with_at_most_four_tasks_for_each_worker(tmp_path, serial):
     assert max(most) <= 2 * sweeping.AHEAD
 
 
-def test_an_executor_that_is_gone_and_a_worker_of_another_version_are_said(tmp_path, monkeypatch):
+def test_a_closed_executor_and_a_worker_of_another_version_are_reported(tmp_path, monkeypatch):
     executor = ThreadPoolExecutor(1)
     executor.shutdown()
     with pytest.raises(InputError, match=r"the executor does not go on .*sweep again with the same store"):
@@ -245,7 +245,7 @@ def test_an_executor_that_is_gone_and_a_worker_of_another_version_are_said(tmp_p
         camopt.sweep(rehearsals(2), tmp_path / "x", executor)
 
 
-def test_a_task_that_raises_is_a_failed_row_with_its_sentence(tmp_path):
+def test_a_task_that_raises_gives_a_failed_row_with_its_message(tmp_path):
     tasks = [{"verb": "rehearse", "number": 3, "end": "raise"}, {"verb": "rehearse", "number": 3}, DIES]
     found = camopt.sweep(tasks, tmp_path / "x", workers=0)
     assert [row["state"] for row in found.rows()] == ["failed", "done", "failed"]
@@ -261,12 +261,12 @@ def test_a_task_that_raises_is_a_failed_row_with_its_sentence(tmp_path):
 
 
 @pytest.mark.parametrize("workers", [-1, 2000])
-def test_workers_are_counted(tmp_path, workers):
+def test_the_number_of_workers_is_limited(tmp_path, workers):
     with pytest.raises(InputError, match="expected a number from 0 to 1000"):
         camopt.sweep(rehearsals(1), tmp_path / "x", workers=workers)
 
 
-def test_failed_rows_are_computed_once_more_where_that_is_asked_for(tmp_path):
+def test_failed_rows_are_computed_again_on_request(tmp_path):
     needed = tmp_path / "needed"
     one = {"verb": "call", "function": "tests.tasks.tasks_of_tests:doubled", "arguments": {"number": 1}}
     failing = one | {"arguments": {"number": 2, "folder": str(needed)}}
