@@ -68,8 +68,7 @@ live
 
 # %% [markdown]
 # Each cam gets a verdict: independent methods must agree on the motion, and every limit must hold. Families that are
-# designed without one of the limits, such as Polydyne without the jerk limit, are rejected, and the verdict names that
-# limit.
+# designed without a limit, such as Polydyne without the jerk limit, are rejected, and the limit is named.
 
 # %%
 compared = ("polydyne", "trapezoid") if SMALL else tuple(cams)

@@ -151,10 +151,9 @@ pandas.DataFrame([shares(calmest), shares(by_hand)], index=["calmest", "by hand"
 # `camopt.optimize` repeats this step about each new cam, until the predicted gain in area is small. These steps are the
 # stage *path constraints* below, with fixed margins. But a margin on the force is not a limit of the scene, which
 # limits bounce and jump. So the judge measures how much of each limit a cam uses, and the margin of each flank at each
-# speed is adjusted: if more than 0.8 of a limit is used, the margin rises and the next cam excites less vibration; if
-# less is used, it falls and the next cam is larger. It may become negative, since a contact may open as far as the
-# limit on the jump permits. The last steps are *between two cams*, the largest one that keeps the limits and a larger
-# one that does not.
+# speed is adjusted: above 0.8 of a limit the margin rises and the next cam excites less vibration; below, it falls and
+# the next cam is larger. It may become negative, as a contact may open as far as the limit on the jump permits. The
+# last steps are *between two cams*, the largest that keeps the limits and a larger one that does not.
 
 # %%
 run = camopt.optimize(

@@ -2,8 +2,7 @@
 # # An experiment of your own
 #
 # An experiment needs a number to maximise, a cam to start from, an optimiser, and a judge: twenty lines. Here the
-# forces between cam and valve must stay positive, and two optimisers start from the calmest cam. You can replace any of
-# the four.
+# forces between cam and valve must stay positive, and two optimisers start from the calmest cam.
 
 # %%
 import os
@@ -32,8 +31,7 @@ objective = camopt.objective(
 
 # %% [markdown]
 # Two optimisers of [optax](https://optax.readthedocs.io), from the same start. With `metric=True` a step of length one
-# changes the forces by one unit, independent of the scale of the coefficients. Event-exact judges the last cam of each
-# optimiser.
+# changes the forces by one unit, independent of the scale of the coefficients. Event-exact judges the last cams.
 
 # %%
 steps = 12 if SMALL else 90
@@ -45,8 +43,7 @@ shown = ("area_ratio", "contact_force_N", "largest_share")
 pandas.DataFrame({name: {key: float(climb.dataset[key][-1]) for key in shown} for name, climb in climbs.items()})
 
 # %% [markdown]
-# The figure shows both optimisations. A slightly negative force does not matter: the judge decides, from a motion in
-# which contacts can open.
+# The figure shows both optimisations. A slightly negative force does not matter: the judge decides.
 
 # %%
 figure, (area, force) = plt.subplots(1, 2, figsize=(9, 3.2), layout="constrained")
@@ -60,8 +57,7 @@ plt.close(figure)  # its last line shows it, once
 figure
 
 # %% [markdown]
-# A loop of your own only needs the value and its gradient. One compiled program computes both, and JAX stores it for
-# later processes.
+# A loop of your own only needs the value and its gradient. One compiled program computes both; JAX stores it on disk.
 
 # %%
 cam = climbs["L-BFGS"].best or climbs["L-BFGS"].nearest

@@ -110,8 +110,8 @@ except InputError as fault:
     print(fault)
 
 # %% [markdown]
-# The natural frequencies with the valve lifted are a first check. If they differ much from measured ones, a mass or a
-# stiffness is wrong.
+# The natural frequencies with the valve lifted are a first check. If measured ones differ, a mass or a stiffness is
+# wrong.
 
 # %%
 found = camopt.modes(scene, "lifted")
@@ -121,9 +121,8 @@ found
 found.plot()
 
 # %% [markdown]
-# A measured cam is a table. Here a table is generated from a Polydyne, in steps of 1 crank degree with 2 um of noise,
-# so that the true lift is known. The header gives the kind of angle and the unit; a table without one needs
-# `table_angle` and `table_lift`.
+# A measured cam is a table. Here one is made from a Polydyne, in steps of 1 crank degree with 2 um of noise, so that
+# the true lift is known. The header gives angle and unit; a table without one needs `table_angle` and `table_lift`.
 
 # %%
 truth = camopt.polydyne(scene)

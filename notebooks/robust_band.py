@@ -2,8 +2,8 @@
 # # Robust band and Pareto front
 #
 # A cam that is designed for four speeds may bounce at speeds a few per cent away from them, cams are ground with
-# errors, and springs lose load. This notebook answers three questions: At which speed of the band is a cam worst? How
-# does it perform in trains as they are built? How much area does a limit cost?
+# errors, and springs lose load. Three questions: At which speed of the band is a cam worst? How does it perform in
+# trains as built? What does a limit cost?
 
 # %%
 import os

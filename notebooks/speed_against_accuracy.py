@@ -1,8 +1,7 @@
 # %% [markdown]
 # # Speed against accuracy
 #
-# This notebook shows what an accurate motion costs, the time that a smaller model saves and its error, and the meaning
-# of `accuracy` in a verdict.
+# The cost of an accurate motion, error and time of smaller models, and the meaning of `accuracy` in a verdict.
 
 # %%
 import os
@@ -21,9 +20,8 @@ scene = camopt.load_scene("motori-1" if SMALL else "kodama")
 cam = camopt.polydyne(scene)
 
 # %% [markdown]
-# The first part is about a single motion. Event-exact locates every opening and closing, so its accuracy does not
-# depend on the step; Runge-Kutta-Gill and Houbolt step over these instants, and their error at a contact falls with the
-# first power of the step.
+# First, a single motion. Event-exact locates every opening and closing, so its accuracy does not depend on the step;
+# Runge-Kutta-Gill and Houbolt step over these instants, and their error falls with the first power of the step.
 
 
 # %%

@@ -41,8 +41,7 @@ seconds = time.perf_counter() - begin
 found
 
 # %% [markdown]
-# The rows are a labelled dataset: how much of each limit a train uses at its worst speed, and whether it keeps all of
-# them.
+# The rows are a labelled dataset: how much of each limit a train uses at its worst speed, and whether it keeps them.
 
 # %%
 data = found.dataset()
@@ -93,9 +92,8 @@ after
 # %% [markdown]
 # ## A cluster
 #
-# The same tasks can run on workers of [dask](https://distributed.dask.org): here these are two processes on this
-# machine, on a real cluster they are given by a scheduler's address. The dashboard shows their activity. The rows are
-# equal to those above, to the last bit.
+# The same tasks can run on workers of [dask](https://distributed.dask.org): here two processes on this machine, on a
+# real cluster those of a scheduler's address. The dashboard shows their activity. The rows are the same.
 
 # %%
 try:

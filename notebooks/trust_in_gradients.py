@@ -51,8 +51,7 @@ steps = 10.0 ** np.arange(-7, -2.9, 0.5)
 differences = np.array([(value(h) - value(-h)) / (2 * h) for h in steps])
 
 # %% [markdown]
-# The exact gradient is computed by the discrete adjoint of the event-exact motion, which has a jump wherever a contact
-# opens or closes.
+# The exact gradient is that of the discrete adjoint of event-exact motion, which jumps where a contact opens or closes.
 
 # %%
 exact = value_and_gradient(train, cam, cam_speed, [METRIC], revolutions=2)
@@ -62,8 +61,7 @@ print(f"central differences {differences.min():.9f} to {differences.max():.9f}")
 
 # %% [markdown]
 # On the smooth path the contact law is smoothed within a thin layer, and JAX differentiates the time stepping. JAX can
-# differentiate `simulate` directly, with respect to the cam's pieces, masses, stiffnesses, dampings, preloads, gaps and
-# the speed.
+# differentiate `simulate` with respect to the cam's pieces, masses, stiffnesses, dampings, preloads, gaps and speed.
 
 # %%
 lift = motion_parameters(scene, cam)["lift"]
