@@ -11,7 +11,7 @@ from camopt.cam.geometry import contact, crossing
 from camopt.cam.read import read_cam
 from camopt.scene import MotionRefused, load_scene, scene_text
 from camopt.study.cam_sheet import dynamic_stress
-from tests.test_cli import run
+from tests.command_line import run
 
 GEOMETRY = """
 [geometry]

@@ -20,8 +20,8 @@ from camopt.optimizer.baselines import comparison
 from camopt.scene import scene_text
 from camopt.storage import write_json, write_text
 from camopt.verifier import ACCURACY_NAMES
+from tests.command_line import run
 from tests.scene.test_load import EXAMPLE
-from tests.test_cli import run
 
 CALM = EXAMPLE + '\n[[tolerance]]\nof = "spring.preload_N"\nrelative = 0.001\n'
 MOST_STEPS = 10

@@ -16,8 +16,7 @@ import pytest
 import camopt
 from camopt.scene import InputError
 from camopt.tasks.engines import check_address, cluster
-from tests.tasks.tasks_of_tests import rehearsals, stored
-from tests.tasks.test_sweep import DIED, DIES, Killer
+from tests.tasks.tasks_of_tests import DIED, DIES, rehearsals, row_count, stored
 
 pytestmark = pytest.mark.filterwarnings("ignore")  # warnings of dask about sockets of killed workers
 
@@ -37,8 +36,7 @@ def local():
 def kill_one(local, path) -> None:
     """Kills a worker of a cluster as soon as the store has 40 rows."""
     pids = [nanny.pid for nanny in local.workers.values()]
-    reader = Killer(path, [])
-    while not path.exists() or reader.count() < 40:
+    while row_count(path) < 40:
         time.sleep(0.01)
     os.kill(pids[0], signal.SIGKILL)
 

@@ -2,7 +2,6 @@
 
 import os
 import signal
-import sqlite3
 import subprocess
 import sys
 import threading
@@ -19,10 +18,8 @@ from camopt.tasks import sweep as sweeping
 from camopt.tasks.engines import MOST_DEATHS
 from camopt.tasks.task import filed
 from tests.campaign.starved import mounted
-from tests.tasks.tasks_of_tests import opened, rehearsals, stored
+from tests.tasks.tasks_of_tests import DIED, DIES, opened, rehearsals, row_count, stored
 
-DIES = {"verb": "rehearse", "number": 10**6, "end": "die"}
-DIED = '{"reason": "3 workers that computed it died (killed by a signal, or out of memory)"}'
 KILLS = 3
 
 
@@ -44,19 +41,12 @@ class Killer(threading.Thread):
     def run(self):
         random = np.random.default_rng(0)
         for rows in self.after:
-            while not (self.path.exists() and self.count() >= rows):
+            while row_count(self.path) < rows:
                 time.sleep(0.005)
             children = [child for child in active_children() if child.name.startswith("SpawnProcess")]
             victim = children[random.integers(len(children))]
             os.kill(victim.pid, signal.SIGKILL)
             self.killed.append(victim.pid)
-
-    def count(self) -> int:
-        try:
-            with opened(self.path) as db:
-                return db.execute("SELECT count(*) FROM row").fetchone()[0]
-        except sqlite3.OperationalError:  # the parent has not yet created the tables
-            return 0
 
 
 class TestWorkers:
@@ -105,8 +95,7 @@ def rows_after_the_end(folder, path, tasks: str, how) -> int:
     script.write_text(PARENT.replace("TASKS", tasks))
     env = os.environ | {"PYTHONPATH": os.pathsep.join([os.getcwd(), os.environ.get("PYTHONPATH", "")])}
     parent = subprocess.Popen([sys.executable, script, path], env=env, stderr=subprocess.PIPE, process_group=0)
-    reader = Killer(path, [])
-    while reader.count() < 20 if path.exists() else True:
+    while row_count(path) < 20:
         assert parent.poll() is None
         time.sleep(0.01)
     parent.send_signal(how)
@@ -116,7 +105,7 @@ def rows_after_the_end(folder, path, tasks: str, how) -> int:
         try:
             os.killpg(parent.pid, 0)
         except ProcessLookupError:
-            return reader.count()
+            return row_count(path)
         time.sleep(0.05)
     pytest.fail("worker processes outlive their parent")
 
