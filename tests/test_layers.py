@@ -127,15 +127,16 @@ JOB = (
 
 METHODS = tuple(f"camopt.verifier.methods.{name}" for name in ("dop853", "houbolt", "rkg", "tmm"))
 VERIFIER = ("camopt.verifier", "camopt.verifier.verdict", "camopt.verifier.accuracy", *METHODS)
-"""Modules whose import loads neither JAX nor `camopt.exact`."""
+"""Modules whose import loads neither JAX nor jaxtyping nor `camopt.exact`."""
 LEAN = (*VERIFIER, "camopt", "camopt.scene", "camopt.cam.read", "camopt.exact", "camopt.cli", *JOB)
-"""Modules whose import does not load JAX."""
+"""Modules whose import loads neither JAX nor jaxtyping."""
 
 
 def test_imports_do_not_load_unneeded_libraries():
     """Every module of LEAN, and one that needs JAX as a counter-example, is the first import of a new process."""
     snippet = "import sys, {}; assert not {} & {{*sys.modules}}"
-    heavy = {module: {"jax", "camopt.exact"} if module in VERIFIER else {"jax"} for module in (*LEAN, "camopt.smooth")}
+    lean = {module: {"jax", "jaxtyping"} for module in (*LEAN, "camopt.smooth")}
+    heavy = lean | {module: {"jax", "jaxtyping", "camopt.exact"} for module in VERIFIER}
     ended = run_each({module: snippet.format(module, names) for module, names in heavy.items()})
     assert {module for module, code in ended.codes.items() if code} == {"camopt.smooth"}, ended.said
 

@@ -29,9 +29,9 @@ class TestInputs:
         assert cases == [drawn(seed) for seed in range(300)]
 
     def test_a_sample_has_no_fault(self):
-        found = outcomes(range(80), workers=2)  # a limit on processor time slows a process's clock
-        assert {one["kind"] for one in found} >= {"scene", "cam", "table", "design", "command"}
-        assert not [one for one in found if one["wrong"]]
+        cases = outcomes(range(80), workers=2)  # a limit on processor time slows a process's clock
+        assert {case["kind"] for case in cases} >= {"scene", "cam", "table", "design", "command"}
+        assert not [case for case in cases if case["wrong"]]
 
     def test_excessive_time_or_memory_is_detected(self):
         """A process that exceeds its processor time is ended, and one that uses too much memory is reported. A process
@@ -58,14 +58,11 @@ class TestInputs:
 
 
 class TestMessages:
-    def test_every_message_to_the_designer_is_answered(self):
-        found = list(messages.outcomes(range(60)))
-        assert {"status 200", "status 400"} <= {one["ended"] for one in found}
-        assert not [one for one in found if one["wrong"]]
-
-    @LONG
-    def test_many_messages_to_the_designer_are_answered(self):
-        assert not [one for one in messages.outcomes(range(1000, 2500)) if one["wrong"]]
+    @pytest.mark.parametrize("seeds", [range(60), pytest.param(range(1000, 2500), marks=LONG)])
+    def test_every_message_to_the_designer_is_answered(self, seeds):
+        answers = list(messages.outcomes(seeds))
+        assert {"status 200", "status 400"} <= {answer["ended"] for answer in answers}
+        assert not [answer for answer in answers if answer["wrong"]]
 
     @pytest.mark.parametrize(
         ("status", "text", "wrong"),
@@ -82,15 +79,9 @@ class TestMessages:
 
 
 class TestKills:
-    @pytest.mark.parametrize("name", ["cam", pytest.param("sweep", marks=LONG)])
-    def test_a_killed_command_is_resumed(self, tmp_path, name):
-        assert [found["wrong"] for found in killings(name, tmp_path, 1)] == [""]
-
-    @LONG
-    @pytest.mark.parametrize("name", COMMANDS)
-    def test_every_command_that_writes_is_resumed(self, tmp_path, name):
-        found = list(killings(name, tmp_path, 5))
-        assert not [kill for kill in found if kill["wrong"]]
+    @pytest.mark.parametrize(("name", "kills"), [("cam", 1), *(pytest.param(n, 5, marks=LONG) for n in COMMANDS)])
+    def test_a_killed_command_is_resumed(self, tmp_path, name, kills):
+        assert [kill["wrong"] for kill in killings(name, tmp_path, kills)] == [""] * kills
 
     def test_damaged_files_are_detected(self, tmp_path):
         for name, text in {"a.json": '{"x": 1', "b.toml": "x = ", "c.svg": "<svg>", "d.json": "{}"}.items():
