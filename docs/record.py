@@ -58,18 +58,18 @@ def furnish(folder: Path) -> None:
 
 def main(names: Sequence[str] = ()) -> None:
     """Runs the commands of the named pages, by default of all pages, and writes their output."""
-    known = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"] if names else {}
-    found = {}
+    recorded = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"] if names else {}
+    outputs = {}
     for page in sorted(PAGES.glob("*.md")):
         if names and page.stem not in names:
-            found |= {command: known[command] for command in commands_of(page)}
+            outputs |= {command: recorded[command] for command in commands_of(page)}
             continue
         with tempfile.TemporaryDirectory() as name:
             furnish(Path(name))
             for command in commands_of(page):
-                found[command] = printed(command, Path(name))
-                print(command, found[command]["exit_code"], flush=True)
-    write_json(RECORDED, {"provenance": provenance("python -m docs.record"), "printed": found})
+                outputs[command] = printed(command, Path(name))
+                print(command, outputs[command]["exit_code"], flush=True)
+    write_json(RECORDED, {"provenance": provenance("python -m docs.record"), "printed": outputs})
 
 
 if __name__ == "__main__":

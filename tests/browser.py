@@ -59,5 +59,5 @@ def wait(page: Any, reached: Callable[[], Any]) -> None:
 def serious_faults(page: Any) -> list[tuple]:
     """Serious and critical accessibility faults that axe finds on a page, each with its elements."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
-    found = [v for v in axe.Axe().run(page).response["violations"] if v["impact"] in ("serious", "critical")]
-    return [(v["id"], [n["target"] for n in v["nodes"]][:4]) for v in found]
+    violations = [v for v in axe.Axe().run(page).response["violations"] if v["impact"] in ("serious", "critical")]
+    return [(v["id"], [n["target"] for n in v["nodes"]][:4]) for v in violations]

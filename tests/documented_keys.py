@@ -29,12 +29,12 @@ def keys(data) -> set[str]:
 
 def undocumented(folder: Path) -> set[str]:
     """Files, columns and keys of a run folder that its page does not document."""
-    found = {f"{p.name}/" if p.is_dir() else p.name for p in folder.iterdir()}
+    names = {f"{p.name}/" if p.is_dir() else p.name for p in folder.iterdir()}
     for path in folder.rglob("*.json"):
-        found |= keys(json.loads(path.read_text(encoding="utf-8")))
+        names |= keys(json.loads(path.read_text(encoding="utf-8")))
     for line in (folder / "history.jsonl").read_text(encoding="utf-8").splitlines():
-        found |= keys(json.loads(line))
+        names |= keys(json.loads(line))
     for path in folder.glob("*.csv"):
         with open(path, newline="", encoding="utf-8") as file:
-            found |= set(next(csv.reader(file)))
-    return found - documented()
+            names |= set(next(csv.reader(file)))
+    return names - documented()

@@ -73,10 +73,10 @@ def curved(method: Callable, steps: int) -> np.ndarray:
     return sizes(method(train, STILL, 200.0 * np.pi, steps)(np.array([3e-3, -1.0])))
 
 
-def sizes(found) -> np.ndarray:
+def sizes(response) -> np.ndarray:
     """The numbers of `motion`."""
-    means = [np.abs(part).mean(axis=0) for part in (found.x, found.v, found.force)]
-    return np.concatenate([found.x[-1], found.v[-1], found.memory[-1], *means])
+    means = [np.abs(part).mean(axis=0) for part in (response.x, response.v, response.force)]
+    return np.concatenate([response.x[-1], response.v[-1], response.memory[-1], *means])
 
 
 def metrics() -> np.ndarray:
@@ -84,8 +84,8 @@ def metrics() -> np.ndarray:
     train, lift, speed = case("motori-1", 6000)
     revolve = prepare(train, lift, speed, 180)
     first = revolve(state_at_rest(train))
-    found = measure(joined([first, revolve(np.concatenate([first.x[-1], first.v[-1]]))]), lift)
-    return np.concatenate(list(found.values()))
+    values = measure(joined([first, revolve(np.concatenate([first.x[-1], first.v[-1]]))]), lift)
+    return np.concatenate(list(values.values()))
 
 
 def gradient(moving: Callable[[], tuple], moved: float = 0.0) -> np.ndarray:
@@ -99,21 +99,21 @@ def gradient(moving: Callable[[], tuple], moved: float = 0.0) -> np.ndarray:
 def from_rest() -> np.ndarray:
     """Separate gradients of the forces without separation, from rest, whose position depends on the train; spans end at
     borders of pieces."""
-    found = value_and_gradient(*case("motori-1", 4000), METRICS[3:5], mechanical=True, spacing=np.radians(6.0))
-    return numbers(found)
+    gradients = value_and_gradient(*case("motori-1", 4000), METRICS[3:5], mechanical=True, spacing=np.radians(6.0))
+    return numbers(gradients)
 
 
 def traced() -> np.ndarray:
     """Samples of a traced motion and their gradients."""
     train, lift, speed = soft()
-    found = TracedMotion(train, lift, speed, state_at_rest(train), mechanical=True)
+    traced_motion = TracedMotion(train, lift, speed, state_at_rest(train), mechanical=True)
     angles = np.array([-1.0, -0.3, 0.4, 1.7])
-    at = found.at(angles)
+    at = traced_motion.at(angles)
     bars = type(at)(
         **{name: np.cos(1.0 + np.arange(part.size)).reshape(1, *part.shape) for name, part in vars(at).items()}
     )
-    parts = [*(part.ravel() for part in vars(at).values()), found.values(METRICS)]
-    return np.concatenate([*(cleaned(part) for part in parts), numbers(found.pull_back(angles, bars))])
+    parts = [*(part.ravel() for part in vars(at).values()), traced_motion.values(METRICS)]
+    return np.concatenate([*(cleaned(part) for part in parts), numbers(traced_motion.pull_back(angles, bars))])
 
 
 def many() -> np.ndarray:
@@ -131,16 +131,16 @@ def many() -> np.ndarray:
 
 def settled(moving: Callable[[], tuple], **options) -> np.ndarray:
     """Metrics of a motion that settles at once, or is treated as settled."""
-    found = settled_metrics(*([one] for one in moving()), workers=1, **options)
-    return np.concatenate([found.states.ravel(), *(found.worst(name).ravel() for name in found.lowest)])
+    result = settled_metrics(*([one] for one in moving()), workers=1, **options)
+    return np.concatenate([result.states.ravel(), *(result.worst(name).ravel() for name in result.lowest)])
 
 
-def numbers(found: Slopes) -> np.ndarray:
+def numbers(slopes: Slopes) -> np.ndarray:
     """All numbers of a gradient in one array; the pieces of the lift are summed with different weights."""
-    by_powers = np.einsum("lpq,p->lq", found.by_coefficients, np.cos(np.arange(found.by_coefficients.shape[1])))
-    parts = [by_powers, found.by_start, *(vars(found.by_train).values() if found.by_train else ())]
-    if isinstance(found, Gradient):
-        parts += [found.values, found.runner_up, found.end, np.array(list(vars(found.grazing).values()))]
+    by_powers = np.einsum("lpq,p->lq", slopes.by_coefficients, np.cos(np.arange(slopes.by_coefficients.shape[1])))
+    parts = [by_powers, slopes.by_start, *(vars(slopes.by_train).values() if slopes.by_train else ())]
+    if isinstance(slopes, Gradient):
+        parts += [slopes.values, slopes.runner_up, slopes.end, np.array(list(vars(slopes.grazing).values()))]
     return np.concatenate([cleaned(np.ravel(part)) for part in parts if part is not None])
 
 

@@ -138,16 +138,16 @@ def test_every_chain_ends_with_a_table_for_the_grinder(capsys, monkeypatch, tmp_
     world, words, most = STARTS[name]
     done = follow(capsys, monkeypatch, tmp_path, world, *words)
     assert len(done) <= most, done
-    asked = [re.search(r"--yield ([\d.]+)", command) for command in done if command.startswith("optimize")]
-    once_asked = [found is not None for found in asked]
-    assert once_asked == sorted(once_asked), f"a yield was asked for, and then none: {done}"
+    yields = [re.search(r"--yield ([\d.]+)", command) for command in done if command.startswith("optimize")]
+    required = [verification is not None for verification in yields]
+    assert required == sorted(required), f"a yield was asked for, and then none: {done}"
     folder = Path(shlex.split(done[-1])[3])
     if folder.is_dir():  # a family's cam has no run folder
         settings = json.loads((folder / "provenance.json").read_text())["settings"]
         assert settings["accuracy"] != "draft", done
-        found = json.loads((folder / "verification.json").read_text())
-        assert found["verdict"] == "confirmed"
-        assert "yield" not in found or found["yield"]["confirmed"] or found["yield"]["low"] >= 0.95
+        verification = json.loads((folder / "verification.json").read_text())
+        assert verification["verdict"] == "confirmed"
+        assert "yield" not in verification or verification["yield"]["confirmed"] or verification["yield"]["low"] >= 0.95
 
 
 def test_a_yield_missed_at_the_finest_accuracy_is_lowered(capsys, monkeypatch, tmp_path):
@@ -164,12 +164,12 @@ def test_the_steps_after_a_table_do_not_repeat(capsys, monkeypatch, tmp_path):
     for _ in range(MOST_STEPS):
         _, _, err = run(capsys, *words)
         (line,) = (line for line in err.splitlines() if line.startswith("next: "))
-        given = re.findall("`(.*?)`", line)
-        if not given:
+        commands = re.findall("`(.*?)`", line)
+        if not commands:
             assert "lift.csv can go to the grinder" in line
             break
-        seen.append(given[0])
-        words = tuple(shlex.split(given[0])[1:])
+        seen.append(commands[0])
+        words = tuple(shlex.split(commands[0])[1:])
     assert [command.split()[1] for command in seen] == ["verify", "yield"]
 
 

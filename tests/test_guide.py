@@ -127,9 +127,9 @@ class TestAddingAMethod:
         truth = prepare(train, lift, speed, 1440)(state)
         errors = []
         for steps in (14_400, 28_800):
-            found = method.prepare(train, lift, speed, steps)(state)
+            response = method.prepare(train, lift, speed, steps)(state)
             at = np.searchsorted(truth.angle, 0.0)  # the nose
-            errors.append(abs(np.interp(truth.angle[at], found.angle, found.x[:, 0]) - truth.x[at, 0]))
+            errors.append(abs(np.interp(truth.angle[at], response.angle, response.x[:, 0]) - truth.x[at, 0]))
         assert 1e-9 < errors[1] < 1e-6
         assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.3)
 

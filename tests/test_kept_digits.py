@@ -19,5 +19,5 @@ def test_all_of_them_are_kept():
 
 @pytest.mark.parametrize("name", FIGURES)
 def test_the_results_equal_the_stored_ones(name):
-    known = np.array(KEPT[name], dtype=float)  # null is not a number
-    np.testing.assert_allclose(FIGURES[name](), known, rtol=1e-7, atol=1e-12)
+    expected = np.array(KEPT[name], dtype=float)  # null is not a number
+    np.testing.assert_allclose(FIGURES[name](), expected, rtol=1e-7, atol=1e-12)

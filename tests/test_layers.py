@@ -182,7 +182,7 @@ def test_no_two_classes_share_a_name():
         for node in nodes(path):
             if isinstance(node, ast.ClassDef):
                 places.setdefault(node.name.lstrip("_"), []).append(dotted(path))
-    assert not {name: found for name, found in places.items() if len(found) > 1}
+    assert not {name: homes for name, homes in places.items() if len(homes) > 1}
 
 
 @pytest.mark.long
@@ -195,28 +195,28 @@ def test_every_module_can_be_imported_first():
 
 def defined(path: Path) -> set[str]:
     """Names that a module defines, or imports under a new name in order to re-export them."""
-    found = set()
+    names = set()
     for node in nodes(path):
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
-            found.add(node.name)
+            names.add(node.name)
         elif isinstance(node, ast.Assign | ast.AnnAssign):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            found |= {part.id for t in targets for part in ast.walk(t) if isinstance(part, ast.Name)}
+            names |= {part.id for t in targets for part in ast.walk(t) if isinstance(part, ast.Name)}
         elif isinstance(node, ast.Import | ast.ImportFrom):
-            found |= {alias.asname for alias in node.names if alias.asname}
-    return found
+            names |= {alias.asname for alias in node.names if alias.asname}
+    return names
 
 
 def test_a_name_is_imported_from_the_module_that_defines_it():
     """A name is not imported from a module that only imports it; packages may re-export names."""
-    known = {dotted(path): defined(path) for path in modules() if path.stem != "__init__"}
+    definitions = {dotted(path): defined(path) for path in modules() if path.stem != "__init__"}
     wrong = [
         (dotted(path), node.module, alias.name)
         for path in modules()
         for node in nodes(path)
-        if isinstance(node, ast.ImportFrom) and node.module in known
+        if isinstance(node, ast.ImportFrom) and node.module in definitions
         for alias in node.names
-        if alias.name not in known[node.module]
+        if alias.name not in definitions[node.module]
     ]
     assert not wrong
 

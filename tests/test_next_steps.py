@@ -64,9 +64,9 @@ def test_the_last_line_is_a_command_that_parses(capsys, monkeypatch, tmp_path, v
     if (verb, code) == ("extremes", 3):
         assert "run/extremes.csv" in line
         return
-    given = re.findall("`(.*?)`", line)
-    assert given
-    for command in given:
+    commands = re.findall("`(.*?)`", line)
+    assert commands
+    for command in commands:
         words = shlex.split(command.split(" > ")[0])
         assert words[0] == "camopt" and cli.parser().parse_args(words[1:]).command == words[1]
 

@@ -45,10 +45,10 @@ FIRST = {
 def outputs() -> dict[str, argparse.Action]:
     """The options of all verbs that name a file or folder to write, as "verb option"."""
     every = next(a for a in parser()._actions if isinstance(a, argparse._SubParsersAction)).choices
-    found = {f"{verb} {action.option_strings[0]}": action for verb, one in every.items() for action in one._actions[1:]
+    options = {f"{verb} {action.option_strings[0]}": action for verb, sub in every.items() for action in sub._actions[1:]
              if action.metavar in ("FILE", "DIR")}  # fmt: skip
-    assert len(found) > 15
-    return found
+    assert len(options) > 15
+    return options
 
 
 @pytest.fixture
@@ -115,9 +115,9 @@ def test_an_output_of_a_function_is_checked_before_it_computes(monkeypatch, plac
         camopt.ascend(camopt.objective(scene, speeds_rpm=(4000,)), polydyne(scene), optax.sgd(1e-3), 1, out=out)
 
     free = {"free": {"spring.preload_N": (200.0, 320.0)}} if function == "optimize" else {}
-    asked = ascend if function == "ascend" else getattr(camopt, function)
+    computing = ascend if function == "ascend" else getattr(camopt, function)
     with pytest.raises(InputError, match="cannot be written"):
-        asked(scene, out=places / path, **free)
+        computing(scene, out=places / path, **free)
 
 
 def test_the_report_is_checked_before_it_is_made_again(monkeypatch, tmp_path):

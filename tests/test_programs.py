@@ -191,7 +191,7 @@ def test_python_calls_no_function_without_a_python_entry_point():
         for module, text in texts.items()
         if re.search("^@(inner|compiled|njit)", text, re.MULTILINE)
         for node in ast.parse(text).body
-        if (found := compiled_as(node)) and not found[1]
+        if (kind := compiled_as(node)) and not kind[1]
     }
     assert len(without_entry) > 50
     named = re.compile(rf"\b({'|'.join({name for _, name in without_entry})})\b")

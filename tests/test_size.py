@@ -131,8 +131,8 @@ def measured() -> dict[str, dict[str, int]]:
     lines = lines_by_folder(ROOT)
     counts = {}
     for kind, places in OFFENDERS.items():
-        found = Counter(map(folder, places(ROOT).values()))
-        counts[kind] = {name: found[name] for name in lines}
+        offenders = Counter(map(folder, places(ROOT).values()))
+        counts[kind] = {name: offenders[name] for name in lines}
     for name in ALSO_COUNTED:
         files = (path for path in (ROOT / name).rglob("*.py") if GENERATED not in path.parents)
         lines[name] = sum(line_count(path.read_text(encoding="utf-8")) for path in files)
@@ -195,7 +195,7 @@ def test_no_count_exceeds_its_limit(kind):
     limits = allowed()[kind]
     exceeded = {name: count for name, count in measured()[kind].items() if count > limits.get(name, 0)}
     places = OFFENDERS.get(kind, largest_files)(ROOT)
-    said = [
+    lines = [
         f"{name}: {count} {kind}, {limits.get(name, 0)} allowed: "
         f"{', '.join([place for place, path in places.items() if folder(path) == name][:20])}"
         for name, count in exceeded.items()
@@ -203,7 +203,7 @@ def test_no_count_exceeds_its_limit(kind):
     remedy = (
         "cut as much elsewhere; for a new feature `python -m tests.test_size --all` raises them, and its commit says so"
     )
-    assert not exceeded, "\n".join([*said, remedy])
+    assert not exceeded, "\n".join([*lines, remedy])
 
 
 def lowered(limits: dict[str, dict[str, int]], numbers: dict[str, dict[str, int]]) -> dict[str, dict[str, int]]:

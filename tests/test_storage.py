@@ -246,9 +246,9 @@ class TestJournal:
         journal.add({"case": "a", "at": [1.0, 2.0], "error": math.inf}, {"case": "b", "at": [], "error": 0.5})
         path.write_text(path.read_text() + '{"case": "c", "at"')
         again = Records(path, "case", "at", identity={"seed": 1})
-        for one in (journal, again):
-            assert one.get("a", (1.0, 2.0)) == {"case": "a", "at": [1.0, 2.0], "error": None}
-            assert one.get("b", ())["error"] == 0.5 and one.get("c", ()) is None
+        for records in (journal, again):
+            assert records.get("a", (1.0, 2.0)) == {"case": "a", "at": [1.0, 2.0], "error": None}
+            assert records.get("b", ())["error"] == 0.5 and records.get("c", ()) is None
         assert len(path.read_text().splitlines()) == 3
 
     def test_a_journal_of_other_work_is_not_changed(self, tmp_path):

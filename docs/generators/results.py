@@ -91,8 +91,8 @@ class Names(dict):
 def number(text: str, folder: Path = RESULTS) -> str:
     """The formatted value of `expression | format` for the results in a folder; raises if a name or key is missing."""
     expression, _, form = text.rpartition("|")
-    known = {"__builtins__": {}, **FUNCTIONS}
-    return shown(eval(expression.strip(), known, Names(folder, known)), form.strip())
+    functions = {"__builtins__": {}, **FUNCTIONS}
+    return shown(eval(expression.strip(), functions, Names(folder, functions)), form.strip())
 
 
 def shown(value: Any, form: str) -> str:

@@ -44,8 +44,8 @@ def _parts(annotation: Any) -> Iterator[Any]:
 
 
 def _section(title: str, model: type[BaseModel], table: str, skip: frozenset | set = frozenset()) -> str:
-    known = KEYS.get(table or "scene", {})
-    meaning = {key: said if isinstance(said, str) else said["meaning"] for key, said in known.items()}
+    entries = KEYS.get(table or "scene", {})
+    meaning = {key: entry if isinstance(entry, str) else entry["meaning"] for key, entry in entries.items()}
     rows = [
         (f"`{key}`", meaning.get(key, ""), _type(field.annotation), _default(field), _usual(f"{table}.{key}"))
         for key, field in model.model_fields.items()

@@ -25,18 +25,18 @@ SHOWN = 20
 
 def main() -> int:
     """Exit code: 0 if there was no fault, else 3."""
-    ask = argparse.ArgumentParser(prog="python -m tests.campaign", description=__doc__)
-    ask.add_argument("part", choices=tuple(PARTS))
-    ask.add_argument("--cases", type=int, default=1000)
-    ask.add_argument("--seed", type=int, default=0, help="number of the first case")
-    ask.add_argument("--workers", type=int, default=2)
-    ask.add_argument("--json", type=Path, help="write what was wrong")
-    args = ask.parse_args()
-    found = list(tqdm(PARTS[args.part](args), disable=None))
-    for (kind, ended), count in sorted(Counter((one["kind"], one["wrong"] or one["ended"]) for one in found).items()):
+    arguments = argparse.ArgumentParser(prog="python -m tests.campaign", description=__doc__)
+    arguments.add_argument("part", choices=tuple(PARTS))
+    arguments.add_argument("--cases", type=int, default=1000)
+    arguments.add_argument("--seed", type=int, default=0, help="number of the first case")
+    arguments.add_argument("--workers", type=int, default=2)
+    arguments.add_argument("--json", type=Path, help="write what was wrong")
+    args = arguments.parse_args()
+    rows = list(tqdm(PARTS[args.part](args), disable=None))
+    for (kind, ended), count in sorted(Counter((row["kind"], row["wrong"] or row["ended"]) for row in rows).items()):
         print(f"{kind:10s} {ended:40s} {count:7d}")
-    wrong = [one for one in found if one["wrong"]]
-    print(f"{len(found)} cases, {len(wrong)} wrong", *wrong[:SHOWN], sep="\n")
+    wrong = [row for row in rows if row["wrong"]]
+    print(f"{len(rows)} cases, {len(wrong)} wrong", *wrong[:SHOWN], sep="\n")
     if args.json:
         write_json(args.json, wrong)
     return 3 if wrong else 0

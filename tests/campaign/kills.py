@@ -86,15 +86,15 @@ READERS: dict[str, Callable[[Path], Any]] = {
 
 def torn(folder: Path) -> list[str]:
     """Files that cannot be parsed any more; the last line of a log may be cut off, since resuming repairs it."""
-    found = []
+    faults = []
     for path in folder.rglob("*"):
         if path.name.startswith(".camopt-") or path.suffix not in READERS:
             continue
         try:
             READERS[path.suffix](path)
         except Exception as error:
-            found.append(f"{path.name}: {error}")
-    return found
+            faults.append(f"{path.name}: {error}")
+    return faults
 
 
 def start(words: tuple[str, ...], folder: Path) -> subprocess.Popen:

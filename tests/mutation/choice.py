@@ -65,13 +65,13 @@ class Choice:
 
 def within(seconds: float, tests: list[Timed]) -> list[Timed]:
     """The first tests, at least one, whose summed time is within the limit."""
-    found, spent = [], 0.0
+    chosen, spent = [], 0.0
     for test in tests:
         spent += test.seconds
-        if spent > seconds and found:
+        if spent > seconds and chosen:
             break
-        found.append(test)
-    return found
+        chosen.append(test)
+    return chosen
 
 
 def tests_of(source: str) -> tuple[list[str], list[str]]:

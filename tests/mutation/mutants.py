@@ -41,14 +41,14 @@ class Mutant:
 
 def mutants(seed: int) -> list[Mutant]:
     """All mutants, in a random order from the seed."""
-    found = []
+    drawn = []
     for folder in MUTATED:
         for path in sorted((ROOT / "camopt" / folder).rglob("*.py")):
             file, nodes = path.relative_to(ROOT).as_posix(), list(ast_nodes(get_ast(path.read_text(encoding="utf-8"))))
             for name in OPERATORS:
-                found += [Mutant(file, name, i) for i in range(len(_lines(nodes, name)))]
-    Random(seed).shuffle(found)
-    return found
+                drawn += [Mutant(file, name, i) for i in range(len(_lines(nodes, name)))]
+    Random(seed).shuffle(drawn)
+    return drawn
 
 
 def _lines(nodes: list, operator: str) -> list[int]:
@@ -61,10 +61,10 @@ def mutants_with(file: str, operator: str, change: str) -> list[Mutant]:
     text = (ROOT / file).read_text(encoding="utf-8") if (ROOT / file).exists() else ""
     lost = {line[1:] for line in change.splitlines() if line.startswith("-")}
     at = {number for number, line in enumerate(text.splitlines(), 1) if line in lost}
-    found = [
+    places = [
         Mutant(file, operator, i) for i, k in enumerate(_lines(list(ast_nodes(get_ast(text))), operator)) if k in at
     ]
-    return [mutant for mutant in found if bare(difference(mutant, mutant.text())[0]) == bare(change)]
+    return [mutant for mutant in places if bare(difference(mutant, mutant.text())[0]) == bare(change)]
 
 
 def bare(change: str) -> str:
@@ -74,7 +74,7 @@ def bare(change: str) -> str:
 
 def difference(mutant: Mutant, changed: str) -> tuple[str, range]:
     """The difference as text, and the numbers of the changed lines in the original file."""
-    known = (ROOT / mutant.file).read_text(encoding="utf-8").splitlines()
-    lines = list(difflib.unified_diff(known, changed.splitlines(), n=0, lineterm=""))[2:]
+    original = (ROOT / mutant.file).read_text(encoding="utf-8").splitlines()
+    lines = list(difflib.unified_diff(original, changed.splitlines(), n=0, lineterm=""))[2:]
     first, count = (int(q) for q in (lines[0].split()[1].removeprefix("-") + ",1").split(",")[:2])
     return "\n".join(lines), range(first, first + count)

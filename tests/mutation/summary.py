@@ -16,12 +16,12 @@ times, `which` is the number of the occurrence, from 0."""
 
 def reasons(file: Path = REASONS) -> dict[str, dict]:
     """The known survivors by the mutant's key in the current sources, without those whose lines no longer exist."""
-    found = {}
-    for one in tomllib.loads(file.read_text(encoding="utf-8")).get("survivor", []):
-        places, which = mutants_with(one["file"], one["operator"], one["difference"]), one.get("which", 0)
+    survivors = {}
+    for entry in tomllib.loads(file.read_text(encoding="utf-8")).get("survivor", []):
+        places, which = mutants_with(entry["file"], entry["operator"], entry["difference"]), entry.get("which", 0)
         if which < len(places):
-            found[places[which].key] = one | {"mutant": places[which]}
-    return found
+            survivors[places[which].key] = entry | {"mutant": places[which]}
+    return survivors
 
 
 def summary(rows: dict[str, dict], drawn: Iterable[Mutant], seed: int, known: dict[str, dict]) -> dict:
@@ -54,12 +54,12 @@ def summary(rows: dict[str, dict], drawn: Iterable[Mutant], seed: int, known: di
     }
 
 
-def table(found: dict) -> str:
+def table(content: dict) -> str:
     """A summary as text."""
     lines = [
-        f"{folder:32s} {kind:10s} {n:4d}" for folder, kinds in found["folders"].items() for kind, n in kinds.items()
+        f"{folder:32s} {kind:10s} {n:4d}" for folder, kinds in content["folders"].items() for kind, n in kinds.items()
     ]
-    for one in found["survivors"]:
-        lines += [f"{one['mutant']}: {one['kind']} {one['reason']}".rstrip(), one["difference"]]
-    counts = f"{found['tried']} of {found['drawn']} mutants tried, {found['caught']} caught"
-    return "\n".join([*lines, f"{counts}, {found['equivalent']} equivalent, {found['seconds_mean']} s each"])
+    for survivor in content["survivors"]:
+        lines += [f"{survivor['mutant']}: {survivor['kind']} {survivor['reason']}".rstrip(), survivor["difference"]]
+    counts = f"{content['tried']} of {content['drawn']} mutants tried, {content['caught']} caught"
+    return "\n".join([*lines, f"{counts}, {content['equivalent']} equivalent, {content['seconds_mean']} s each"])

@@ -21,10 +21,10 @@ def small(tmp_path, monkeypatch) -> Path:
 
 
 def test_the_order_of_all_places_follows_from_the_seed(small):
-    found = drawing.mutants(0)
-    assert found == drawing.mutants(0) and len({m.key for m in found}) == len(found)
-    assert {m.file for m in found} == {"camopt/measure/a.py"}
-    assert sorted(m.key for m in found) == sorted(m.key for m in drawing.mutants(1))
+    drawn = drawing.mutants(0)
+    assert drawn == drawing.mutants(0) and len({m.key for m in drawn}) == len(drawn)
+    assert {m.file for m in drawn} == {"camopt/measure/a.py"}
+    assert sorted(m.key for m in drawn) == sorted(m.key for m in drawing.mutants(1))
 
 
 def test_every_mutant_is_a_fault(small):

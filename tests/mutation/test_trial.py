@@ -65,9 +65,9 @@ def test_a_line_belongs_to_the_smallest_statement(tree):
     assert statement(tree / FILE, range(7, 8)) == range(7, 8)  # the head of the condition
 
 
-@pytest.mark.parametrize(("line", "known"), [(3, True), (6, True), (7, False), (10, False), (16, True), (19, False)])
-def test_code_outside_of_functions_runs_on_import(tree, line, known):
-    assert on_import(tree / FILE, range(line, line + 1)) is known
+@pytest.mark.parametrize(("line", "expected"), [(3, True), (6, True), (7, False), (10, False), (16, True), (19, False)])
+def test_code_outside_of_functions_runs_on_import(tree, line, expected):
+    assert on_import(tree / FILE, range(line, line + 1)) is expected
 
 
 def test_the_tests_that_run_a_line_are_ordered_by_time(tree):
@@ -81,16 +81,16 @@ def test_the_tests_that_run_a_line_are_ordered_by_time(tree):
         },
         "tests/measure/test_b.py": {},
     }
-    asked = []
+    calls = []
 
     def watching(file, plain):
-        asked.append((file, plain))
+        calls.append((file, plain))
         return rows[file]
 
-    found = Choice(tree / "map.jsonl", watching)
-    names = [(plain, [test.name for test in tests]) for plain, tests in found.stages(FILE, range(8, 9))]
+    chosen = Choice(tree / "map.jsonl", watching)
+    names = [(plain, [test.name for test in tests]) for plain, tests in chosen.stages(FILE, range(8, 9))]
     assert names == [(True, ["d"]), (False, ["quick", "slow"])]
-    assert asked == [(DIGITS, True), ("tests/measure/test_a.py", False)]
+    assert calls == [(DIGITS, True), ("tests/measure/test_a.py", False)]
     again = Choice(tree / "map.jsonl", lambda file, plain: pytest.fail("is known"))
     assert [t.name for t in next(iter(again.stages(FILE, range(9, 10))))[1]] == []
     constant = dict(again.stages(FILE, range(3, 4)))
@@ -113,22 +113,22 @@ def alone():
 
 
 def test_a_fault_is_not_attributed_to_a_test_that_always_fails(tree, alone):
-    seen = alone(watched, tree, "tests/measure/test_a.py", True)
+    lines = alone(watched, tree, "tests/measure/test_a.py", True)
     name = "tests/measure/test_a.py::test_"
-    assert {test: one["lines"].get(FILE) for test, one in seen.items()} == {
+    assert {test: one["lines"].get(FILE) for test, one in lines.items()} == {
         name + "limit": [7, 8],
         name + "double": [7, 9, 10, 11],
     }
-    asked = [Timed(name + part, 1.0) for part in ("that_fails_without_a_fault", "limit", "double")]
+    timed = [Timed(name + part, 1.0) for part in ("that_fails_without_a_fault", "limit", "double")]
     fault = SOURCE.replace("2.0\n", "5.0\n")
-    found, seconds = alone(outcome, FILE, fault, [(True, asked)], tree)
-    assert found == f"caught by {name}double as plain Python" and seconds > 0.0
-    assert alone(outcome, FILE, fault, [(True, asked[1:2])], tree)[0] == "survived"
+    result, seconds = alone(outcome, FILE, fault, [(True, timed)], tree)
+    assert result == f"caught by {name}double as plain Python" and seconds > 0.0
+    assert alone(outcome, FILE, fault, [(True, timed[1:2])], tree)[0] == "survived"
     for wrong, kind in (
         ("import nothing_of_the_kind\n", "its import"),
         (SOURCE.replace("return LIMIT", "import os; os.abort()"), "time or a crash"),
     ):
-        assert alone(outcome, FILE, wrong, [(True, asked[1:2])], tree)[0].startswith(f"caught by {kind}")
+        assert alone(outcome, FILE, wrong, [(True, timed[1:2])], tree)[0].startswith(f"caught by {kind}")
     assert (tree / FILE).read_text() == SOURCE
 
 
@@ -146,9 +146,9 @@ def test_survivors_have_their_reasons_while_their_lines_are_unchanged():
         (drawn[3].key, "harmless", "@@ -90 +90 @@\n-3\n+x"),
     ]
     known = {k: {"kind": kind, "reason": "so", "difference": d} for k, kind, d in reasons}
-    found = summary(rows, drawn, 0, known)
-    assert [found[name] for name in ("drawn", "tried", "caught", "equivalent")] == [5, 4, 1, 1]
-    assert [one["kind"] for one in found["survivors"]] == ["equivalent", "survived", "harmless"]
-    assert found["folders"] == {"camopt/measure": {"caught": 1, "equivalent": 1, "harmless": 1, "survived": 1}}
-    assert "4 of 5 mutants tried, 1 caught, 1 equivalent, 2.0 s each" in table(found)
-    assert json.loads(json.dumps(found)) == found
+    stored = summary(rows, drawn, 0, known)
+    assert [stored[name] for name in ("drawn", "tried", "caught", "equivalent")] == [5, 4, 1, 1]
+    assert [one["kind"] for one in stored["survivors"]] == ["equivalent", "survived", "harmless"]
+    assert stored["folders"] == {"camopt/measure": {"caught": 1, "equivalent": 1, "harmless": 1, "survived": 1}}
+    assert "4 of 5 mutants tried, 1 caught, 1 equivalent, 2.0 s each" in table(stored)
+    assert json.loads(json.dumps(stored)) == stored

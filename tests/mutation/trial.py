@@ -67,22 +67,22 @@ def outcome(file: str, changed: str, stages: Iterable[tuple[bool, list[Timed]]],
     """("survived", or the test that caught the changed text of a file; processor time of the tests [s]). The stages are
     (whether compiled programs run as plain Python, tests); the first failing test ends the trial."""
     target, spent = folder / file, 0.0
-    known, times = target.read_text(encoding="utf-8"), target.stat()
+    original, times = target.read_text(encoding="utf-8"), target.stat()
     for plain, tests in stages:
         names = tuple(test.name for test in tests)
         while names:
             target.write_text(changed, encoding="utf-8")
             os.utime(target, (times.st_atime, times.st_mtime + 10))  # invalidates the bytecode of the unchanged text
-            found, seconds = _asked(folder, names, plain, file)
+            failed, seconds = _asked(folder, names, plain, file)
             spent += seconds
-            target.write_text(known, encoding="utf-8")
+            target.write_text(original, encoding="utf-8")
             os.utime(target, (times.st_atime, times.st_mtime))
-            if found is None:
+            if failed is None:
                 break
-            if found in names and not passes(folder, found, plain):
-                names = tuple(name for name in names if name != found)
+            if failed in names and not passes(folder, failed, plain):
+                names = tuple(name for name in names if name != failed)
                 continue
-            return f"caught by {found}{' as plain Python' if plain else ''}", spent
+            return f"caught by {failed}{' as plain Python' if plain else ''}", spent
     return "survived", spent
 
 

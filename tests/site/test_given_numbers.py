@@ -38,10 +38,10 @@ def typed(text: str) -> set[str]:
 
 @pytest.mark.parametrize("page", PAGES)
 def test_typed_numbers_are_listed(page):
-    found = typed(PAGES[page].read_text(encoding="utf-8"))
+    numbers = typed(PAGES[page].read_text(encoding="utf-8"))
     listed = set(GIVEN.get(page, []))
-    assert found <= listed, "a result is generated, a setting stands in docs/given.toml"
-    assert listed <= found, "no longer in the page"
+    assert numbers <= listed, "a result is generated, a setting stands in docs/given.toml"
+    assert listed <= numbers, "no longer in the page"
 
 
 def test_the_table_of_the_readme_is_that_of_the_results():

@@ -28,7 +28,8 @@ def test_every_script_has_one_notebook():
 def test_the_notebook_agrees_with_its_script(path):
     """Compares text and code cell by cell; `python -m docs.record_notebooks NAME` updates a notebook."""
     made, kept = read_script(path.read_text(encoding="utf-8")), stored(path)
-    assert [(one.cell_type, one.source) for one in kept.cells] == [(one.cell_type, one.source) for one in made.cells]
+    contents = [[(cell.cell_type, cell.source) for cell in document.cells] for document in (kept, made)]
+    assert contents[0] == contents[1]
     assert kept.metadata["kernelspec"] == made.metadata["kernelspec"]
     nbformat.validate(kept)
 

@@ -41,18 +41,18 @@ def test_commands_parse(command):
 
 
 def test_every_command_with_its_output_is_recorded():
-    found = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"]
-    assert sorted(found) == sorted(TERMINAL)
-    for command, one in found.items():
-        assert one["exit_code"] in (0, 3) and one["output"], command
-    assert "verdict: confirmed" in found["camopt verify tappet.toml --cam lift.csv"]["output"]
+    recorded = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"]
+    assert sorted(recorded) == sorted(TERMINAL)
+    for command, record in recorded.items():
+        assert record["exit_code"] in (0, 3) and record["output"], command
+    assert "verdict: confirmed" in recorded["camopt verify tappet.toml --cam lift.csv"]["output"]
 
 
 @pytest.mark.long
 @pytest.mark.timeout(1200)
 def test_the_recorded_commands_still_have_their_results(tmp_path):
     """Digits may differ from machine to machine, but not exit codes, verdicts and the words of the output."""
-    found = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"]
+    recorded = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"]
     for page in PAGES:
         folder = tmp_path / page.stem
         folder.mkdir()
@@ -61,21 +61,20 @@ def test_the_recorded_commands_still_have_their_results(tmp_path):
             if "--dxf" in command and not find_spec("ezdxf"):
                 continue  # needs an optional package
             again = printed(command, folder)
-            verdicts = [
-                [li for li in one["output"] if li.startswith("verdict: con")] for one in (again, found[command])
-            ]
-            assert again["exit_code"] == found[command]["exit_code"] and verdicts[0] == verdicts[1], command
+            before = recorded[command]
+            verdicts = [[li for li in run["output"] if li.startswith("verdict: con")] for run in (again, before)]
+            assert again["exit_code"] == before["exit_code"] and verdicts[0] == verdicts[1], command
             if command.split()[1] in ("modes", "bound", "cam"):
-                assert words(again["output"]) == words(found[command]["output"]), f"{command}: python -m docs.record"
+                assert words(again["output"]) == words(before["output"]), f"{command}: python -m docs.record"
 
 
 def test_the_first_command_of_an_engineers_day_prints_what_is_recorded(tmp_path):
     """The old cam is read from a file with decimal commas, a header and a superfluous column."""
     furnish(tmp_path)
     command = commands_of(DOCS / "tutorials" / "an-engineers-day.md")[0]
-    found = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"][command]
+    recorded = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"][command]
     again = printed(command, tmp_path)
-    assert again["exit_code"] == found["exit_code"] == 0 and words(again["output"]) == words(found["output"])
+    assert again["exit_code"] == recorded["exit_code"] == 0 and words(again["output"]) == words(recorded["output"])
     assert any("opens 18.00 deg before TDC" in line for line in again["output"])
     assert (tmp_path / "old-cam.png").stat().st_size > 10_000
 

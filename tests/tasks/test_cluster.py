@@ -28,9 +28,9 @@ def local():
     with (
         distributed.LocalCluster(
             2, processes=True, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL
-        ) as one,
+        ) as dask_cluster,
     ):
-        yield one
+        yield dask_cluster
 
 
 def kill_one(local, path) -> None:
@@ -48,9 +48,9 @@ def test_rows_of_a_cluster_with_a_killed_worker_are_those_of_the_serial_sweep(lo
     killer.start()
     with cluster(local.scheduler_address) as (executor, workers):
         assert workers == 2
-        found = camopt.sweep(tasks, tmp_path / "x", executor, workers)
+        swept = camopt.sweep(tasks, tmp_path / "x", executor, workers)
     killer.join(10)
-    assert found.counts == {"done": 200, "failed": 1}
+    assert swept.counts == {"done": 200, "failed": 1}
     rows = stored(tmp_path / "x")
     assert [row for row in rows if row[1] != 200] == stored(tmp_path / "serial")
     assert [row[4] for row in rows if row[1] == 200] == [DIED]
@@ -97,9 +97,9 @@ def files(tmp_path):
 def test_a_row_of_the_experiment(files, monkeypatch):
     monkeypatch.syspath_prepend(files)
     task = {"verb": "call", "function": "climbs:climb", "arguments": ARGUMENTS}
-    found = camopt.sweep([task], files / "one.sqlite", workers=0).dataset()
-    assert 0.1 < float(found["area_ratio"][0]) < 0.6  # near that of the calmest cam; the largest known value is 0.58
-    assert float(found["contact_force_N"][0]) > -250.0  # the tied motion has small pulling forces
+    data = camopt.sweep([task], files / "one.sqlite", workers=0).dataset()
+    assert 0.1 < float(data["area_ratio"][0]) < 0.6  # near that of the calmest cam; the largest known value is 0.58
+    assert float(data["contact_force_N"][0]) > -250.0  # the tied motion has small pulling forces
 
 
 @pytest.mark.long

@@ -53,16 +53,16 @@ class TestWorkers:
     def test_killed_workers_do_not_change_the_rows(self, tmp_path, serial):
         path, killer = tmp_path / "x.sqlite", Killer(tmp_path / "x.sqlite", [20, 80, 140])
         killer.start()
-        found = camopt.sweep(rehearsals(200, 0.0), path, workers=2)
+        swept = camopt.sweep(rehearsals(200, 0.0), path, workers=2)
         killer.join(20)
         assert len(killer.killed) == KILLS
-        assert found.counts == {"done": 200} and stored(path) == serial
+        assert swept.counts == {"done": 200} and stored(path) == serial
 
     def test_a_task_that_always_dies_is_one_failed_row(self, tmp_path, serial):
         tasks = [*rehearsals(30), DIES, *list(rehearsals(200))[30:], DIES]
-        found = camopt.sweep(tasks, tmp_path / "x.sqlite", workers=2)
-        assert found.counts == {"done": 200, "failed": 1}
-        (failed,) = found.failed()
+        swept = camopt.sweep(tasks, tmp_path / "x.sqlite", workers=2)
+        assert swept.counts == {"done": 200, "failed": 1}
+        (failed,) = swept.failed()
         assert (failed["task"], failed["reason"].startswith(f"{MOST_DEATHS} workers")) == (30, True)
         rows = stored(tmp_path / "x.sqlite")
         assert len({row[0] for row in rows}) == 201
@@ -180,11 +180,11 @@ class TestStores:
     @pytest.mark.parametrize("column", ["task", "outcome"])
     def test_an_edited_row(self, tmp_path, column):
         path = tmp_path / "x"
-        found = camopt.sweep(rehearsals(3), path, workers=0)
+        swept = camopt.sweep(rehearsals(3), path, workers=0)
         with opened(path) as db:
             db.execute(f"UPDATE row SET {column} = '[1' WHERE number = 1")
         with pytest.raises(InputError, match="row 1 of the sweep's store is damaged"):
-            found.columns()
+            swept.columns()
 
     def test_a_store_without_a_version(self, tmp_path):
         camopt.sweep(rehearsals(3), tmp_path / "x", workers=0)
@@ -236,17 +236,17 @@ def test_a_closed_executor_and_a_worker_of_another_version_are_reported(tmp_path
 
 def test_a_task_that_raises_gives_a_failed_row_with_its_message(tmp_path):
     tasks = [{"verb": "rehearse", "number": 3, "end": "raise"}, {"verb": "rehearse", "number": 3}, DIES]
-    found = camopt.sweep(tasks, tmp_path / "x", workers=0)
-    assert [row["state"] for row in found.rows()] == ["failed", "done", "failed"]
-    reasons = [row["reason"] for row in found.failed()]
+    swept = camopt.sweep(tasks, tmp_path / "x", workers=0)
+    assert [row["state"] for row in swept.rows()] == ["failed", "done", "failed"]
+    reasons = [row["reason"] for row in swept.failed()]
     assert reasons[0] == "rehearse: task 3 fails, as it was told to"
     assert "worker process only" in reasons[1]
-    found.write_csv(tmp_path / "x.csv")
+    swept.write_csv(tmp_path / "x.csv")
     first, *lines = (tmp_path / "x.csv").read_text().splitlines()
     assert first == "task,state,verb,end,number,reason,fraction" and len(lines) == 3
-    data = found.dataset()
+    data = swept.dataset()
     assert data["fraction"].dims == ("task",) and np.isnan(data["fraction"][0]) and data["fraction"][1] > 0
-    assert repr(found).endswith("3 tasks: 1 done, 2 failed)") and found._repr_html_() == "3 tasks: 1 done, 2 failed"
+    assert repr(swept).endswith("3 tasks: 1 done, 2 failed)") and swept._repr_html_() == "3 tasks: 1 done, 2 failed"
 
 
 @pytest.mark.parametrize("workers", [-1, 2000])
@@ -257,16 +257,16 @@ def test_the_number_of_workers_is_limited(tmp_path, workers):
 
 def test_failed_rows_are_computed_again_on_request(tmp_path):
     needed = tmp_path / "needed"
-    one = {"verb": "call", "function": "tests.tasks.tasks_of_tests:doubled", "arguments": {"number": 1}}
-    failing = one | {"arguments": {"number": 2, "folder": str(needed)}}
-    tasks = [one, failing, {"verb": "rehearse", "number": 7, "end": "raise"}, failing]
+    working = {"verb": "call", "function": "tests.tasks.tasks_of_tests:doubled", "arguments": {"number": 1}}
+    failing = working | {"arguments": {"number": 2, "folder": str(needed)}}
+    tasks = [working, failing, {"verb": "rehearse", "number": 7, "end": "raise"}, failing]
     path = tmp_path / "x"
     assert camopt.sweep(tasks, path, workers=0).counts == {"done": 1, "failed": 2}
     before = stored(path)
     needed.touch()
     assert camopt.sweep(tasks, path, workers=0).counts == {"done": 1, "failed": 2} and stored(path) == before
-    found = camopt.sweep(tasks, path, workers=0, retry_failed=True)
-    assert found.counts == {"done": 2, "failed": 1}
+    swept = camopt.sweep(tasks, path, workers=0, retry_failed=True)
+    assert swept.counts == {"done": 2, "failed": 1}
     after = stored(path)
     assert [row[:3] for row in after] == [row[:3] for row in before]
     assert sum(was != now for was, now in zip(before, after, strict=True)) == 1

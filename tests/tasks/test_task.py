@@ -16,11 +16,11 @@ SETTLED = {"verb": "settled", "scene": "motori-1", "cam": "polydyne", "speed_rpm
 
 
 def test_the_key_depends_on_the_content_and_on_the_version():
-    one = filed(SETTLED, "1")
-    assert one.key == filed(dict(reversed(SETTLED.items())) | {"speed_rpm": 4000.0, "vary": {}}, "1").key
-    assert len(one.key) == 64
+    task = filed(SETTLED, "1")
+    assert task.key == filed(dict(reversed(SETTLED.items())) | {"speed_rpm": 4000.0, "vary": {}}, "1").key
+    assert len(task.key) == 64
     others = [filed(SETTLED | more, "1") for more in ({"speed_rpm": 4001}, {"vary": {"spring.preload_N": 251}})]
-    assert len({one.key, filed(SETTLED, "2").key, *(other.key for other in others)}) == 4
+    assert len({task.key, filed(SETTLED, "2").key, *(other.key for other in others)}) == 4
 
 
 def test_a_scene_is_identified_by_its_content(tmp_path):
@@ -35,13 +35,13 @@ def test_a_scene_is_identified_by_its_content(tmp_path):
 
 def test_a_cam_is_identified_by_the_content_of_its_design(tmp_path):
     cam = camopt.polydyne(SCENE)
-    given = filed(SETTLED | {"cam": cam}, "1")
-    (text,) = given.parts.values()
+    task = filed(SETTLED | {"cam": cam}, "1")
+    (text,) = task.parts.values()
     (tmp_path / "design.json").write_text(text, encoding="utf-8")
     assert filed(SETTLED | {"cam": tmp_path / "design.json"}, "1").task().cam.startswith('{"family"')
     read, written = camopt.read_cam(tmp_path, SCENE), as_written(cam)
     assert (read.coefficients == written.coefficients).all() and (read.borders == written.borders).all()
-    assert isinstance(given.task(), SettledTask)
+    assert isinstance(task.task(), SettledTask)
 
 
 @pytest.mark.parametrize(

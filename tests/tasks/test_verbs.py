@@ -39,20 +39,20 @@ def rows(swept):
 def test_settled_tasks_give_the_settled_metrics(rows):
     cam, speeds = camopt.polydyne(SCENE), [SCENE.cam_speed(speed) for speed in SPEEDS]
     for row, speed in zip(rows[:2], speeds, strict=True):
-        found = settled_metrics([build_train(SCENE)], [cam], [speed], workers=1)
+        settled = settled_metrics([build_train(SCENE)], [cam], [speed], workers=1)
         for name in QUANTITIES:
-            assert row[f"{name}_low"] == found.lowest[name][0, 0, 0]
-            assert row[f"{name}_high"] == found.highest[name][0, 0, 0]
-        assert (row["periodic"], row["revolutions"]) == (found.periodic[0, 0, 0], found.revolutions[0, 0, 0])
+            assert row[f"{name}_low"] == settled.lowest[name][0, 0, 0]
+            assert row[f"{name}_high"] == settled.highest[name][0, 0, 0]
+        assert (row["periodic"], row["revolutions"]) == (settled.periodic[0, 0, 0], settled.revolutions[0, 0, 0])
         limits = motion_limits(SCENE.design)
-        assert row["broken"] == [k for k, limit in limits.items() if limit.breaks(found.worst(limit.metric)[0, 0, 0])]
+        assert row["broken"] == [k for k, limit in limits.items() if limit.breaks(settled.worst(limit.metric)[0, 0, 0])]
 
 
 def test_varied_numbers_apply_to_the_train_and_to_its_cam(rows):
     scene = scene_with(SCENE, {"spring.preload_N": 300.0})
-    found = settled_metrics([build_train(scene)], [camopt.polydyne(scene)], [scene.cam_speed(5000)], workers=1)
+    settled = settled_metrics([build_train(scene)], [camopt.polydyne(scene)], [scene.cam_speed(5000)], workers=1)
     assert rows[2]["vary spring.preload_N"] == 300.0
-    assert rows[2]["contact_force_max_N_high"] == found.highest["contact_force_max_N"][0, 0, 0]
+    assert rows[2]["contact_force_max_N_high"] == settled.highest["contact_force_max_N"][0, 0, 0]
     assert rows[2]["contact_force_max_N_high"] != rows[1]["contact_force_max_N_high"]
 
 
@@ -64,11 +64,11 @@ def test_simulate_tasks_give_the_results_of_simulate(rows):
 
 
 def test_yield_tasks_give_the_trains_of_a_yield(rows):
-    found = camopt.manufacturing_yield(SCENE, camopt.polydyne(SCENE), 5, speeds_rpm=SPEEDS)
+    estimated = camopt.manufacturing_yield(SCENE, camopt.polydyne(SCENE), 5, speeds_rpm=SPEEDS)
     for row, number in zip(rows[4:6], (3, 4), strict=True):
-        used = np.array([row[f"used_{limit}"] for limit in found.used.limits])
-        assert np.array_equal(used, found.used.used[number])
-        assert row["holds"] == bool(found.used.holds[number]) and row["worst"] == used.max()
+        used = np.array([row[f"used_{limit}"] for limit in estimated.used.limits])
+        assert np.array_equal(used, estimated.used.used[number])
+        assert row["holds"] == bool(estimated.used.holds[number]) and row["worst"] == used.max()
 
 
 def test_faults_found_during_computation_give_failed_rows(rows):
@@ -83,12 +83,12 @@ def test_rows_are_the_same_in_other_processes(swept, tmp_path):
 
 def test_a_lift_law_and_its_design_are_the_same_cam(tmp_path):
     cam = camopt.polydyne(SCENE)
-    tasks = [{"verb": "settled", "scene": SCENE, "cam": one, "speed_rpm": 5000} for one in (cam, as_written(cam))]
-    found = camopt.sweep(tasks[:1], tmp_path / "x", workers=0)
-    (row,) = found.rows()
+    tasks = [{"verb": "settled", "scene": SCENE, "cam": law, "speed_rpm": 5000} for law in (cam, as_written(cam))]
+    sweep = camopt.sweep(tasks[:1], tmp_path / "x", workers=0)
+    (row,) = sweep.rows()
     metrics = settled_metrics([build_train(SCENE)], [as_written(cam)], [SCENE.cam_speed(5000)], workers=1)
     assert row["jump_mm_high"] == metrics.highest["jump_mm"][0, 0, 0]
-    assert found.part(row["cam"]).startswith('{"family": "polydyne"')
+    assert sweep.part(row["cam"]).startswith('{"family": "polydyne"')
 
 
 class TestCall:
@@ -96,8 +96,8 @@ class TestCall:
 
     def test_a_function_of_the_user(self, tmp_path):
         tasks = [{"verb": "call", "function": self.FUNCTION, "arguments": {"number": n}} for n in (1, 2.5, [3])]
-        found = {workers: camopt.sweep(tasks, tmp_path / str(workers), workers=workers) for workers in (0, 2)}
-        rows = list(found[0].rows())
+        sweeps = {workers: camopt.sweep(tasks, tmp_path / str(workers), workers=workers) for workers in (0, 2)}
+        rows = list(sweeps[0].rows())
         assert [row["twice"] for row in rows] == [2, 5.0, [3, 3]] and rows[1]["number"] == 2.5
         assert stored(tmp_path / "0") == stored(tmp_path / "2")
 
