@@ -1,4 +1,6 @@
-"""Runs commands of camopt within the process of a test."""
+"""Runs commands of camopt within the process of a test, and reads what they left in a folder."""
+
+from pathlib import Path
 
 from camopt.cli import parser
 
@@ -23,3 +25,8 @@ def refused(capsys, *words: str) -> str:
     code, out, err = run(capsys, *words)
     assert (code, out) == (2, "") and "Traceback" not in err and "a defect of camopt" not in err
     return err
+
+
+def contents(folder: Path) -> dict[str, bytes]:
+    """The bytes of every file below a folder, by relative path."""
+    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}

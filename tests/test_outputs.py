@@ -45,10 +45,10 @@ FIRST = {
 def outputs() -> dict[str, argparse.Action]:
     """The options of all verbs that name a file or folder to write, as "verb option"."""
     every = next(a for a in parser()._actions if isinstance(a, argparse._SubParsersAction)).choices
-    options = {f"{verb} {action.option_strings[0]}": action for verb, sub in every.items() for action in sub._actions[1:]
+    files = {f"{verb} {action.option_strings[0]}": action for verb, sub in every.items() for action in sub._actions[1:]
              if action.metavar in ("FILE", "DIR")}  # fmt: skip
-    assert len(options) > 15
-    return options
+    assert len(files) > 15
+    return files
 
 
 @pytest.fixture

@@ -23,6 +23,7 @@ from camopt.storage import (
     write_text,
 )
 from camopt.storage.journal import Records
+from tests.command_line import contents
 
 MOTOR = load_scene("motori-1")
 IDENTITY = run_identity("optimize", MOTOR, speeds="band", seed=0)
@@ -142,11 +143,6 @@ def test_a_table_written_row_by_row_is_complete_or_absent(tmp_path):
     assert os.listdir(tmp_path) == ["a.csv"]
     with pytest.raises(InputError, match="cannot be written"):
         write_csv_rows(tmp_path / "none" / "a.csv", ["x"], [])
-
-
-def contents(folder):
-    """Every file below a folder with its bytes."""
-    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
 
 
 def begun(folder, error=None, worth=("design.json",), resume=False, identity=IDENTITY, results=("design.json",)):

@@ -13,6 +13,7 @@ Both replacements are made in the text of the page. The tests call the same func
 import re
 from pathlib import Path
 
+from docs.generators.claims import CLAIMS
 from docs.generators.expansion import expanded
 from docs.generators.results import RESULTS
 
@@ -23,7 +24,6 @@ FIGURE = re.compile(r"^!\[([^\]]+)\]\(.*\)$", re.MULTILINE)
 WITH_CAPTIONS = ("results/", "validation/")
 CODE = re.compile(r'(?<=<span class="pre">)[^<]+')
 """A word in code font, in HTML."""
-DATA = Path(__file__).parents[1] / "claims.toml"
 
 
 def setup(app) -> dict:
@@ -49,7 +49,7 @@ def _fill(app, page: str, source: list[str]) -> None:
         return
     filled = expanded(source[0])
     if filled != source[0]:
-        for path in (DATA, *RESULTS.glob("*.json")):
+        for path in (CLAIMS, *RESULTS.glob("*.json")):
             app.env.note_dependency(str(path))
     if page.startswith(WITH_CAPTIONS):
         filled = FIGURE.sub(r"\g<0>\n\n*\1.*", filled)

@@ -16,6 +16,7 @@ import tomli_w
 
 from camopt.scene import builtin_scenes, scene_text
 from tests.campaign.values import FACTORS, NUMBERS, TEXTS, spoiled, torn
+from tests.command_line import contents
 
 DATA = Path(__file__).parents[1] / "data"
 DESIGN = DATA / "kodama-design.json"
@@ -222,7 +223,7 @@ def command_case(draw: Random, seed: int) -> Case:
 
 def folder_case(draw: Random, seed: int) -> Case:
     """A folder or store of an earlier run with one file damaged, edited or missing."""
-    files = {p.relative_to(EARLIER).as_posix(): p.read_bytes() for p in sorted(EARLIER.rglob("*")) if p.is_file()}
+    files = contents(EARLIER)
     words = draw.choice(
         (
             ["cam", "motori-1", "--cam", "run", "--csv", "lift.csv"],

@@ -1,13 +1,12 @@
 """Stored run folders and stores of released versions are read, or refused with a sentence."""
 
-import hashlib
 import json
 import shutil
 from pathlib import Path
 
 import pytest
 
-from tests.command_line import refused, run
+from tests.command_line import contents, refused, run
 
 KEPT = sorted((Path(__file__).parents[1] / "data").glob("version-*"))
 
@@ -16,13 +15,6 @@ KEPT = sorted((Path(__file__).parents[1] / "data").glob("version-*"))
 def old(request, tmp_path) -> Path:
     """A copy of the output of a version, to which commands may write."""
     return Path(shutil.copytree(request.param, tmp_path / "old"))
-
-
-def contents(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file."""
-    return {
-        str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.rglob("*") if p.is_file()
-    }
 
 
 def test_stored_folders_exist():
