@@ -1,9 +1,9 @@
 """Draws the figures of the pages: `python -m docs.figures` writes docs/model-metrics.png, docs/model-train.png and
 docs/smoothing.png.
 
-The first shows the settled event-exact motion of a scene's Polydyne; the angles and values that it names are those that
-the metrics use. The second is a sketch of a bucket tappet as camopt sees it. The third, of docs/how-to/smoothing.md, is
-the force of a contact by the width of its layer and by the share of the tie, computed too.
+The first shows the settled event-exact motion of a scene's Polydyne; its labelled angles and values are those of the
+metrics. The second is a sketch of a bucket tappet as it is modelled. The third, of docs/how-to/smoothing.md, shows the
+computed force of a contact for several widths of its layer and several values of the tie.
 """
 
 import io
@@ -34,7 +34,7 @@ VALVE = COIL
 
 @styled
 def model_train():
-    """The train beside its elements' forces by compression."""
+    """The train, and the forces of its elements against compression."""
     figure = new_figure(8.4, 3.6)
     scheme, laws = figure.subplots(1, 2, width_ratios=(1.15, 1))
     _scheme(scheme)
@@ -43,7 +43,7 @@ def model_train():
 
 
 def _scheme(axes: Axes) -> None:
-    """Cam, mass, spring and seat on the valve's axis; x grows downwards, as the valve opens."""
+    """Cam, mass, spring and seat on the valve's axis; x is positive downwards, the opening direction of the valve."""
     angle = np.linspace(0, 2 * np.pi, 200)
     radius = 0.62 + 0.33 * np.exp(-(((angle - 1.1 * np.pi) / 0.5) ** 2))
     axes.add_patch(Polygon(np.column_stack([radius * np.cos(angle), 4.8 + radius * np.sin(angle)]), fc="w", ec=CAM))
@@ -77,7 +77,7 @@ def _scheme(axes: Axes) -> None:
 
 
 def _laws(axes: Axes) -> None:
-    """Elastic force by compression, with what a spring, a contact and a contact with a gap do."""
+    """Elastic force against compression of a spring, a contact and a contact with a gap."""
     d = np.linspace(-1.2, 1.0, 200)
     axes.axhline(0, color="#888888", linewidth=0.6)
     axes.axvline(0, color="#888888", linewidth=0.6)
@@ -93,14 +93,14 @@ def _laws(axes: Axes) -> None:
 
 
 SMOOTHED, SMOOTHED_RPM = "kodama", 7000
-"""At this speed the scene's Polydyne jumps."""
+"""The scene's Polydyne jumps at this speed."""
 WIDTHS_UM = (2.0, 6.0)
 TIES = {0.0: "#9A6A00", 0.01: "#009E73", 1.0: "#0072B2"}
 
 
 @styled
 def smoothing():
-    """Force by compression for two widths, and force by angle for three shares of the tie."""
+    """Force against compression for two widths, and force against cam angle for three values of the tie."""
     figure = new_figure(8.4, 3.4)
     layer, tie = figure.subplots(1, 2, width_ratios=(1, 1.35))
     u = np.linspace(-4.0, 6.0, 400)
@@ -127,13 +127,13 @@ def smoothing():
 
 
 SCENE, SPEED_RPM = "motori-1", 6000
-"""At this speed the scene's Polydyne jumps and bounces by amounts that can be seen."""
+"""At this speed the jump and the bounce of the scene's Polydyne are large enough to be seen in the figure."""
 EVENT, WINDOW = "#e8eef4", "#f6ecd9"
 
 
 @dataclass(frozen=True)
 class Drawn:
-    """A cam's settled motion and what the figure names in it: angles in deg, lengths in mm."""
+    """A cam's settled motion and the labelled values of the figure: angles in deg, lengths in mm."""
 
     lift: Lift
     response: Response
@@ -157,7 +157,7 @@ def motion() -> Drawn:
 
 @styled
 def model_metrics(drawn: Drawn):
-    """The cam's lift, the valve's motion above it, the separation in between and a zoom of the closing."""
+    """The cam's lift and the valve's motion, the separation between them, and an enlarged view of the closing."""
     figure = new_figure(8.4, 6.4)
     top, below = figure.subfigures(2, 1, height_ratios=(1.25, 1))
     whole = top.subplots()
@@ -175,7 +175,7 @@ def _curves(drawn: Drawn) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _name(axes: Axes, words: str, at: tuple[float, float], text: tuple[float, float], **look) -> None:
-    """Writes words and an arrow from them to a point of the data."""
+    """Writes a label with an arrow to a point of the data."""
     arrow = {"arrowstyle": "-|>", "linewidth": 0.7, "color": "#333333", "shrinkB": 1}
     axes.annotate(words, at, text, fontsize=BASE - 1, arrowprops=arrow, va="center", **{"ha": "center"} | look)
 
@@ -250,7 +250,7 @@ def _closing(axes: Axes, drawn: Drawn) -> None:
 
 
 def main() -> None:
-    """Writes the pictures."""
+    """Writes the figures."""
     drawn = {"model-metrics": model_metrics(motion()), "model-train": model_train(), "smoothing": smoothing()}
     for name, figure in drawn.items():
         path, content = Path(__file__).with_name(f"{name}.png"), io.BytesIO()

@@ -1,10 +1,11 @@
-"""Records what the commands of the tutorials print: `python -m docs.record` writes docs/tutorials/recorded.json.
+"""Records the output of the commands of the tutorials: `python -m docs.record` writes docs/tutorials/recorded.json.
 
-With names of pages (`python -m docs.record an-engineers-day`) it runs theirs alone and keeps what others printed.
+With names of pages (`python -m docs.record an-engineers-day`) it only runs the commands of these pages and keeps the
+recorded output of the others.
 
-Pages hold commands in blocks ```` ```{generated} terminal ````. They run in their order, each page in a folder
-of its own with the scenes and tables beside the pages in it; `docs.generators.terminal` shows them with what they
-printed.
+The commands are in blocks ```` ```{generated} terminal ```` of the pages. They run in the order of the page, in a new
+folder for each page with copies of the scenes and tables beside the pages; `docs.generators.terminal` shows them with
+their recorded output.
 """
 
 import json
@@ -23,7 +24,7 @@ from experiments.support.record import provenance
 
 PAGES = RECORDED.parent
 WIDTH, LONGEST = 100, 600
-"""Columns of a line, and how much of a longer one is shown."""
+"""Columns at which a line is folded, and characters of a line above which it is cut off."""
 
 
 def commands_of(page: Path) -> list[str]:
@@ -34,7 +35,7 @@ def commands_of(page: Path) -> list[str]:
 def printed(command: str, folder: Path) -> dict:
     """Exit code and standard output of a command of camopt in a folder."""
     words = [sys.executable, "-m", "camopt", *command.split()[1:]]
-    here = os.environ | {"PYTHONPATH": str(PAGES.parents[1])}  # camopt as this checkout has it
+    here = os.environ | {"PYTHONPATH": str(PAGES.parents[1])}  # the camopt of this checkout
     done = subprocess.run(words, cwd=folder, env=here, capture_output=True, text=True, check=False)
     return {
         "exit_code": done.returncode,
@@ -43,7 +44,7 @@ def printed(command: str, folder: Path) -> dict:
 
 
 def folded(line: str) -> list[str]:
-    """A line as it is shown: folded where it is long, cut off where it is very long."""
+    """A line as it is shown: folded if it is long, cut off if it is very long."""
     if len(line) > LONGEST:
         return [f"{line[:WIDTH]} ..."]
     return textwrap.wrap(line, WIDTH, subsequent_indent="    ") if len(line) > WIDTH else [line]
@@ -56,19 +57,19 @@ def furnish(folder: Path) -> None:
 
 
 def main(names: Sequence[str] = ()) -> None:
-    """Runs the commands of the pages of these names, by default of all, and writes what they printed."""
-    known = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"] if names else {}
-    found = {}
+    """Runs the commands of the named pages, by default of all pages, and writes their output."""
+    recorded = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"] if names else {}
+    outputs = {}
     for page in sorted(PAGES.glob("*.md")):
         if names and page.stem not in names:
-            found |= {command: known[command] for command in commands_of(page)}
+            outputs |= {command: recorded[command] for command in commands_of(page)}
             continue
         with tempfile.TemporaryDirectory() as name:
             furnish(Path(name))
             for command in commands_of(page):
-                found[command] = printed(command, Path(name))
-                print(command, found[command]["exit_code"], flush=True)
-    write_json(RECORDED, {"provenance": provenance("python -m docs.record"), "printed": found})
+                outputs[command] = printed(command, Path(name))
+                print(command, outputs[command]["exit_code"], flush=True)
+    write_json(RECORDED, {"provenance": provenance("python -m docs.record"), "printed": outputs})
 
 
 if __name__ == "__main__":

@@ -1,8 +1,8 @@
 # %% [markdown]
 # # Compare with Polydyne and Multi-Pol
 #
-# The cams of the literature under one scene's duration, lift and ramps: their shapes, their motion at speed, and what
-# the verifier says of them. `CAMOPT_NOTEBOOK_SIZE=small` takes the one-mass train.
+# The cams of the literature under one scene's duration, lift and ramps: their shapes, their motion at speed, and their
+# verdicts. `CAMOPT_NOTEBOOK_SIZE=small` uses the one-mass train.
 
 # %%
 import os
@@ -21,8 +21,8 @@ speeds_rpm = (5000.0,) if SMALL else scene.operation.speeds_rpm
 
 # %% [markdown]
 # Each family has its own free parameters. Without any, `multi_pol`, `new_design`, `kurz` and `trapezoid` search for
-# their member of largest area within the limits; with section angles they are that member. Polydyne is designed for a
-# speed: there, and only there, the valve follows its polynomial exactly.
+# their member of largest area within the limits; with section angles they return the member with these angles. A
+# Polydyne is designed for one speed: only at this speed does the valve follow its polynomial exactly.
 
 # %%
 cams = {
@@ -38,8 +38,8 @@ cams["polydyne"]
 profiles([(name, lift_table(cam, 0.2)) for name, cam in cams.items()], scene.design)
 
 # %% [markdown]
-# The next figure has the motion of the valve near its closing, event-exact, in the second revolution from rest. With
-# ipywidgets the speed is a live slider; without, the figure stands at one speed.
+# The next figure shows the event-exact motion of the valve near its closing, in the second revolution from rest. With
+# ipywidgets the speed is a slider; without them, the figure shows one speed.
 
 
 # %%
@@ -67,8 +67,8 @@ except ImportError:
 live
 
 # %% [markdown]
-# Each cam gets a verdict: independent methods must agree on the motion, and every limit must hold. Families
-# that leave a limit out, as Polydyne leaves the jerk, are rejected by name of that limit.
+# Each cam gets a verdict: independent methods must agree on the motion, and every limit must hold. Families that are
+# designed without a limit, such as Polydyne without the jerk limit, are rejected, and the limit is named.
 
 # %%
 compared = ("polydyne", "trapezoid") if SMALL else tuple(cams)
@@ -91,5 +91,5 @@ pandas.DataFrame(
 
 # %% [markdown]
 # `camopt compare kodama --design runs/nominal --out runs/comparison` does this for every family and a design of your
-# own (`camopt.compare` in Python), with and without the jerk limit, and draws the figures; with `--baselines best` each
-# family is searched for its best member first.
+# own (`camopt.compare` in Python), with and without the jerk limit, and draws the figures; with `--baselines best` the
+# best member of each family is searched first.

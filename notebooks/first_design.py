@@ -3,7 +3,7 @@
 #
 # From a scene to a cam that independent methods confirm, first by hand and then by the search. Open this file as a
 # notebook (JupyterLab with jupytext, VS Code and Spyder read the percent format) or run it as a script:
-# `python notebooks/first_design.py`. The size `small`, as in `CAMOPT_NOTEBOOK_SIZE=small`, takes the one-mass train and
+# `python notebooks/first_design.py`. The small size, `CAMOPT_NOTEBOOK_SIZE=small`, uses the one-mass train and takes
 # seconds; the full size designs for the train of ten masses and takes minutes.
 
 # %%
@@ -24,14 +24,14 @@ scene = camopt.load_scene("motori-1" if SMALL else "kodama")
 design, operation = scene.design, scene.operation
 
 # %% [markdown]
-# The scene asks for limits on the shape, limits on the motion, and the speeds at which they must hold.
+# The scene has limits on the shape, limits on the motion, and the speeds at which they must hold.
 
 # %%
 design.model_dump(exclude_none=True)
 
 # %% [markdown]
 # How much area can any cam have within these limits? The bound comes from weak duality: no cam exceeds it, spline or
-# not. `worth_percent` says what 1 % more of each limit would buy.
+# not. `worth_percent` says by how many per cent the area grows if a limit is raised by 1 %.
 
 # %%
 camopt.area_bound(scene, knot_deg=4.0 if SMALL else 2.0)
@@ -39,9 +39,9 @@ camopt.area_bound(scene, knot_deg=4.0 if SMALL else 2.0)
 # %% [markdown]
 # ## The calmest cam
 #
-# The acceleration of a free cam is a spline between the scene's ramps. Its coefficients that may be chosen are called
-# $z$. The search begins where all of them are zero, which is the spline of smallest coefficients that joins both ramps:
-# it hardly lifts the valve, and it hardly excites the train. `camopt.ascend(start="calmest")` begins there too.
+# The acceleration of a free cam is a spline between the scene's ramps. Its free coefficients are called $z$. The search
+# begins with $z = 0$, which is the spline with the smallest coefficients that joins both ramps: it hardly lifts the
+# valve, and it hardly excites the train. `camopt.ascend(start="calmest")` also begins there.
 
 # %%
 free = camopt.free_cam(design, 6.0 if SMALL else 3.0)
@@ -50,8 +50,8 @@ calmest = free.lift(z)
 calmest.plot(design)
 
 # %% [markdown]
-# The judge settles the event-exact motion, in which contacts do open, at every speed asked. The table shows what
-# part of each limit on the motion the calmest cam uses at its worst speed: 1 is all of it.
+# The judge computes the settled event-exact motion, in which contacts can open, at every requested speed. The table
+# shows the part of each limit on the motion that the calmest cam uses at its worst speed: 1 is the whole limit.
 
 # %%
 speeds_rpm = operation.speeds_rpm if SMALL else np.linspace(*operation.band_rpm, 9)
@@ -70,12 +70,12 @@ pandas.DataFrame([shares(calmest)], index=["calmest"])
 # %% [markdown]
 # ## The motion and its Jacobian
 #
-# A contact that opens has no force, and its force has no slope that would say how to close it. So the contacts between
-# cam and valve are *tied* here: inside the event they pull where they would part. A force below zero then says where
-# and by how much the real contact would want to open. `linearised` gives these forces along the event at every speed,
-# with their derivatives by the coefficients: the Jacobian. The full size takes it from the smoothed motion by JAX, as
-# the search does, and that serves any law of force. The small size reads the closed periodic response, which this train
-# has because its laws are straight.
+# An open contact has zero force with zero derivative, which does not show how to close it. So the contacts between cam
+# and valve are *tied* here: inside the event they pull where they would open. A negative force then shows where, and
+# how strongly, the real contact tends to open. `linearised` gives these forces along the event at every speed, with
+# their derivatives with respect to the coefficients: the Jacobian. The full size computes it with JAX from the smoothed
+# motion, as the search does, which works for any force law. The small size uses the closed periodic response, which
+# exists for this train because its laws are piecewise linear.
 
 # %%
 SOURCE = "exact" if SMALL else "smooth"
@@ -101,10 +101,10 @@ figure
 # ## One program by hand
 #
 # The area is a linear function of the coefficients, and so are the limits on the shape. With the Jacobian the contact
-# forces are too, near the cam at which it was taken. So the largest area is a linear program in $z$: force plus
-# Jacobian times step is to be at least a margin, at every angle and speed, within a box about the present cam. The rows
-# are believed within that box. The search makes it narrower where they foretold the forces badly, and wider where they
-# did well.
+# forces are approximately linear too, near the cam at which it was computed. So the largest area is the solution of a
+# linear program in $z$: force plus Jacobian times step must be at least a margin, at every angle and speed, within a
+# trust region, a box about the present cam. The search shrinks the box where the linearisation predicted the forces
+# badly, and enlarges it where the prediction was good.
 
 # %%
 MARGIN_N, BOX = 10.0, 0.01  # the box in mm/deg^2, as the coefficients
@@ -125,7 +125,7 @@ by_hand = free.lift(solved.x)
 foretold = force + jacobian @ (solved.x - z)
 
 # %% [markdown]
-# Did the rows foretell the forces of the new cam? Its own tied motion says so.
+# How well did the linearisation predict the forces of the new cam? The tied motion with the new cam shows this.
 
 # %%
 again = camopt.linearised(scene, by_hand, speeds_rpm=speeds_rpm, source=SOURCE).contact_force_N.values[:, inside]
@@ -140,7 +140,7 @@ plt.close(figure)
 figure
 
 # %% [markdown]
-# What the real contacts make of the new cam is for the judge to say again.
+# The judge evaluates the motion of the new cam with real contacts, which can open.
 
 # %%
 pandas.DataFrame([shares(calmest), shares(by_hand)], index=["calmest", "by hand"])
@@ -148,12 +148,12 @@ pandas.DataFrame([shares(calmest), shares(by_hand)], index=["calmest", "by hand"
 # %% [markdown]
 # ## The search
 #
-# `camopt.optimize` repeats this step about each new cam, until little more area is promised. Those steps are the *path
-# constraints* below, with fixed margins. But a margin is no limit of the scene: the program asks for force, the scene
-# limits bounce and jump. So the judge finds how much of each limit a cam uses, and the margin of each flank at each
-# speed follows it: above 0.8 of a limit it rises and the next cam is calmer, below it falls and the next cam is larger.
-# It may fall below zero, since a contact may part by as much as the limit on the jump lets it. The last steps lie
-# *between two cams*, the largest that holds and a larger one that does not.
+# `camopt.optimize` repeats this step about each new cam, until the predicted gain in area is small. These steps are the
+# stage *path constraints* below, with fixed margins. But a margin on the force is not a limit of the scene, which
+# limits bounce and jump. So the judge measures how much of each limit a cam uses, and the margin of each flank at each
+# speed is adjusted: above 0.8 of a limit the margin rises and the next cam excites less vibration; below, it falls and
+# the next cam is larger. It may become negative, as a contact may open as far as the limit on the jump permits. The
+# last steps are *between two cams*, the largest that keeps the limits and a larger one that does not.
 
 # %%
 run = camopt.optimize(
@@ -166,8 +166,8 @@ steps = pandas.read_json(run.folder / "history.jsonl", lines=True).set_index("it
 steps[["stage", "area_ratio", "worst_bounce_mm", "worst_jump_mm", "worst_share", "worst_speed_rpm", "confirmed"]]
 
 # %% [markdown]
-# A cam counts as confirmed for the search where it uses at most 0.9 of every limit and is larger than those before.
-# What is left is for the speeds between, which the verdict looks at too.
+# The search marks a cam as confirmed if it uses at most 0.9 of every limit and is larger than the previous ones. The
+# reserve is needed for the speeds in between, which the verdict also evaluates.
 
 # %%
 figure, (above, below) = plt.subplots(2, 1, figsize=(6.2, 4.8), sharex=True, layout="constrained")
@@ -187,8 +187,8 @@ figure
 # %% [markdown]
 # ## The verdict
 #
-# Only cams that independent methods confirm count: they compute the motion in steps, with contact laws of their own,
-# and share no code with the search.
+# Only cams that independent methods confirm are accepted: these methods compute the motion in steps, with their own
+# contact laws, and share no code with the search.
 
 # %%
 run
@@ -203,14 +203,14 @@ run.lift.plot(design)
 run.plot()
 
 # %% [markdown]
-# The run folder holds the lift table for whoever grinds the cam, every figure, and a report that opens offline.
+# The run folder has the lift table for the grinder, every figure, and a report that opens offline.
 
 # %%
 print(write_report(run.folder))
 print(sorted(path.name for path in run.folder.iterdir()))
 
 # %% [markdown]
-# The same from a terminal: `camopt optimize kodama`. Any stage reads the folder back as a cam:
+# The same from a terminal: `camopt optimize kodama`. Every command can read the folder as a cam:
 # `camopt verify kodama --cam runs/...`.
 
 # %%

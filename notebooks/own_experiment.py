@@ -1,8 +1,8 @@
 # %% [markdown]
 # # An experiment of your own
 #
-# A number to maximise, a cam to start from, an optimiser, and a judge: twenty lines. Here forces between cam and valve
-# are to stay positive, and two optimisers climb from the calmest cam. Replace any of the four by your own.
+# An experiment needs a number to maximise, a cam to start from, an optimiser, and a judge: twenty lines. Here the
+# forces between cam and valve must stay positive, and two optimisers start from the calmest cam.
 
 # %%
 import os
@@ -18,8 +18,8 @@ SMALL = os.environ.get("CAMOPT_NOTEBOOK_SIZE", "full") == "small"
 scene = camopt.load_scene("motori-1" if SMALL else "kodama")
 
 # %% [markdown]
-# The objective is the area. Its constraints hold at every angle and speed, by the smoothed motion whose contacts are
-# tied: [width, tie, steps and source](../docs/how-to/smoothing.md) says what that means.
+# The objective is the area. Its constraints apply at every angle and speed of the smoothed motion with tied contacts:
+# [width, tie, steps and source](../docs/how-to/smoothing.md) explains these terms.
 
 # %%
 objective = camopt.objective(
@@ -30,8 +30,8 @@ objective = camopt.objective(
 )
 
 # %% [markdown]
-# Two optimisers of [optax](https://optax.readthedocs.io), from the same start. With a `metric` a step of length one
-# moves the forces by one unit, whatever the coefficients mean. Event-exact judges the last cam of each.
+# Two optimisers of [optax](https://optax.readthedocs.io), from the same start. With `metric=True` a step of length one
+# changes the forces by one unit, independent of the scale of the coefficients. Event-exact judges the last cams.
 
 # %%
 steps = 12 if SMALL else 90
@@ -43,7 +43,7 @@ shown = ("area_ratio", "contact_force_N", "largest_share")
 pandas.DataFrame({name: {key: float(climb.dataset[key][-1]) for key in shown} for name, climb in climbs.items()})
 
 # %% [markdown]
-# What each came to on its way. A force a little below zero is no harm: the judge's word counts, in which contacts open.
+# The figure shows both optimisations. A slightly negative force does not matter: the judge decides.
 
 # %%
 figure, (area, force) = plt.subplots(1, 2, figsize=(9, 3.2), layout="constrained")
@@ -57,8 +57,7 @@ plt.close(figure)  # its last line shows it, once
 figure
 
 # %% [markdown]
-# A loop of your own needs the value and its gradient only. One compiled program gives both, and JAX keeps it for the
-# next process.
+# A loop of your own only needs the value and its gradient. One compiled program computes both; JAX stores it on disk.
 
 # %%
 cam = climbs["L-BFGS"].best or climbs["L-BFGS"].nearest

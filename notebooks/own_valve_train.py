@@ -19,8 +19,8 @@ folder = Path(tempfile.mkdtemp())
 
 # %% [markdown]
 # This train has two masses, a tappet and a valve: the cam drives the tappet through a contact, the tappet pushes the
-# valve through another with the lash, and the spring holds the valve on its seat. `help(camopt.scene)` explains the
-# keys.
+# valve through another contact, which has the lash, and the spring holds the valve on its seat. `help(camopt.scene)`
+# explains the keys.
 
 # %%
 MINE = """
@@ -99,7 +99,7 @@ preload_N = 260.0
 scene = camopt.load_scene(folder / "mine.toml")
 
 # %% [markdown]
-# Every fault of a file is reported at once, with its key.
+# All faults of a file are reported at once, each with its key.
 
 # %%
 try:
@@ -110,8 +110,8 @@ except InputError as fault:
     print(fault)
 
 # %% [markdown]
-# The natural frequencies with the valve lifted are a first look. If they are far from what was measured, a mass or a
-# stiffness is wrong.
+# The natural frequencies with the valve lifted are a first check. If measured ones differ, a mass or a stiffness is
+# wrong.
 
 # %%
 found = camopt.modes(scene, "lifted")
@@ -121,8 +121,8 @@ found
 found.plot()
 
 # %% [markdown]
-# A measured cam is a table. Here one is made from a Polydyne, in steps of 1 deg of the crank with 2 um of noise, so
-# that the truth is known. The header names angle and unit; a table without one needs `table_angle` and `table_lift`.
+# A measured cam is a table. Here one is made from a Polydyne, in steps of 1 crank degree with 2 um of noise, so that
+# the true lift is known. The header gives angle and unit; a table without one needs `table_angle` and `table_lift`.
 
 # %%
 truth = camopt.polydyne(scene)
@@ -135,8 +135,8 @@ cam = camopt.read_lift_table(table, scene)
 cam
 
 # %% [markdown]
-# The table is smoothed within its own noise, which is estimated; acceleration comes out of it, with the error stated in
-# the parameters above.
+# The noise of the table is estimated, and the lift is smoothed within it; the acceleration follows from the smoothed
+# lift, with the error that the parameters above state.
 
 # %%
 theta = np.linspace(-1.1, 1.1, 500)

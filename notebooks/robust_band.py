@@ -1,8 +1,9 @@
 # %% [markdown]
 # # Robust band and Pareto front
 #
-# A design for four speeds may bounce a few percent away from them, a cam is ground with errors, and springs sag. Three
-# questions: where in the band is a cam worst, what does it do in trains as they are built, and what does a limit cost?
+# A cam that is designed for four speeds may bounce at speeds a few per cent away from them, cams are ground with
+# errors, and springs lose load. Three questions: At which speed of the band is a cam worst? How does it perform in
+# trains as built? What does a limit cost?
 
 # %%
 import os
@@ -22,8 +23,8 @@ scene = camopt.load_scene("kodama")
 low, high = scene.operation.band_rpm
 
 # %% [markdown]
-# The largest area within the bounce limit, for several values of that limit: each point is a cam that the event-exact
-# judge confirms at the speeds asked. A crossed point means that no cam was found.
+# The front is the largest area within the bounce limit, for several values of that limit: each point is a cam that the
+# event-exact judge accepts at the given speeds. A crossed point means that no cam was found.
 
 # %%
 front = camopt.pareto(
@@ -39,8 +40,8 @@ front
 front.plot()
 
 # %% [markdown]
-# The cam of largest area for the train as it is drawn, and its worst speed: the search's judge settles the event-exact
-# motion at speeds over the whole band.
+# Next, the cam of largest area for the train as drawn, and its worst speed: the search's judge computes the settled
+# event-exact motion at speeds over the whole band.
 
 # %%
 search = find_cam(scene, "band", ACCURACIES["draft"], "exact")
@@ -50,8 +51,8 @@ nominal = judge(cam)
 print(f"worst at {nominal.worst_speed_rpm:.0f} r/min: {nominal.share.max():.0%} of a limit used")
 
 # %% [markdown]
-# The same cam in trains as they are built: each has its own spring, lash, masses and stiffness, drawn within the
-# scene's tolerances, and a cam that is ground with an error of its own.
+# The same cam in trains as built: each has its own spring, lash, masses and stiffness, drawn within the scene's
+# tolerances, and a cam with its own grinding error.
 
 # %%
 rows = []
@@ -76,9 +77,9 @@ plt.close(figure)
 figure
 
 # %% [markdown]
-# To design against all of it, `camopt optimize kodama --yield 0.99` looks for the largest cam that 99 of 100 such
-# trains hold ([yield](../docs/explanation/yield.md)). Every verdict sweeps the band too: `verify` looks for its worst
-# speeds and lets every method judge there.
+# To take all of this into account, `camopt optimize kodama --yield 0.99` searches for the largest cam with which 99 of
+# 100 such trains keep the limits ([yield](../docs/explanation/yield.md)). Every verdict also sweeps the band: `verify`
+# finds the worst speeds and evaluates them with every method.
 
 # %%
 verdict = camopt.verify(scene, cam, (low,) if SMALL else None, accuracy="draft")

@@ -1,7 +1,7 @@
 # %% [markdown]
 # # Speed against accuracy
 #
-# What an accurate motion costs, what a smaller model saves and gets wrong, and what `accuracy` means to a verdict.
+# The cost of an accurate motion, error and time of smaller models, and the meaning of `accuracy` in a verdict.
 
 # %%
 import os
@@ -20,8 +20,8 @@ scene = camopt.load_scene("motori-1" if SMALL else "kodama")
 cam = camopt.polydyne(scene)
 
 # %% [markdown]
-# First comes one motion. Event-exact locates every opening and closing, so its step does not matter; Runge-Kutta-Gill
-# and Houbolt step over them, and their error at a contact falls with the first power of the step.
+# First, a single motion. Event-exact locates every opening and closing, so its accuracy does not depend on the step;
+# Runge-Kutta-Gill and Houbolt step over these instants, and their error falls with the first power of the step.
 
 
 # %%
@@ -56,8 +56,8 @@ plt.close(figure)
 figure
 
 # %% [markdown]
-# The verdict's `accuracy` names how many methods must agree, how finely the band is swept, and what halving a step may
-# still move; a number of micrometres is taken too.
+# The `accuracy` of a verdict determines how many methods must agree, how finely the band is swept, and the largest
+# permitted change when a step is halved; it may also be a number of micrometres.
 
 # %%
 pandas.DataFrame(EFFORTS.values(), index=list(EFFORTS))
@@ -71,9 +71,9 @@ for accuracy in ("draft",) if SMALL else ("draft", "standard"):
 verdicts["draft"]
 
 # %% [markdown]
-# A smaller model is faster and wrong by some amount. `reduce` tries every combination of fewer spring masses and
-# condensed masses, and tells its error and its time. It proposes the cheapest within the tolerance, and watches a
-# contact that is left out as idle.
+# A smaller model is faster but has an additional error. `reduce` tries every combination of fewer spring masses and
+# condensed masses, and reports its error and its time. It proposes the cheapest one within the tolerance, and monitors
+# a contact that was left out because it never closes.
 
 # %%
 camopt.reduce(scene, cam, speeds_rpm=(5000,), tolerance_mm=0.02)

@@ -2,8 +2,8 @@
 # # A thousand valve trains
 #
 # No two engines are built alike. How many of a thousand trains, each with its own spring, lash and masses within the
-# tolerances of a scene, hold the limits with one cam? `camopt.sweep` computes them on all cores or on a cluster, and
-# keeps a row for each: what is recorded stays, whatever dies. ([The page](../docs/thousand-trains.md) says more.)
+# tolerances of a scene, keep the limits with one cam? `camopt.sweep` computes them on all cores or on a cluster, and
+# stores a row for each; recorded rows survive any interruption. ([The page](../docs/thousand-trains.md) says more.)
 
 # %%
 import os
@@ -25,7 +25,7 @@ scene = camopt.load_scene("motori-1")
 {f"{', '.join(t.of) if isinstance(t.of, tuple) else t.of}": t.relative or t.plus_minus for t in scene.tolerance}
 
 # %% [markdown]
-# A task is plain data. Train 17 is the same train whoever draws it, so tasks may be computed in any order.
+# A task is plain data. Train 17 is the same train in every process, so tasks may be computed in any order.
 
 
 # %%
@@ -41,7 +41,7 @@ seconds = time.perf_counter() - begin
 found
 
 # %% [markdown]
-# The rows are a labelled dataset: how much of each limit a train uses at its worst speed, and whether it holds.
+# The rows are a labelled dataset: how much of each limit a train uses at its worst speed, and whether it keeps them.
 
 # %%
 data = found.dataset()
@@ -67,9 +67,9 @@ size = (folder / "trains.sqlite").stat().st_size
 f"{1000 * seconds / TRAINS:.0f} ms by the clock and {size / TRAINS:.0f} bytes for each train"
 
 # %% [markdown]
-# ## Going on
+# ## Continuing a sweep
 #
-# The same call again computes nothing, since every row is there. More trains take only what is new.
+# The same call again computes nothing, since every row is stored. With more trains only the new ones are computed.
 
 # %%
 begin = time.perf_counter()
@@ -80,8 +80,8 @@ more
 # %% [markdown]
 # ## What happens when a worker dies
 #
-# The sweep begins another one and sends again what was lost. A task of which three workers died gets a row "failed",
-# and the rest goes on. Here a stand-in kills every process that computes it.
+# The sweep starts another worker and sends the lost tasks again. A task that was lost with three workers gets a row
+# "failed", and the other tasks continue. In this example one task kills every process that computes it.
 
 # %%
 deadly = [{"verb": "rehearse", "number": i, "end": "die" if i == 3 else ""} for i in range(8)]
@@ -92,8 +92,8 @@ after
 # %% [markdown]
 # ## A cluster
 #
-# The same tasks on workers of [dask](https://distributed.dask.org), here two processes on this machine, elsewhere a
-# scheduler's address. Its dashboard shows what they do. The rows are those of above, to the last bit.
+# The same tasks can run on workers of [dask](https://distributed.dask.org): here two processes on this machine, on a
+# real cluster those of a scheduler's address. The dashboard shows their activity. The rows are the same.
 
 # %%
 try:

@@ -1,9 +1,9 @@
 # %% [markdown]
 # # Trust in gradients
 #
-# A gradient through contacts can be right, or agree with its own model and be wrong about the train. Here the seating
-# velocity is differentiated by the cam's coefficients along two paths, and both are held against central differences
-# of the exact motion.
+# A gradient through contacts can be right, or it can agree with its own model and be wrong for the train. Here the
+# seating velocity is differentiated with respect to the cam's coefficients along two paths, and both gradients are
+# compared with central differences of the exact motion.
 
 # %%
 import os
@@ -28,8 +28,8 @@ METRIC = "seating_velocity_m_per_s"
 COMPILER = {"xla_backend_optimization_level": 0, "xla_llvm_disable_expensive_passes": True} if SMALL else {}
 
 # %% [markdown]
-# A direction in which to change the cam: every coefficient in proportion, that is, a larger lift everywhere. `value(s)`
-# is the metric of the exact motion with the lift (1 + s) times as large.
+# The cam is changed in one direction: all coefficients in proportion, that is, a larger lift everywhere. `value(s)` is
+# the metric of the exact motion with the lift (1 + s) times as large.
 
 # %%
 train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
@@ -43,16 +43,15 @@ def value(s: float) -> float:
 
 
 # %% [markdown]
-# Central differences are taken over a range of steps. With too small a step round-off speaks, with too large a one the
-# curve does. Where they agree over decades there is a slope to speak of.
+# Central differences are computed for a range of steps. At small steps round-off dominates, at large steps curvature.
+# Where the differences agree over several decades, the derivative is well defined.
 
 # %%
 steps = 10.0 ** np.arange(-7, -2.9, 0.5)
 differences = np.array([(value(h) - value(-h)) / (2 * h) for h in steps])
 
 # %% [markdown]
-# The exact gradient is the discrete adjoint of the event-exact motion, with the jump of the adjoint wherever a contact
-# opens or closes.
+# The exact gradient is that of the discrete adjoint of event-exact motion, which jumps where a contact opens or closes.
 
 # %%
 exact = value_and_gradient(train, cam, cam_speed, [METRIC], revolutions=2)
@@ -61,9 +60,8 @@ print(f"seating velocity {exact.values[0]:.6f} m/s, slope {by_adjoint:.9f} (adjo
 print(f"central differences {differences.min():.9f} to {differences.max():.9f}")
 
 # %% [markdown]
-# On the smooth path the contact law is rounded within a thin layer, and JAX differentiates the time stepping.
-# `simulate` is differentiable as it stands: by the cam's pieces, masses, stiffnesses, dampings, preloads, gaps and the
-# speed.
+# On the smooth path the contact law is smoothed within a thin layer, and JAX differentiates the time stepping. JAX can
+# differentiate `simulate` with respect to the cam's pieces, masses, stiffnesses, dampings, preloads, gaps and speed.
 
 # %%
 lift = motion_parameters(scene, cam)["lift"]
@@ -91,8 +89,8 @@ plt.close(figure)
 figure
 
 # %% [markdown]
-# When not to trust: at a grazing contact the gradient is one-sided, and beyond the jump the motion is chaotic within a
-# revolution or two. The gradient itself tells how near the next grazing is.
+# A gradient should not be trusted at a grazing contact, where it is one-sided, and beyond the onset of jump, where the
+# motion becomes chaotic within a revolution or two. The gradient reports its distance to the next grazing.
 
 # %%
 print(exact.grazing)

@@ -1,4 +1,4 @@
-"""Chromium by Playwright, and pages that are watched: what the browser tests of the report and the designer share."""
+"""Chromium with Playwright, and pages whose faults are recorded, for the browser tests of report and designer."""
 
 import shutil
 import time
@@ -10,13 +10,13 @@ import pytest
 
 CHROMIUM = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 PATIENCE_S = 60.0
-"""How long a page may take on a machine that is busy with others."""
+"""Longest wait for a page [s], for a machine that is busy with other processes."""
 
 
 @contextmanager
 def started_browser() -> Iterator[Any]:
-    """The browser; tests that want it are skipped where it or Playwright is missing. It holds the event loop of its
-    thread until it ends, so that no other one may be started there meanwhile."""
+    """The browser; tests that need it are skipped if it or Playwright is missing. It occupies the event loop of its
+    thread until it ends, so that no second browser can be started in that thread meanwhile."""
     playwright = pytest.importorskip("playwright.sync_api", reason="Playwright is not installed")
     if CHROMIUM is None:
         pytest.skip("no Chromium on this machine")
@@ -29,8 +29,8 @@ def started_browser() -> Iterator[Any]:
 
 @contextmanager
 def watched_pages(browser: Any, requested: list[str]) -> Iterator[Callable[..., Any]]:
-    """Opens empty pages in windows of their own and notes what they ask for; at the end nothing may have been said or
-    thrown."""
+    """Opens empty pages in separate windows and records their requests; at the end no page may have written to the
+    console or raised an error."""
     contexts, faults = [], []
 
     def opened(**settings):
@@ -49,7 +49,7 @@ def watched_pages(browser: Any, requested: list[str]) -> Iterator[Callable[..., 
 
 
 def wait(page: Any, reached: Callable[[], Any]) -> None:
-    """Until a condition holds; a page's policy forbids the evaluated strings of Playwright's own waiting."""
+    """Waits until a condition holds; Playwright's own waiting evaluates strings, which the page's policy forbids."""
     begun = time.monotonic()
     while not reached():
         assert time.monotonic() - begun < PATIENCE_S, page.locator("body").inner_text()[:300]
@@ -57,7 +57,7 @@ def wait(page: Any, reached: Callable[[], Any]) -> None:
 
 
 def serious_faults(page: Any) -> list[tuple]:
-    """What axe finds on a page that is serious for those who cannot see or point, and where."""
+    """Serious and critical accessibility faults that axe finds on a page, each with its elements."""
     axe = pytest.importorskip("axe_playwright_python.sync_playwright", reason="axe is not installed")
-    found = [v for v in axe.Axe().run(page).response["violations"] if v["impact"] in ("serious", "critical")]
-    return [(v["id"], [n["target"] for n in v["nodes"]][:4]) for v in found]
+    violations = [v for v in axe.Axe().run(page).response["violations"] if v["impact"] in ("serious", "critical")]
+    return [(v["id"], [n["target"] for n in v["nodes"]][:4]) for v in violations]

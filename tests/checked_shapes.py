@@ -1,8 +1,8 @@
-"""The modules whose array shapes every test checks, by jaxtyping's import hook and beartype.
+"""The modules whose array shapes are checked in all tests, by jaxtyping's import hook and beartype.
 
-The hook wraps every function of a module. A compiled function cannot be wrapped, which leaves out `camopt.exact.kernel`
-and those modules of `camopt.exact` that hold compiled functions beside others (adjoint.seeds, adjoint.sweep,
-adjoint.integrals, adjoint.metrics). What has no shapes to check is left out as well.
+The hook wraps every function of a module. Compiled functions cannot be wrapped; therefore `camopt.exact.kernel` and
+the modules of `camopt.exact` that also contain compiled functions are left out (adjoint.seeds, adjoint.sweep,
+adjoint.integrals, adjoint.metrics). Modules without annotated shapes are left out as well.
 """
 
 from beartype import beartype
@@ -40,7 +40,7 @@ MODULES = [
 
 
 def checked(function):
-    """Beartype for the annotations that state a shape and for no others: many tests put stand-ins in other places."""
+    """Beartype for annotations with a shape only: many tests pass stand-ins for other arguments."""
     shaped = {name: hint for name, hint in function.__annotations__.items() if "Float[" in str(hint)}
     function.__annotations__ = shaped
     return beartype(function)

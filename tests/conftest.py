@@ -1,4 +1,4 @@
-"""Settings that hold for the whole suite: no windows, checked shapes, and in the smooth path no silent broadcasting."""
+"""Settings of the whole suite: no windows, checked shapes, and no implicit broadcasting on the smooth path."""
 
 import os
 from contextlib import nullcontext
@@ -15,12 +15,12 @@ jaxtyping.install_import_hook(MODULES, "tests.checked_shapes.checked")  # before
 
 
 APART = "tests/experiments/test_experiments.py"
-"""The tests of this file share nothing: any worker may take any of them."""
+"""The tests of this file are independent: any worker may run any of them."""
 
 
 @pytest.hookimpl(optionalhook=True)
 def pytest_xdist_make_scheduler(config, log):
-    """As `--dist loadfile`, which keeps the fixtures of a file to one worker, but for the file of `APART`."""
+    """Like `--dist loadfile`, which runs each file on one worker, except that the tests of `APART` are distributed."""
     from xdist.scheduler import LoadFileScheduling
 
     class ByFile(LoadFileScheduling):
@@ -31,12 +31,12 @@ def pytest_xdist_make_scheduler(config, log):
 
 
 SHARED = ("test_exact_rule", "test_families", "test_families_motion", "test_real_trains_rule", "test_smooth_rule")
-"""Tests of the rules for `jax.grad`: the cam families' formulas run on arrays of NumPy too, and broadcast as those."""
+"""Tests of the rules for `jax.grad`: the formulas of cam families also run on NumPy arrays, and broadcast like them."""
 
 
 @pytest.fixture(autouse=True)
 def _no_rank_promotion(request):
-    """JAX arrays of different rank meet only where the code says so; double precision is camopt's own business."""
+    """Operations on JAX arrays of different rank are errors unless the code reshapes them explicitly."""
     if "smooth" not in request.node.path.parts or request.node.path.stem in SHARED:
         yield
         return
@@ -48,15 +48,15 @@ def _no_rank_promotion(request):
 
 @pytest.fixture(scope="module")
 def browser():
-    """Chromium for the tests of one file: as long as it runs, no other may start in its thread."""
+    """Chromium for the tests of one file: while it runs, no second browser can be started in its thread."""
     with started_browser() as started:
         yield started
 
 
 @pytest.fixture(scope="module")
 def undrawn():
-    """Figures are made and saved with their words alone, from where a module first asks for it: to draw them takes
-    longer than most small jobs. tests/plots draws them, and tests/optimizer/test_run.py those of a job."""
+    """Figures are saved with their texts only, from the first use in a module on, because drawing them takes longer
+    than most small jobs. tests/plots draws figures, and tests/optimizer/test_run.py those of a job."""
     from matplotlib.text import Text
 
     def words(figure, kind):

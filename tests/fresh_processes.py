@@ -1,4 +1,4 @@
-"""Snippets of Python, each as in a process of its own, for the start of one: libraries load once, then it forks."""
+"""Runs each of several Python snippets in its own process, forked from a parent that has loaded the libraries."""
 
 import json
 import subprocess
@@ -6,7 +6,7 @@ import sys
 from typing import NamedTuple
 
 LIBRARIES = ("numpy", "scipy.optimize", "numba", "pandas", "xarray", "pydantic", "matplotlib.figure")
-"""What takes long to import and is not asked about; `camopt` itself is imported by each snippet anew."""
+"""Libraries that take long to import and are not tested; each snippet imports `camopt` itself again."""
 PARENT = """
 import json, os, sys, traceback
 libraries, snippets = json.load(sys.stdin)
@@ -34,10 +34,10 @@ print(json.dumps(codes))
 
 
 class Ended(NamedTuple):
-    """How the snippets ended."""
+    """Exit codes and messages of the snippets."""
 
-    codes: dict[str, int]  # 0 where nothing was raised
-    said: str  # by all of them, for the message of an assertion
+    codes: dict[str, int]  # 0 if nothing was raised
+    said: str  # output of all snippets, for the message of an assertion
 
 
 def run_each(snippets: dict[str, str], libraries: tuple[str, ...] = LIBRARIES) -> Ended:

@@ -1,6 +1,6 @@
-"""Small motions whose figures are kept: `python -m tests.kept_digits` writes them anew, after a change that is meant.
+"""Small motions whose results are stored: `python -m tests.kept_digits` writes them again after an intended change.
 
-Each takes seconds of plain Python at most, since a mutant of a compiled program is tried without compiling it.
+Each takes at most seconds in plain Python, since mutants of compiled programs are tried without compiling them.
 """
 
 from collections.abc import Callable
@@ -30,9 +30,9 @@ FILE = Path(__file__).parent / "data/kept-digits.json"
 REAL = Path(__file__).parent / "scene/real.toml"
 """A train with every element of real trains."""
 WEIGHTS = 1.0 / (3.0 + np.arange(len(METRICS)))
-"""By which the metrics count in a gradient, so that one sweep sees them all."""
+"""Weights of the metrics in a gradient, so that one adjoint sweep depends on all of them."""
 NOTHING = 1e-9
-"""Share of the largest number of an array below which another one is rounding."""
+"""Part of the largest number of an array below which other numbers are rounding errors."""
 CURVED = (
     'kind = "contact"\nbetween = ["ground", "m"]\nlaw = "hertz"\nstiffness_N_per_m = 1.0e9\ndamping_N_s_per_m = 40.0',
     """kind = "spring"
@@ -53,8 +53,8 @@ def case(name: str | Path, rpm: float) -> tuple:
 
 @cache
 def soft() -> tuple:
-    """The same of the real train with stiffnesses a twenty-fifth, so that a revolution has a fifth of the steps, and an
-    adjuster that leaks fifty times as fast, so that the valve seats before its nominal closing."""
+    """The same of the train `REAL` with a twenty-fifth of the stiffnesses, so that a revolution has a fifth of the
+    steps, and with an adjuster that leaks fifty times as fast, so that the valve seats before its nominal closing."""
     train, lift, speed = case(REAL, 6000)
     stiffness = train.stiffness / 25.0
     laws = replace(train.laws, coefficient=train.laws.coefficient / 25.0, leak=train.laws.leak / 50.0)
@@ -62,34 +62,34 @@ def soft() -> tuple:
 
 
 def motion(method: Callable, name: str | Path, rpm: float, steps: int) -> np.ndarray:
-    """End state of one revolution from rest, and mean sizes of positions, velocities and forces on the way."""
+    """End state of one revolution from rest, and mean magnitudes of positions, velocities and forces over it."""
     train, lift, speed = case(name, rpm)
     return sizes(method(train, lift, speed, steps)(state_at_rest(train)))
 
 
 def curved(method: Callable, steps: int) -> np.ndarray:
-    """The same of `CURVED`, which falls from 3 mm with 1 m/s, for 10 ms."""
+    """The same of `CURVED` over 10 ms, starting at 3 mm with 1 m/s towards the contact."""
     train = one_mass(*CURVED, mass_kg=0.4)
     return sizes(method(train, STILL, 200.0 * np.pi, steps)(np.array([3e-3, -1.0])))
 
 
-def sizes(found) -> np.ndarray:
+def sizes(response) -> np.ndarray:
     """The numbers of `motion`."""
-    means = [np.abs(part).mean(axis=0) for part in (found.x, found.v, found.force)]
-    return np.concatenate([found.x[-1], found.v[-1], found.memory[-1], *means])
+    means = [np.abs(part).mean(axis=0) for part in (response.x, response.v, response.force)]
+    return np.concatenate([response.x[-1], response.v[-1], response.memory[-1], *means])
 
 
 def metrics() -> np.ndarray:
-    """What is measured on a record of two revolutions with bounces."""
+    """All metrics of a record of two revolutions with bounces."""
     train, lift, speed = case("motori-1", 6000)
     revolve = prepare(train, lift, speed, 180)
     first = revolve(state_at_rest(train))
-    found = measure(joined([first, revolve(np.concatenate([first.x[-1], first.v[-1]]))]), lift)
-    return np.concatenate(list(found.values()))
+    values = measure(joined([first, revolve(np.concatenate([first.x[-1], first.v[-1]]))]), lift)
+    return np.concatenate(list(values.values()))
 
 
 def gradient(moving: Callable[[], tuple], moved: float = 0.0) -> np.ndarray:
-    """All metrics in the first revolution, from rest but for `moved` [m], and the gradient of their weighted sum."""
+    """All metrics of the first revolution, started `moved` [m] from rest, and the gradient of their weighted sum."""
     train, lift, speed = moving()
     start = state_at_rest(train)
     start[-1] -= moved
@@ -97,28 +97,29 @@ def gradient(moving: Callable[[], tuple], moved: float = 0.0) -> np.ndarray:
 
 
 def from_rest() -> np.ndarray:
-    """Forces while all contacts hold, apart, from rest, whose place depends on the train too; spans end on borders."""
-    found = value_and_gradient(*case("motori-1", 4000), METRICS[3:5], mechanical=True, spacing=np.radians(6.0))
-    return numbers(found)
+    """Separate gradients of the forces without separation, from rest, whose position depends on the train; spans end at
+    borders of pieces."""
+    gradients = value_and_gradient(*case("motori-1", 4000), METRICS[3:5], mechanical=True, spacing=np.radians(6.0))
+    return numbers(gradients)
 
 
 def traced() -> np.ndarray:
-    """What else is taken from a traced motion: samples and their gradients."""
+    """Samples of a traced motion and their gradients."""
     train, lift, speed = soft()
-    found = TracedMotion(train, lift, speed, state_at_rest(train), mechanical=True)
+    traced_motion = TracedMotion(train, lift, speed, state_at_rest(train), mechanical=True)
     angles = np.array([-1.0, -0.3, 0.4, 1.7])
-    at = found.at(angles)
+    at = traced_motion.at(angles)
     bars = type(at)(
         **{name: np.cos(1.0 + np.arange(part.size)).reshape(1, *part.shape) for name, part in vars(at).items()}
     )
-    parts = [*(part.ravel() for part in vars(at).values()), found.values(METRICS)]
-    return np.concatenate([*(cleaned(part) for part in parts), numbers(found.pull_back(angles, bars))])
+    parts = [*(part.ravel() for part in vars(at).values()), traced_motion.values(METRICS)]
+    return np.concatenate([*(cleaned(part) for part in parts), numbers(traced_motion.pull_back(angles, bars))])
 
 
 def many() -> np.ndarray:
-    """Motions for which the room of a trace grows, and one that is refused."""
+    """Motions for which the memory of a trace has to grow, and one that is refused."""
     train, lift, speed = case("motori-1", 12000)
-    train = replace(train)  # with tables and room of its own
+    train = replace(train)  # with its own tables and workspace
     higher, weighted = replace(lift, coefficients=1.01 * lift.coefficients), []
     with patch.object(propagators, "FIRST_SEGMENTS", 4):
         with pytest.raises(MotionRefused):
@@ -129,28 +130,28 @@ def many() -> np.ndarray:
 
 
 def settled(moving: Callable[[], tuple], **options) -> np.ndarray:
-    """Metrics of a motion that settles at once, or is taken to have settled."""
-    found = settled_metrics(*([one] for one in moving()), workers=1, **options)
-    return np.concatenate([found.states.ravel(), *(found.worst(name).ravel() for name in found.lowest)])
+    """Metrics of a motion that settles at once, or is treated as settled."""
+    result = settled_metrics(*([one] for one in moving()), workers=1, **options)
+    return np.concatenate([result.states.ravel(), *(result.worst(name).ravel() for name in result.lowest)])
 
 
-def numbers(found: Slopes) -> np.ndarray:
-    """All of a gradient in a row; the pieces of the lift are summed, each with a weight of its own."""
-    by_powers = np.einsum("lpq,p->lq", found.by_coefficients, np.cos(np.arange(found.by_coefficients.shape[1])))
-    parts = [by_powers, found.by_start, *(vars(found.by_train).values() if found.by_train else ())]
-    if isinstance(found, Gradient):
-        parts += [found.values, found.runner_up, found.end, np.array(list(vars(found.grazing).values()))]
+def numbers(slopes: Slopes) -> np.ndarray:
+    """All numbers of a gradient in one array; the pieces of the lift are summed with different weights."""
+    by_powers = np.einsum("lpq,p->lq", slopes.by_coefficients, np.cos(np.arange(slopes.by_coefficients.shape[1])))
+    parts = [by_powers, slopes.by_start, *(vars(slopes.by_train).values() if slopes.by_train else ())]
+    if isinstance(slopes, Gradient):
+        parts += [slopes.values, slopes.runner_up, slopes.end, np.array(list(vars(slopes.grazing).values()))]
     return np.concatenate([cleaned(np.ravel(part)) for part in parts if part is not None])
 
 
 def cleaned(row: np.ndarray) -> np.ndarray:
-    """An array whose rounding is zero; numbers without bound are none, for JSON."""
+    """An array with rounding errors set to zero and infinite numbers replaced by NaN, for JSON."""
     row = np.where(np.isfinite(row), row, np.nan)
     return np.where(np.abs(row) < NOTHING * np.nanmax(np.abs(row), initial=0.0), 0.0, row)
 
 
 CURVING = LOCATING | {"rkg": STEP_METHODS["rkg"]}
-"""Methods that take curved laws."""
+"""Methods that support nonlinear laws."""
 FIGURES: dict[str, Callable[[], np.ndarray]] = {
     **{f"{name}-one-mass": partial(motion, LOCATING[name], "motori-1", 6000, 180) for name in LOCATING},
     **{f"{name}-one-mass": partial(motion, STEP_METHODS[name], "motori-1", 6000, 720) for name in STEP_METHODS},

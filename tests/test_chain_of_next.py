@@ -1,7 +1,8 @@
-"""Following every `next:` line leads to a table for the grinder: no command twice, no draft ground, no yield forgotten.
+"""Following the `next:` lines leads to a table for the grinder: no command is repeated, no draft is ground, and a
+required yield is kept.
 
-The verbs that take minutes are replaced by ones that write what these would, from a table of what a scene allows; one
-chain is real.
+Verbs that take minutes are replaced by functions that write the same files, from a table of possible results; one chain
+runs the real verbs.
 """
 
 import json
@@ -19,8 +20,8 @@ from camopt.optimizer.baselines import comparison
 from camopt.scene import scene_text
 from camopt.storage import write_json, write_text
 from camopt.verifier import ACCURACY_NAMES
+from tests.command_line import run
 from tests.scene.test_load import EXAMPLE
-from tests.test_cli import run
 
 CALM = EXAMPLE + '\n[[tolerance]]\nof = "spring.preload_N"\nrelative = 0.001\n'
 MOST_STEPS = 10
@@ -28,13 +29,14 @@ MOST_STEPS = 10
 
 @dataclass
 class World:
-    """What a scene allows: the verdict by accuracy, the share of its largest cam, and which yields a search reaches."""
+    """The possible results of a scene: the verdict by accuracy, the yield of its largest cam, and the yields that a
+    search reaches."""
 
     scatters: bool = True
     verdicts: tuple[str, str, str] = ("confirmed",) * 3
     share: float = 0.33
     reached: tuple[float, float, float] = (0.96, 0.96, 0.96)
-    """By accuracy the largest yield that a search for one reaches."""
+    """By accuracy, the largest yield that a search reaches."""
     after_verify: int = 0
     commands: list[str] = field(default_factory=list)
 
@@ -80,7 +82,7 @@ class World:
 
 
 def follow(capsys, monkeypatch, tmp_path, world: World, *words: str) -> list[str]:
-    """The commands from the first one on until a table for the grinder is written."""
+    """The commands from the first one until a table for the grinder is written."""
     monkeypatch.chdir(tmp_path)
     runs = iter(range(MOST_STEPS))
     monkeypatch.setattr(arguments, "default_run_folder", lambda name: Path("runs") / f"{name}-{next(runs)}")
@@ -136,25 +138,25 @@ def test_every_chain_ends_with_a_table_for_the_grinder(capsys, monkeypatch, tmp_
     world, words, most = STARTS[name]
     done = follow(capsys, monkeypatch, tmp_path, world, *words)
     assert len(done) <= most, done
-    asked = [re.search(r"--yield ([\d.]+)", command) for command in done if command.startswith("optimize")]
-    once_asked = [found is not None for found in asked]
-    assert once_asked == sorted(once_asked), f"a yield was asked for, and then none: {done}"
+    yields = [re.search(r"--yield ([\d.]+)", command) for command in done if command.startswith("optimize")]
+    required = [verification is not None for verification in yields]
+    assert required == sorted(required), f"a yield was asked for, and then none: {done}"
     folder = Path(shlex.split(done[-1])[3])
-    if folder.is_dir():  # a family's cam has no run
+    if folder.is_dir():  # a family's cam has no run folder
         settings = json.loads((folder / "provenance.json").read_text())["settings"]
         assert settings["accuracy"] != "draft", done
-        found = json.loads((folder / "verification.json").read_text())
-        assert found["verdict"] == "confirmed"
-        assert "yield" not in found or found["yield"]["confirmed"] or found["yield"]["low"] >= 0.95
+        verification = json.loads((folder / "verification.json").read_text())
+        assert verification["verdict"] == "confirmed"
+        assert "yield" not in verification or verification["yield"]["confirmed"] or verification["yield"]["low"] >= 0.95
 
 
-def test_what_is_missed_at_the_finest_is_asked_for_less(capsys, monkeypatch, tmp_path):
+def test_a_yield_missed_at_the_finest_accuracy_is_lowered(capsys, monkeypatch, tmp_path):
     done = follow(capsys, monkeypatch, tmp_path, HARD, "optimize", "kodama", "--yield", "0.95")
     assert done[1:3] == ["optimize kodama --accuracy fine --yield 0.95", "optimize kodama --accuracy fine --yield 0.9"]
 
 
-def test_after_a_table_nobody_is_sent_round_again(capsys, monkeypatch, tmp_path):
-    """The table's verdict, its yield: enough of the trains hold, and the table goes to the grinder."""
+def test_the_steps_after_a_table_do_not_repeat(capsys, monkeypatch, tmp_path):
+    """After the table its verdict and its yield follow; the yield is sufficient, and the last line ends the chain."""
     world = World(share=0.98)
     done = follow(capsys, monkeypatch, tmp_path, world, "optimize", "kodama")
     assert done[-1].startswith("cam")
@@ -162,16 +164,16 @@ def test_after_a_table_nobody_is_sent_round_again(capsys, monkeypatch, tmp_path)
     for _ in range(MOST_STEPS):
         _, _, err = run(capsys, *words)
         (line,) = (line for line in err.splitlines() if line.startswith("next: "))
-        given = re.findall("`(.*?)`", line)
-        if not given:
+        commands = re.findall("`(.*?)`", line)
+        if not commands:
             assert "lift.csv can go to the grinder" in line
             break
-        seen.append(given[0])
-        words = tuple(shlex.split(given[0])[1:])
+        seen.append(commands[0])
+        words = tuple(shlex.split(commands[0])[1:])
     assert [command.split()[1] for command in seen] == ["verify", "yield"]
 
 
-def test_the_words_of_a_free_design_are_kept(capsys, monkeypatch, tmp_path):
+def test_the_options_of_a_free_design_are_kept(capsys, monkeypatch, tmp_path):
     world = World()
     optimize = world.optimize
 
@@ -190,10 +192,10 @@ def test_the_words_of_a_free_design_are_kept(capsys, monkeypatch, tmp_path):
 
 
 @pytest.mark.long
-def test_a_real_chain(capsys, monkeypatch, tmp_path):
-    """From the first draft on a scene of one's own, whose springs hardly differ, to the table."""
+def test_a_chain_of_real_verbs(capsys, monkeypatch, tmp_path):
+    """From the first draft for a user's scene with a small tolerance to the table."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(candidates, "FAMILIES", ("polydyne",))  # comparisons have tests of their own
+    monkeypatch.setattr(candidates, "FAMILIES", ("polydyne",))  # comparisons are tested elsewhere
     monkeypatch.setattr(comparison, "SECTIONED", ())
     write_text("calm.toml", CALM)
     done = chain(capsys, "optimize", "calm.toml", *DRAFT, "--speeds", "nominal", "--gradient", "none", "--no-compare")

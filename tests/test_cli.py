@@ -1,4 +1,4 @@
-"""The command line: exit codes, one clear sentence per fault, files of the contract, and nothing heavy too early."""
+"""The command line: exit codes, one clear sentence per fault, output files, and no early import of heavy libraries."""
 
 import argparse
 import subprocess
@@ -20,28 +20,14 @@ from camopt.scene.train import LAW_PARAMETERS, TRAIN_PARAMETERS
 from camopt.verifier import ACCURACY_NAMES
 from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.methods import METHOD_NAMES, verdict_methods
-
-VERBS = (
-    "optimize design verify simulate compare cam modes bound rise yield what-if sweep gradient tradeoff extremes "
-    "reduce report scenes"
-).split()
-
-
-def run(capsys, *arguments: str) -> tuple[int, str, str]:
-    """Exit code, stdout and stderr of one command; argparse's own exits count too."""
-    try:
-        code = cli.main(arguments)
-    except SystemExit as stop:
-        code = stop.code
-    out = capsys.readouterr()
-    return code, out.out, out.err
+from tests.command_line import VERBS, refused, run
 
 
 class TestHelp:
     def test_version(self, capsys):
         assert run(capsys, "--version") == (0, f"camopt {camopt.__version__}\n", "")
 
-    def test_help_lists_what_exists(self, capsys):
+    def test_help_lists_all_commands(self, capsys):
         code, out, _ = run(capsys, "--help")
         assert code == 0
         assert "example: camopt " in out
@@ -59,21 +45,18 @@ class TestHelp:
         "arguments",
         [(), ("optimise",), ("optimize", "--speed", "band"), ("simulate", "kodama"), ("modes",)],
     )
-    def test_wrong_use_ends_with_two(self, capsys, arguments):
-        code, out, err = run(capsys, *arguments)
-        assert (code, out) == (2, "")
-        assert "error:" in err
+    def test_wrong_use_has_exit_code_two(self, capsys, arguments):
+        assert "error:" in refused(capsys, *arguments)
 
     def test_verify_without_a_cam_says_what_to_add(self, capsys):
         assert run(capsys, "verify", "kodama") == (
             2, "", "camopt: verify 'kodama': no cam: add --cam CAM, or give a run folder in the scene's place\n"
         )  # fmt: skip
 
-    def test_a_judge_from_outside_that_is_missing_is_named_before_anything_runs(self, capsys, monkeypatch):
+    def test_a_missing_external_program_is_reported_before_anything_runs(self, capsys, monkeypatch):
         monkeypatch.setattr("camopt.verifier.from_outside.find_spec", lambda name: None)
-        code, out, err = run(capsys, "verify", "kodama", "--cam", "polydyne", "--outside")
-        assert (code, out) == (2, "")
-        assert err.startswith("camopt: the judge from outside needs Exudyn, which is not installed")
+        said = refused(capsys, "verify", "kodama", "--cam", "polydyne", "--outside")
+        assert said.startswith("camopt: the judge from outside needs Exudyn, which is not installed")
 
 
 FRESH = """
@@ -126,25 +109,17 @@ def test_closed_pipe_is_no_error():
 
 
 class TestFaults:
-    def test_faults_of_a_scene_come_with_file_and_key(self, capsys, tmp_path):
+    def test_faults_of_a_scene_are_reported_with_file_and_key(self, capsys, tmp_path):
         file = tmp_path / "bad.toml"
         file.write_text(scene_text("kodama").replace("mass_kg = 0.303", "mass_kg = -1.0").replace("nose_deg", "nose"))
-        code, out, err = run(capsys, "verify", str(file), "--cam", "polydyne")
-        assert (code, out) == (2, "")
-        assert f"{file}: mass.1.mass_kg: " in err
-        assert f"{file}: design.nose: unknown key" in err
-        assert "Traceback" not in err
+        faults = refused(capsys, "verify", str(file), "--cam", "polydyne")
+        assert f"{file}: mass.1.mass_kg: " in faults and f"{file}: design.nose: unknown key" in faults
 
     def test_scene_without_the_parts_a_command_needs(self, capsys):
-        code, _, err = run(capsys, "simulate", "ohv-3dof", "--cam", "polydyne", "--speed", "6000")
-        assert code == 2
-        assert "ohv-3dof: valve: missing" in err
+        faults = refused(capsys, "simulate", "ohv-3dof", "--cam", "polydyne", "--speed", "6000")
+        assert "ohv-3dof: valve: missing" in faults
 
-    def test_resume_without_folder(self, capsys):
-        code, _, err = run(capsys, "optimize", "kodama", "--resume")
-        assert (code, "--out DIR" in err) == (2, True)
-
-    def test_a_defect_says_so_and_debug_shows_where(self, capsys, monkeypatch):
+    def test_an_internal_error_is_reported_and_debug_shows_its_place(self, capsys, monkeypatch):
         def broken(_):
             raise ZeroDivisionError("division by zero")
 
@@ -189,29 +164,22 @@ SIMULATE = ("simulate", "kodama", "--cam", "polydyne", "--speed", "6000")
         (("cam", "kodama", "--cam", "polydin:exponents=2/4"), "did you mean 'polydyne'?"),
         (("cam", "kodama", "--cam", "polydyne:exponent=2/4"), "did you mean 'exponents'?"),
         (("cam", "kodama", "--cam", "cycloidal:x=1"), "this family has none"),
+        (("modes", "--", "--state"), "neither a built-in scene"),  # a word after two dashes is not an option
+        (("optimize", "kodama", "--resume"), "--out DIR"),
     ],
 )
-def test_what_was_probably_meant(capsys, words, says):
-    code, out, err = run(capsys, *words)
-    assert (code, out) == (2, "")
-    assert says in err.splitlines()[-1]
+def test_the_remedy_is_in_the_last_line(capsys, words, says):
+    assert says in refused(capsys, *words).splitlines()[-1]
 
 
-def test_nothing_is_suggested_that_is_not_close(capsys):
+def test_no_dissimilar_name_is_suggested(capsys):
     for words in (("zzz",), ("modes", "zzz"), ("optimize", "--zzz"), ("scenes", "zzz"), ("optimize", "--seed", "z")):
-        code, _, err = run(capsys, *words)
-        assert (code, "did you mean" in err) == (2, False)
-
-
-def test_a_word_after_two_dashes_is_no_option(capsys):
-    _, _, err = run(capsys, "modes", "--", "--state")
-    assert "neither a built-in scene" in err
+        assert "did you mean" not in refused(capsys, *words)
 
 
 def test_an_empty_name_and_a_very_long_one_end_in_a_sentence(capsys):
     for name in ("", "k" * 100_000):
-        code, _, err = run(capsys, "modes", name)
-        assert code == 2 and len(err) < 400
+        assert len(refused(capsys, "modes", name)) < 400
 
 
 class TestArguments:
@@ -248,11 +216,9 @@ class TestArguments:
         ["--accuracy=rough", "--accuracy=0", "--seed=-1", "--seed=1.5", "--seed=4294967296", "--speeds=all"],
     )
     def test_unusable_options(self, capsys, option):
-        code, _, err = run(capsys, "optimize", "kodama", option)
-        assert code == 2
-        assert option.split("=")[1] in err
+        assert option.split("=")[1] in refused(capsys, "optimize", "kodama", option)
 
-    def test_defaults_are_the_contracts(self):
+    def test_defaults(self):
         args = cli.parser().parse_args(["optimize"])
         assert (args.scene, args.speeds, args.accuracy, args.gradient) == ("kodama", "band", "standard", "auto")
         assert (args.out, args.seed, args.resume) == (None, 0, False)
@@ -276,7 +242,7 @@ def test_every_method_has_a_name_for_readers():
     assert set(METHOD_NAMES) == {*verdict_methods(), "smooth"}
 
 
-def test_a_message_that_quotes_too_much_is_cut_in_its_middle(tmp_path, capsys):
+def test_a_long_message_is_cut_in_its_middle(tmp_path, capsys):
     (tmp_path / "a.toml").write_text(f"name = '{'a' * 5000}")
     assert cli.main(["modes", str(tmp_path / "a.toml")]) == 2
     assert max(map(len, capsys.readouterr().err.splitlines())) < 1500

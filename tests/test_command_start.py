@@ -1,4 +1,4 @@
-"""How soon a command answers: help and input errors in a fresh process, without JAX."""
+"""Start-up time of commands: help and input errors in a new process, without JAX."""
 
 import subprocess
 import sys
@@ -12,9 +12,9 @@ ANSWERS = {
     "cam that is not there": (2, ["simulate", "kodama", "--cam", "none.csv", "--speed", "6000"]),
 }
 BUSIEST_S = 0.3
-"""Processor time of a whole command that ends in help or an input error, JAX and numba not loaded."""
+"""Limit on the processor time of a command that ends with help or an input error; JAX and numba are not loaded [s]."""
 PAIRS = 5
-"""Measurements at most, each beside NumPy's: what a command needs is the least of them."""
+"""Largest number of measurements, each paired with one of NumPy; one within the limit is sufficient."""
 MEASURE = """
 import resource, subprocess, sys
 code = subprocess.run(sys.argv[1:], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL).returncode
@@ -32,23 +32,23 @@ def processor_time(*command: str) -> tuple[int, float]:
 
 
 def allowed() -> float:
-    """What an answer may take [s]: more only where starting Python with NumPy takes longer too, at this moment."""
+    """Allowed processor time [s]: larger if starting Python with NumPy also takes longer at the moment."""
     return max(BUSIEST_S, 4 * processor_time(sys.executable, "-c", "import numpy")[1])
 
 
 @pytest.mark.parametrize("answer", ANSWERS)
-def test_answers_at_once(answer, tmp_path, monkeypatch):
+def test_a_command_starts_quickly(answer, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     code, words = ANSWERS[answer]
     pairs = []
     while not pairs or (pairs[-1][0] >= pairs[-1][1] and len(pairs) < PAIRS):
-        found, seconds = processor_time(sys.executable, "-m", "camopt", *words)
-        assert found == code
+        exit_code, seconds = processor_time(sys.executable, "-m", "camopt", *words)
+        assert exit_code == code
         pairs.append((seconds, allowed()))
     assert pairs[-1][0] < pairs[-1][1], pairs
 
 
-def test_help_into_a_pipe_has_no_escape():
+def test_help_written_to_a_pipe_has_no_escape_codes():
     done = subprocess.run([sys.executable, "-m", "camopt", "--help"], capture_output=True, check=True, timeout=60)
     assert done.stdout and b"\x1b" not in done.stdout
 
@@ -78,7 +78,7 @@ PREPARED = {
 
 @pytest.mark.skipif(sys.platform != "linux", reason="other systems have other allocators")
 @pytest.mark.parametrize("process", PREPARED)
-def test_freed_arrays_leave_the_process(process):
+def test_the_memory_of_freed_arrays_is_returned_to_the_system(process):
     words = [sys.executable, "-c", FREED.replace("PREPARED", PREPARED[process])]
     kept = float(subprocess.run(words, capture_output=True, text=True, check=True, timeout=60).stdout)
-    assert kept < 30.0  # of 323 MB, which a process that is not prepared keeps
+    assert kept < 30.0  # of 323 MB, which a process without the preparation keeps

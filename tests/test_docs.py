@@ -1,59 +1,25 @@
-"""The pages in `docs`: every key that a run folder has stands in its page, and every link leads somewhere."""
+"""The pages in `docs`: every key of a run folder is documented, and every link has a target."""
 
-import csv
 import json
 import re
-from pathlib import Path
 
 import pytest
 
 import camopt
 from camopt.scene.quantities import QUANTITIES
+from tests.documented_keys import ROOT, WORDS, documented, keys, undocumented
 
-ROOT = Path(__file__).parents[1]
 PAGES = sorted(p for p in (ROOT / "docs").rglob("*.md") if "site" not in p.parts)
-OPEN = {"parameters", "limit_worth", "versions", "scene", "first_broken", "blame", "baselines"}
-"""Keys whose content has names of its own: parameters of a family, limits, packages, scenes, tolerances, cams."""
-NAMED = {"event", "rkg", "tmm", "houbolt", "dop853"}
-WORDS = re.compile(r"`([^`\s]+)`")
-
-
-def documented() -> set[str]:
-    """Every word that the page of the run folder sets as code."""
-    return set(WORDS.findall((ROOT / "docs" / "run-folder.md").read_text(encoding="utf-8")))
-
-
-def keys(data) -> set[str]:
-    """All keys of a record at any depth, but for those whose names are content."""
-    if isinstance(data, list):
-        return set().union(*map(keys, data))
-    if not isinstance(data, dict):
-        return set()
-    inside = [keys(value) for key, value in data.items() if key not in OPEN]
-    return set(data).union(*inside) - NAMED
-
-
-def undocumented(folder: Path) -> set[str]:
-    """Files, columns and keys of a run folder that its page does not name."""
-    found = {f"{p.name}/" if p.is_dir() else p.name for p in folder.iterdir()}
-    for path in folder.rglob("*.json"):
-        found |= keys(json.loads(path.read_text(encoding="utf-8")))
-    for line in (folder / "history.jsonl").read_text(encoding="utf-8").splitlines():
-        found |= keys(json.loads(line))
-    for path in folder.glob("*.csv"):
-        with open(path, newline="", encoding="utf-8") as file:
-            found |= set(next(csv.reader(file)))
-    return found - documented()
 
 
 def test_the_page_names_every_key_of_an_energy_balance_and_a_periodic_solution():
-    """Those that the stored answer of `camopt verify --energy --periodic` has."""
+    """The keys are those of the stored output of `camopt verify --energy --periodic`."""
     stored = (ROOT / "tests" / "golden" / "slow-verify.txt").read_text(encoding="utf-8")
     (entry, *_) = json.loads(stored.rpartition("== settled.json")[2])["speeds"]
     assert {"residual_relative", "largest_multiplier"} <= keys(entry) <= documented()
 
 
-def test_a_key_that_the_page_lacks_is_found(tmp_path):
+def test_an_undocumented_key_is_detected(tmp_path):
     (tmp_path / "history.jsonl").write_text('{"stage": "margin", "new_key": 1}\n', encoding="utf-8")
     (tmp_path / "comparison.csv").write_text("cam,new_column\n", encoding="utf-8")
     (tmp_path / "design.json").write_text('{"pieces": {"start_rad": []}, "parameters": {"a23": 1}}', encoding="utf-8")
@@ -71,7 +37,7 @@ def test_the_model_defines_every_metric():
 @pytest.mark.parametrize(
     "page", [ROOT / "README.md", ROOT / "CONTRIBUTING.md", *PAGES], ids=lambda p: str(p.relative_to(ROOT))
 )
-def test_links_lead_to_files(page):
+def test_the_targets_of_links_exist(page):
     links = [link.partition("#")[0] for link in re.findall(r"\]\(([^)\s]+)\)", page.read_text(encoding="utf-8"))]
     files = [page.parent / link for link in links if link and "://" not in link]
     assert not [file for file in files if not (file.exists() and file.stat().st_size)]

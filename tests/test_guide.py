@@ -1,4 +1,4 @@
-"""The pages on extending camopt: their worked examples, written to a file and registered by their one line, run."""
+"""The worked examples of the pages on extending camopt run when written to a file and registered by their line."""
 
 import importlib.util
 import re
@@ -29,13 +29,13 @@ HOW_TO = Path(__file__).parents[1] / "docs" / "how-to"
 
 
 def blocks(page: str) -> list[str]:
-    """The file and the line of a page's example."""
+    """The code of the file and the registry line of a page's example."""
     return re.findall(r"```py\n(.*?)```", (HOW_TO / page).read_text(encoding="utf-8"), re.DOTALL)
 
 
 @pytest.fixture
 def written(tmp_path, monkeypatch):
-    """Writes an example to a file and makes it the module of the name its line gives."""
+    """Writes an example to a file and imports it as the module that its registry line names."""
 
     def write(code: str, module: str):
         file = tmp_path / (module.rpartition(".")[2] + ".py")
@@ -66,12 +66,12 @@ class TestAddingAFamily:
         height, velocity, _ = SCENE.design.ramps()[0]
         assert lift(top) == pytest.approx(height * MM, rel=1e-9)
         assert lift(top, 1) == pytest.approx(velocity * MM_PER_DEG, rel=1e-6)
-        # each acceleration is the parabola of the page: its middle carries 3/2 of its mean, which v12 gives
+        # each acceleration is the parabola of the page: its middle value is 3/2 of its mean, which follows from v12
         rise = lift((-72 + 22) * DEG, 1) - velocity * MM_PER_DEG
         assert lift((-72 + 11) * DEG, 2) == pytest.approx(1.5 * rise / (22 * DEG), rel=1e-9)
         assert lift(0.0, 1) == pytest.approx(0.0, abs=1e-9)
 
-    def test_commands_know_it(self, family, capsys, tmp_path):
+    def test_commands_accept_it(self, family, capsys, tmp_path):
         table = tmp_path / "lift.csv"
         code = cli.main(["cam", "motori-1", "--cam", "two-parabolas:sections_deg=22/50", "--csv", str(table)])
         assert code == 0 and "two-parabolas" in capsys.readouterr().out
@@ -93,8 +93,8 @@ class TestAddingAFamily:
         assert len(space.known) == 1 and space.largest is not None
         assert cam_line("two-parabolas:sections_deg=22/50")["color"] == "#2F4B7C"
 
-    def test_a_record_of_a_name_and_a_function_is_a_family_too(self, monkeypatch, capsys):
-        """Such a family is a cam of every command, its plain member stands for it, and it has no gradient."""
+    def test_a_record_with_only_a_name_and_a_function_is_a_family(self, monkeypatch, capsys):
+        """Such a family can be used in every command, is represented by its default member, and has no gradient."""
         toy = types.ModuleType("camopt.cam.families.toy")
         toy.FAMILY = Family("toy", lambda scene: replace(camopt.cycloidal(scene), family="toy"))
         monkeypatch.setitem(sys.modules, "camopt.cam.families.toy", toy)
@@ -120,20 +120,20 @@ class TestAddingAMethod:
         return made
 
     def test_it_is_of_first_order(self, method):
-        """Against event-exact, before the first closing of the seat, where the motion is smooth but for one contact."""
+        """Compared with event-exact before the seat first closes, where the motion is smooth except at one contact."""
         train, lift, speed = build_train(SCENE), camopt.polydyne(SCENE), SCENE.cam_speed(4000)
         rest = rest_position(train)
         state = np.concatenate([rest, np.zeros_like(rest)])
         truth = prepare(train, lift, speed, 1440)(state)
         errors = []
         for steps in (14_400, 28_800):
-            found = method.prepare(train, lift, speed, steps)(state)
+            response = method.prepare(train, lift, speed, steps)(state)
             at = np.searchsorted(truth.angle, 0.0)  # the nose
-            errors.append(abs(np.interp(truth.angle[at], found.angle, found.x[:, 0]) - truth.x[at, 0]))
+            errors.append(abs(np.interp(truth.angle[at], response.angle, response.x[:, 0]) - truth.x[at, 0]))
         assert 1e-9 < errors[1] < 1e-6
         assert errors[0] / errors[1] == pytest.approx(2.0, rel=0.3)
 
-    def test_commands_know_it_and_it_votes(self, method, capsys):
+    def test_commands_accept_it_and_a_verdict_includes_it(self, method, capsys):
         words = ["motori-1", "--cam", "polydyne"]
         assert cli.main(["simulate", *words, "--speed", "4000", "--method", self.NAME, "--step-deg", "1"]) == 0
         assert "revolution 2" in capsys.readouterr().out

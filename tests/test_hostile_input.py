@@ -1,4 +1,4 @@
-"""Paths, numbers and files that nobody would give on purpose: exit code 2 and one sentence, never a defect."""
+"""Invalid or extreme paths, numbers and files: exit code 2 and one sentence, never an internal error."""
 
 import ast
 import json
@@ -14,7 +14,7 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.read import read_cam
 from camopt.scene import InputError, load_scene
 from camopt.storage import plain, write_text
-from tests.test_cli import run
+from tests.command_line import refused
 
 PATHS = {"too long": "a" * 5000, "too long a folder": "a" * 300 + "/b", "with a NUL": "a\0b", "surrogate": "a\ud800b"}
 CAM = ("cam", "kodama", "--cam", "polydyne")
@@ -36,12 +36,10 @@ CAM = ("cam", "kodama", "--cam", "polydyne")
         ("compare", "kodama", "--out", "PATH"),
     ],
 )
-def test_paths_that_the_system_does_not_take(capsys, tmp_path, monkeypatch, words, path):
+def test_invalid_paths(capsys, tmp_path, monkeypatch, words, path):
     monkeypatch.chdir(tmp_path)
-    code, out, err = run(capsys, *(path if word == "PATH" else word for word in words))
-    assert (code, out) == (2, "")
-    assert "the system does not take this path" in err
-    assert len(err) < 400 and "defect" not in err
+    said = refused(capsys, *(path if word == "PATH" else word for word in words))
+    assert "the system does not take this path" in said and len(said) < 400
     assert not list(tmp_path.iterdir())
 
 
@@ -58,16 +56,15 @@ def test_paths_that_the_system_does_not_take(capsys, tmp_path, monkeypatch, word
         "--speed=6000 --step-deg=" + "9" * 5000,
     ],
 )
-def test_numbers_beyond_every_engine(capsys, options):
+def test_extreme_numbers(capsys, options):
     verb = "simulate" if "--speed=" in options else "verify"
-    code, _, err = run(capsys, verb, "kodama", *CAM[2:], *options.split())
-    assert code == 2
-    assert "expected" in err or "more than 10000 speeds" in err
-    assert len(err.splitlines()[-1]) < 400
+    said = refused(capsys, verb, "kodama", *CAM[2:], *options.split())
+    assert "expected" in said or "more than 10000 speeds" in said
+    assert len(said.splitlines()[-1]) < 400
 
 
 def changed(record: dict, case: str) -> str:
-    """The text of a design file with one thing wrong."""
+    """The text of a design file with one fault."""
     pieces = record["pieces"]
     if case == "integer beyond floats":
         pieces["coefficients_mm"][3][0] = 10**400
@@ -86,7 +83,7 @@ def changed(record: dict, case: str) -> str:
 @pytest.mark.parametrize(
     "case", ["integer beyond floats", "duration beyond floats", "overflow inside", "5,000 digits", "nested"]
 )
-def test_design_files(tmp_path, case):
+def test_invalid_design_files(tmp_path, case):
     scene = load_scene("kodama")
     record = plain(design_record(polydyne(scene), 9.4e-3))
     file = tmp_path / "design.json"
@@ -98,8 +95,8 @@ def test_design_files(tmp_path, case):
     assert len(str(error.value)) < 600
 
 
-def test_a_name_that_utf8_cannot_say_is_written_all_the_same(tmp_path):
-    write_text(tmp_path / "names.csv", "cam\nd\udcff\n")  # how Python reads the byte 255 of a file's name
+def test_a_name_that_is_not_utf8_is_written_with_an_escape(tmp_path):
+    write_text(tmp_path / "names.csv", "cam\nd\udcff\n")  # Python's representation of the byte 255 in a file's name
     assert (tmp_path / "names.csv").read_text() == "cam\nd\\udcff\n"
 
 
@@ -108,22 +105,22 @@ REMEDY = re.compile(
     r"loosen|lower|make|measure|merge|move|must|name|need|needed|needs|one of|raise|relax|run|set|shorten|simulate|"
     r"start|state|sweep|take|try|use|verify|would have to|write)\b"
 )
-"""A word by which a sentence says what to do or what was expected."""
+"""Words with which a sentence states a remedy or the expected input."""
 SAID_ELSEWHERE = (
-    "cannot be read",  # with the system's own reason
-    "not valid JSON",  # with the parser's own reason, and the place
+    "cannot be read",  # followed by the system's reason
+    "not valid JSON",  # followed by the parser's reason and the position
     "not valid TOML",
     "not UTF-8 text",
     "no scheduler answers",
-    "not built in",  # with what is
-    "no common solution",  # within a longer sentence
+    "not built in",  # followed by the built-in ones
+    "no common solution",  # part of a longer sentence
     "no confirmed cam was found",
-    "is refused",  # of a motion, whose method has said why
+    "is refused",  # of a motion, after the method's reason
     "the reference refuses",
-    "no grid of the steps allowed",  # of studies that go on with the next case
+    "no grid of the steps allowed",  # of studies that continue with the next case
     "pulls with more than",
     "as it was told to",
-    "no such number",  # with the ones that there are
+    "no such number",  # followed by the existing ones
     "the scene has no ",
     "is no number of the train",
 )
@@ -133,7 +130,7 @@ RAISED = ("InputError", "MotionRefused", "NoCamFound", "NoCamHoldsContact")
 
 
 def refusals() -> Iterator[tuple[str, str]]:
-    """Where every refusal with a sentence of its own stands, and its literal words."""
+    """Place and literal text of every error message in the sources."""
     root = Path(camopt.__file__).parent
     for path in sorted(root.rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -144,7 +141,7 @@ def refusals() -> Iterator[tuple[str, str]]:
 
 
 def literals(nodes: Iterable[ast.AST]) -> Iterator[str]:
-    """The texts within expressions, without those that format a value."""
+    """The string literals within expressions, without format specifications."""
     for node in nodes:
         if isinstance(node, ast.Constant) and isinstance(node.value, str):
             yield node.value
@@ -152,13 +149,14 @@ def literals(nodes: Iterable[ast.AST]) -> Iterator[str]:
         yield from literals(inner)
 
 
-def test_every_refusal_says_what_to_do():
-    found = list(refusals())
-    assert len(found) > 200
-    mute = [one for one in found if not REMEDY.search(one[1]) and not any(part in one[1] for part in SAID_ELSEWHERE)]
-    assert not mute, "\n".join(f"{where}: {words}" for where, words in mute)
+def test_every_error_message_has_a_remedy():
+    messages = list(refusals())
+    assert len(messages) > 200
+    mute = [f"{where}: {words}" for where, words in messages if not REMEDY.search(words)]
+    mute = [message for message in mute if not any(part in message for part in SAID_ELSEWHERE)]
+    assert not mute, "\n".join(mute)
 
 
-def test_a_refusal_without_a_remedy_is_noticed():
+def test_a_message_without_a_remedy_is_detected():
     assert not REMEDY.search("polydyne: the cam is symmetric, but the closing ramp differs from the opening ramp")
     assert REMEDY.search("the closing ramp differs: leave closing_ramp_height_mm out")

@@ -1,6 +1,6 @@
-"""Figures of small motions stay what they were, in every method: digits change only where a change is meant.
+"""The results of small motions stay the same in every method: digits change only by an intended change.
 
-The reference of these figures is the other tests; this one is quick enough to notice any change at once.
+That these results are right is shown by other tests; this test quickly detects any change.
 """
 
 import json
@@ -18,6 +18,6 @@ def test_all_of_them_are_kept():
 
 
 @pytest.mark.parametrize("name", FIGURES)
-def test_the_figures_are_those_that_were_kept(name):
-    known = np.array(KEPT[name], dtype=float)  # null is not a number
-    np.testing.assert_allclose(FIGURES[name](), known, rtol=1e-7, atol=1e-12)
+def test_the_results_equal_the_stored_ones(name):
+    expected = np.array(KEPT[name], dtype=float)  # null is not a number
+    np.testing.assert_allclose(FIGURES[name](), expected, rtol=1e-7, atol=1e-12)

@@ -1,4 +1,4 @@
-"""The layers of the design, read from the imports: arrows point one way, and names come from where they are defined."""
+"""The layers of the design, read from the imports: imports point one way, and names come from the defining module."""
 
 import ast
 import re
@@ -21,7 +21,7 @@ MAY_IMPORT = {
     "highs": set(),
     "storage": {"scene"},
     "scene": set(),
-    "plots": {"scene", "cam", "storage"},  # the colours of cam families; otherwise its arguments are arrays
+    "plots": {"scene", "cam", "storage"},  # the colours of cam families; other arguments are arrays
     "cam": {"highs", "scene", "storage"},
     "measure": {"cam", "programs"} | SUPPORT,
     "smooth": {"cam", "exact", "scene", "cache"},
@@ -43,8 +43,8 @@ UPWARD = {
     "cam/lift.py": {"plots"},
     "tasks/compute.py": {"study"},
 }
-"""The three files that may import a layer above their own: the verdict, a lift law, which can draw itself, and what
-computes a task, which loads its verb."""
+"""The three files that may import a higher layer: the verdict, the lift law (for its plot method), and the computation
+of tasks, which loads the function of a verb."""
 
 
 def modules() -> list[Path]:
@@ -53,7 +53,7 @@ def modules() -> list[Path]:
 
 @cache
 def nodes(path: Path) -> tuple[ast.AST, ...]:
-    """All of a file's syntax."""
+    """All syntax nodes of a file."""
     return tuple(ast.walk(ast.parse(path.read_text(encoding="utf-8"))))
 
 
@@ -75,7 +75,7 @@ def imported(path: Path) -> set[str]:
             stem = ".".join([*base, *([node.module] if node.module else [])])
             names |= {stem} | {f"{stem}.{alias.name}" for alias in node.names}
         elif isinstance(node, ast.Constant) and isinstance(node.value, str) and node.value.startswith("camopt."):
-            names.add(node.value)  # modules named for a lazy import
+            names.add(node.value)  # names of modules for lazy imports
     return names
 
 
@@ -85,7 +85,7 @@ def layers_imported(path: Path) -> set[str]:
 
 
 def test_imports_point_downward():
-    """Apart from UPWARD; and what is to run without JAX does not name it."""
+    """Imports point downward, except those of UPWARD; layers without JAX do not import it."""
     wrong = {}
     for path in modules():
         own = layer(path)
@@ -99,8 +99,8 @@ def test_imports_point_downward():
     assert not wrong
 
 
-def test_the_table_of_layers_for_contributors_is_this_one():
-    """CONTRIBUTING.md tells every layer of MAY_IMPORT, with what it may import, and no other."""
+def test_the_table_of_layers_for_contributors_is_complete():
+    """The table in CONTRIBUTING.md has the layers of MAY_IMPORT and their permitted imports, and no others."""
     text = (ROOT.parent / "CONTRIBUTING.md").read_text(encoding="utf-8")
     rows = re.findall(r"^\| `camopt/(\w+)` \|.*\| ([^|]+) \|$", text, re.MULTILINE)
     table = {layer: set() if names == "\u2013" else set(names.split(", ")) for layer, names in rows}
@@ -122,26 +122,27 @@ JOB = (
     "camopt.optimizer.run", "camopt.optimizer.search.search", "camopt.optimizer.baselines.comparison",
     "camopt.report",
 )  # fmt: skip
-"""What `camopt optimize --gradient exact` loads."""
+"""Modules that `camopt optimize --gradient exact` loads."""
 
 
 METHODS = tuple(f"camopt.verifier.methods.{name}" for name in ("dop853", "houbolt", "rkg", "tmm"))
 VERIFIER = ("camopt.verifier", "camopt.verifier.verdict", "camopt.verifier.accuracy", *METHODS)
-"""What is imported without event-exact too."""
+"""Modules whose import loads neither JAX nor jaxtyping nor `camopt.exact`."""
 LEAN = (*VERIFIER, "camopt", "camopt.scene", "camopt.cam.read", "camopt.exact", "camopt.cli", *JOB)
-"""What is imported without JAX."""
+"""Modules whose import loads neither JAX nor jaxtyping."""
 
 
-def test_imports_leave_out_what_they_do_not_need():
-    """Every module of LEAN, and one that needs JAX, imported first in a process of its own."""
+def test_imports_do_not_load_unneeded_libraries():
+    """Every module of LEAN, and one that needs JAX as a counter-example, is the first import of a new process."""
     snippet = "import sys, {}; assert not {} & {{*sys.modules}}"
-    heavy = {module: {"jax", "camopt.exact"} if module in VERIFIER else {"jax"} for module in (*LEAN, "camopt.smooth")}
+    lean = {module: {"jax", "jaxtyping"} for module in (*LEAN, "camopt.smooth")}
+    heavy = lean | {module: {"jax", "jaxtyping", "camopt.exact"} for module in VERIFIER}
     ended = run_each({module: snippet.format(module, names) for module, names in heavy.items()})
     assert {module for module, code in ended.codes.items() if code} == {"camopt.smooth"}, ended.said
 
 
 def test_double_precision_is_switched_on_in_one_place():
-    """JAX has one such switch for the whole process: whoever needs it imports `camopt.smooth`."""
+    """JAX has one such switch for the whole process, and importing `camopt.smooth` sets it."""
     assert [p for p in modules() if 'jax_enable_x64"' in p.read_text()] == [ROOT / "smooth" / "__init__.py"]
     switched = "import jax; assert jax.config.jax_enable_x64"
     ended = run_each({"none": switched, "smooth": f"import camopt.smooth; {switched}"}, ("jax",))
@@ -153,8 +154,8 @@ def dotted(path: Path) -> str:
 
 
 def modules_imported(path: Path, names: set[str]) -> set[str]:
-    """The modules out of `names` that a file imports, inside functions, under `if TYPE_CHECKING` and by a text that
-    names one as well."""
+    """The modules out of `names` that a file imports, including imports inside functions, under `if TYPE_CHECKING`
+    and by a string with the name of a module."""
     imports = set()
     for node in nodes(path):
         if isinstance(node, ast.ImportFrom):
@@ -167,59 +168,59 @@ def modules_imported(path: Path, names: set[str]) -> set[str]:
     return imports & names - {dotted(path)}
 
 
-def test_no_circle_of_imports():
-    """Every import counts: a circle that is put off, or that only a type checker sees, is a circle all the same."""
+def test_there_is_no_cycle_of_imports():
+    """All imports count, also lazy ones and those that only a type checker evaluates."""
     names = {dotted(path) for path in modules()}
     imports = {dotted(path): modules_imported(path, names) for path in modules()}
-    TopologicalSorter(imports).prepare()  # raises CycleError, which names the files of a circle
+    TopologicalSorter(imports).prepare()  # raises CycleError, which names the modules of a cycle
 
 
 def test_no_two_classes_share_a_name():
-    """A class's name has one meaning in the whole package, with or without an underscore before it."""
+    """The name of a class is unique in the whole package, with or without a leading underscore."""
     places: dict[str, list[str]] = {}
     for path in modules():
         for node in nodes(path):
             if isinstance(node, ast.ClassDef):
                 places.setdefault(node.name.lstrip("_"), []).append(dotted(path))
-    assert not {name: found for name, found in places.items() if len(found) > 1}
+    assert not {name: homes for name, homes in places.items() if len(homes) > 1}
 
 
 @pytest.mark.long
 def test_every_module_can_be_imported_first():
-    """Each in a process in which nothing else of camopt was imported before; without circles it has to be so."""
+    """Each module is the first import of camopt in its process; this must work, since there are no cycles."""
     names = [dotted(path) for path in modules() if path.stem != "__main__"]
     ended = run_each({name: f"import {name}" for name in names}, (*LIBRARIES, "jax", "diffrax"))
     assert not any(ended.codes.values()), ended.said
 
 
 def defined(path: Path) -> set[str]:
-    """Names that a module defines, or imports under a name of its own to hand them on."""
-    found = set()
+    """Names that a module defines, or imports under a new name in order to re-export them."""
+    names = set()
     for node in nodes(path):
         if isinstance(node, ast.FunctionDef | ast.ClassDef):
-            found.add(node.name)
+            names.add(node.name)
         elif isinstance(node, ast.Assign | ast.AnnAssign):
             targets = node.targets if isinstance(node, ast.Assign) else [node.target]
-            found |= {part.id for t in targets for part in ast.walk(t) if isinstance(part, ast.Name)}
+            names |= {part.id for t in targets for part in ast.walk(t) if isinstance(part, ast.Name)}
         elif isinstance(node, ast.Import | ast.ImportFrom):
-            found |= {alias.asname for alias in node.names if alias.asname}
-    return found
+            names |= {alias.asname for alias in node.names if alias.asname}
+    return names
 
 
 def test_a_name_is_imported_from_the_module_that_defines_it():
-    """Not from one that happens to import it too; a package may gather names."""
-    known = {dotted(path): defined(path) for path in modules() if path.stem != "__init__"}
+    """A name is not imported from a module that only imports it; packages may re-export names."""
+    definitions = {dotted(path): defined(path) for path in modules() if path.stem != "__init__"}
     wrong = [
         (dotted(path), node.module, alias.name)
         for path in modules()
         for node in nodes(path)
-        if isinstance(node, ast.ImportFrom) and node.module in known
+        if isinstance(node, ast.ImportFrom) and node.module in definitions
         for alias in node.names
-        if alias.name not in known[node.module]
+        if alias.name not in definitions[node.module]
     ]
     assert not wrong
 
 
-def test_files_stay_readable():
+def test_files_have_at_most_300_lines_and_telling_names():
     assert not [p for p in modules() if len(p.read_text(encoding="utf-8").splitlines()) > 300]
     assert not {path.stem for path in modules()} & {"utils", "helpers", "common", "misc"}

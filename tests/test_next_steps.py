@@ -1,4 +1,4 @@
-"""The last line of a command: what to do next, and after a failure or an interrupt what is left where."""
+"""The last line of a command: the next step, and after a failure or an interruption the files that remain."""
 
 import errno
 import os
@@ -12,7 +12,7 @@ from camopt.cli import verbs
 from camopt.report.tables import comparison_lines
 from camopt.scene import InputError, scene_text
 from camopt.storage import write_csv
-from tests.test_cli import VERBS, run
+from tests.command_line import VERBS, refused, run
 
 CAM = ("--cam", "polydyne")
 COMMANDS = {
@@ -37,12 +37,12 @@ COMMANDS = {
 }
 
 
-def test_every_command_is_here():
+def test_every_command_is_tested():
     assert COMMANDS.keys() == set(VERBS)
 
 
 def stand_in(monkeypatch, tmp_path, verb: str, outcome) -> None:
-    """The verb does nothing but claim its folder and end as `outcome` says."""
+    """Replaces a verb by one that only creates its folder and ends with `outcome`."""
     monkeypatch.chdir(tmp_path)
 
     def act(args):
@@ -64,35 +64,36 @@ def test_the_last_line_is_a_command_that_parses(capsys, monkeypatch, tmp_path, v
     if (verb, code) == ("extremes", 3):
         assert "run/extremes.csv" in line
         return
-    given = re.findall("`(.*?)`", line)
-    assert given
-    for command in given:
+    commands = re.findall("`(.*?)`", line)
+    assert commands
+    for command in commands:
         words = shlex.split(command.split(" > ")[0])
         assert words[0] == "camopt" and cli.parser().parse_args(words[1:]).command == words[1]
 
 
 @pytest.mark.parametrize("verb", COMMANDS)
-def test_quiet_is_quiet(capsys, monkeypatch, tmp_path, verb):
+def test_quiet_prints_nothing(capsys, monkeypatch, tmp_path, verb):
     stand_in(monkeypatch, tmp_path, verb, lambda args: 0)
     assert run(capsys, *COMMANDS[verb], "--quiet") == (0, "", "")
 
 
-def test_units_of_a_table_go_with_the_cam(capsys, monkeypatch, tmp_path):
+def test_the_next_step_repeats_the_units_of_a_table(capsys, monkeypatch, tmp_path):
     stand_in(monkeypatch, tmp_path, "cam", lambda args: 0)
     words = ("cam", "kodama", "--cam", "my table.csv", "--table-angle", "crank", "--table-lift", "mm")
     assert "--cam 'my table.csv' --table-angle crank --table-lift mm --csv" in run(capsys, *words)[2]
 
 
 @pytest.mark.parametrize("verb", ["verify", "cam"])
-def test_nobody_is_told_to_write_a_table_over_the_one_that_was_given(capsys, monkeypatch, tmp_path, verb):
+def test_the_next_step_does_not_overwrite_the_given_table(capsys, monkeypatch, tmp_path, verb):
     stand_in(monkeypatch, tmp_path, verb, lambda args: 0)
     (tmp_path / "lift.csv").write_text("0,0")
     assert "--csv" not in run(capsys, verb, "kodama", "--cam", "lift.csv")[2]
     assert "--csv lift.csv --digits 5" in run(capsys, verb, "kodama", *CAM)[2]
 
 
-def test_hints_lead_on_and_never_back(capsys, monkeypatch, tmp_path):
-    """From a design to its table, the table's verdict, its yield, what spoils it, and a design for a yield."""
+def test_the_next_steps_do_not_lead_back(capsys, monkeypatch, tmp_path):
+    """The suggested steps lead from a design to its table, the table's verdict, its yield, the effect of each
+    tolerance, and a design for a yield."""
     (tmp_path / "lift.csv").write_text("0,0")
     for words, follows in (
         (("verify", "kodama", "--cam", "runs/first"), "cam kodama --cam runs/first --csv lift.csv"),
@@ -106,19 +107,18 @@ def test_hints_lead_on_and_never_back(capsys, monkeypatch, tmp_path):
 
 
 @pytest.mark.parametrize("option", ["--csv", "--contour", "--dxf", "--card-csv"])
-def test_a_command_does_not_write_over_what_it_reads(capsys, monkeypatch, tmp_path, option):
+def test_a_command_does_not_overwrite_its_input(capsys, monkeypatch, tmp_path, option):
     stand_in(monkeypatch, tmp_path, "cam", lambda args: 0)
     (tmp_path / "lift.csv").write_text("0,0")
-    code, _, err = run(capsys, "cam", "kodama", "--cam", "lift.csv", option, str(tmp_path / "lift.csv"))
-    assert code == 2 and len(err.splitlines()) == 1
-    assert "reads that file as its cam, and would overwrite it: name another file" in err
+    said = refused(capsys, "cam", "kodama", "--cam", "lift.csv", option, str(tmp_path / "lift.csv"))
+    assert said.count("\n") == 1
+    assert "reads that file as its cam, and would overwrite it: name another file" in said
 
 
-def test_a_command_does_not_write_two_things_to_one_file(capsys, monkeypatch, tmp_path):
+def test_a_command_does_not_write_two_outputs_to_one_file(capsys, monkeypatch, tmp_path):
     stand_in(monkeypatch, tmp_path, "cam", lambda args: 0)
     words = ("cam", "kodama", "--cam", "polydyne", "--csv", "lift.csv", "--contour")
-    code, _, err = run(capsys, *words, "./lift.csv")
-    assert code == 2 and "--csv and --contour name the same file, ./lift.csv" in err
+    assert "--csv and --contour name the same file, ./lift.csv" in refused(capsys, *words, "./lift.csv")
     assert run(capsys, *words, "contour.csv")[0] == 0
     assert run(capsys, *words[:5], os.devnull, "--contour", os.devnull)[0] == 0
 
@@ -142,7 +142,7 @@ class TestLeftBehind:
             (OSError(errno.ENOSPC, "No space left on device", "run/lift.csv"), 2),
         ],
     )
-    def test_what_is_left_is_said_with_how_to_go_on(self, capsys, monkeypatch, tmp_path, error, code):
+    def test_remaining_files_and_the_resuming_command_are_reported(self, capsys, monkeypatch, tmp_path, error, code):
         outcome = self.interrupted(tmp_path, error, ["scene.toml", "history.jsonl"])
         stand_in(monkeypatch, tmp_path, "optimize", outcome)
         got, out, err = run(capsys, *COMMANDS["optimize"])
@@ -156,16 +156,16 @@ class TestLeftBehind:
         _, _, err = run(capsys, *COMMANDS["compare"])
         assert "run is left, with comparison.csv: delete it or name another --out" in err
 
-    def test_an_empty_folder_does_not_block_the_retry(self, capsys, monkeypatch, tmp_path):
+    def test_an_empty_folder_is_removed(self, capsys, monkeypatch, tmp_path):
         stand_in(monkeypatch, tmp_path, "optimize", self.interrupted(tmp_path, InputError("no cam"), []))
         assert run(capsys, *COMMANDS["optimize"]) == (2, "", "camopt: no cam\n")
         assert not (tmp_path / "run").exists()
 
-    def test_a_folder_of_somebody_else_is_never_touched(self, capsys, monkeypatch, tmp_path):
+    def test_a_foreign_folder_is_not_changed(self, capsys, monkeypatch, tmp_path):
         monkeypatch.chdir(tmp_path)
         (tmp_path / "run").mkdir()
-        code, _, err = run(capsys, *COMMANDS["optimize"])
-        assert (code, "exists already" in err, "is left" in err) == (2, True, False)
+        said = refused(capsys, *COMMANDS["optimize"])
+        assert "exists already" in said and "is left" not in said
         assert (tmp_path / "run").is_dir()
 
     def test_a_folder_to_resume_is_kept(self, capsys, monkeypatch, tmp_path):
@@ -176,7 +176,7 @@ class TestLeftBehind:
 
 
 class TestNotes:
-    def test_what_is_unusual_is_noted_and_runs(self, capsys, tmp_path):
+    def test_an_unusual_value_causes_a_note_and_runs(self, capsys, tmp_path):
         file = tmp_path / "heavy.toml"
         file.write_text(scene_text("motori-1").replace("mass_kg = 0.24", "mass_kg = 125"))
         code, out, err = run(capsys, "modes", str(file))
@@ -192,7 +192,7 @@ class TestNotes:
         assert err.startswith(f"camopt: note: {option}: 60000 is outside the usual 100 to 20000")
 
 
-def test_table_that_ends_compare(tmp_path):
+def test_the_table_printed_by_compare(tmp_path):
     rows = [
         ("design", 5000, 0.58, 0.01, 0.02, 0.001, "confirmed", ""),
         ("design", 6000, 0.58, 0.03, 0.04, 0.002, "sensitive", "jump_mm at 6000 r/min; jump_mm at 6500 r/min"),

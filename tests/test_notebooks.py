@@ -1,4 +1,4 @@
-"""The notebooks run from top to bottom at their small size, and what their cells end in shows itself."""
+"""The notebooks run from top to bottom at their small size, and the value of every cell has a representation."""
 
 import ast
 import re
@@ -22,7 +22,7 @@ EXPECTED = {
 }
 REPRESENTATIONS = ("_repr_html_", "_repr_png_", "_repr_mimebundle_")
 LONGEST_S = 40.0
-"""Processor time of one notebook at small size; a third of that where everything is compiled already."""
+"""Limit on the processor time of one notebook at small size [s]; it takes a third if all programs are compiled."""
 
 
 def cells(text: str) -> list[str]:
@@ -32,7 +32,7 @@ def cells(text: str) -> list[str]:
 
 
 def shown(code: str, name: str, names: dict) -> object:
-    """Runs a cell as a notebook does: the value of its last line, where that is an expression, is what it shows."""
+    """Runs a cell like a notebook and returns the value of its last line, if that is an expression."""
     tree = ast.parse(code)
     last = tree.body.pop() if tree.body and isinstance(tree.body[-1], ast.Expr) else None
     exec(compile(tree, name, "exec"), names)
@@ -40,13 +40,13 @@ def shown(code: str, name: str, names: dict) -> object:
 
 
 def shows_itself(value: object) -> bool:
-    """Whether a notebook shows more of it than Python's own representation of an object."""
+    """Whether a notebook shows a value better than by Python's default representation of an object."""
     if hasattr(type(value), "savefig"):
         return len(value.axes) > 0  # an empty figure shows nothing
     return value is None or isinstance(value, dict | str) or any(hasattr(value, r) for r in REPRESENTATIONS)
 
 
-def test_all_are_there():
+def test_all_notebooks_exist():
     assert {path.stem for path in NOTEBOOKS} == set(EXPECTED.values())
     for path in NOTEBOOKS:
         title = re.search(r"^# # (.*)$", path.read_text(encoding="utf-8"), re.MULTILINE)
@@ -69,7 +69,7 @@ def test_runs_at_small_size(path, undrawn, tmp_path, monkeypatch):
     assert time.process_time() - begin < LONGEST_S
 
 
-def test_a_cell_that_fails_or_shows_nothing_is_seen():
+def test_a_cell_that_fails_or_shows_nothing_is_detected():
     with pytest.raises(ZeroDivisionError):
         shown("a = 1\na / 0", "cell", {})
     assert shown("a = 1\na + 1", "cell", {}) == 2

@@ -1,4 +1,4 @@
-"""Every file and folder that a command or a function is to write is tried before the first computation."""
+"""Commands and functions check that every output file and folder can be written before they compute anything."""
 
 import argparse
 from importlib import import_module
@@ -14,7 +14,7 @@ from camopt.cli.parser import WRITTEN, parser, verb_named
 from camopt.report.regenerated import regenerate
 from camopt.scene import InputError, load_scene
 from camopt.scene.text_file import scene_toml
-from tests.test_cli import run
+from tests.command_line import refused
 
 CAM = ("--cam", "polydyne")
 NEEDED = {
@@ -27,7 +27,7 @@ NEEDED = {
     "rise": ("--rise-mm", "10", "--over-deg", "60"),
     "sweep --csv": ("--store", "rows.sqlite"),
 }
-"""What a verb needs beside its scene."""
+"""Required arguments of a verb other than its scene."""
 SCENES = {"rise": (), "sweep": ("plan.toml",)}
 FIRST = {
     "camopt.cli.verbs": ("cam_of",),
@@ -39,22 +39,22 @@ FIRST = {
     "camopt.optimizer.ascent.ascent": ("FreeVariables",),
     "camopt.report.regenerated": ("compare_again",),
 }
-"""What a verb or a function computes first, by its module."""
+"""The first functions that a verb or a public function calls to compute, by module."""
 
 
 def outputs() -> dict[str, argparse.Action]:
     """The options of all verbs that name a file or folder to write, as "verb option"."""
     every = next(a for a in parser()._actions if isinstance(a, argparse._SubParsersAction)).choices
-    found = {f"{verb} {action.option_strings[0]}": action for verb, one in every.items() for action in one._actions[1:]
+    files = {f"{verb} {action.option_strings[0]}": action for verb, sub in every.items() for action in sub._actions[1:]
              if action.metavar in ("FILE", "DIR")}  # fmt: skip
-    assert len(found) > 15
-    return found
+    assert len(files) > 15
+    return files
 
 
 @pytest.fixture
 def places(tmp_path, monkeypatch):
-    """A folder with a file in which no folder can be, and one that lets no file be made (a superuser may do more than
-    its rights say)."""
+    """A folder with a file, below which no folder can be created, and a folder in which no file can be created
+    (simulated, because access rights do not bind a superuser)."""
     (tmp_path / "file").write_text("kept")
     (tmp_path / "closed").mkdir()
     plain = storage.Path.touch
@@ -72,14 +72,14 @@ def places(tmp_path, monkeypatch):
 
 
 def forbid(monkeypatch, *but: str) -> None:
-    """Fails the test where anything is computed."""
+    """Makes the test fail if anything is computed."""
     for module, names in FIRST.items():
         for name in set(names) - set(but):
             monkeypatch.setattr(import_module(module), name, lambda *_, **__: pytest.fail("it computed first"))
 
 
 @pytest.mark.parametrize("option", outputs())
-def test_an_output_of_a_verb_is_tried_before_it_computes(capsys, monkeypatch, places, option):
+def test_an_output_of_a_verb_is_checked_before_it_computes(capsys, monkeypatch, places, option):
     verb, name = option.split()
     if outputs()[option].metavar == "FILE":
         assert outputs()[option].dest in WRITTEN
@@ -90,26 +90,24 @@ def test_an_output_of_a_verb_is_tried_before_it_computes(capsys, monkeypatch, pl
         paths = "file/x", "closed/x", "closed/none/x"
     words = verb, *SCENES.get(verb, ("motori-1",)), *NEEDED.get(verb, ()), *NEEDED.get(option, ())
     for path in paths:
-        code, out, err = run(capsys, *words, name, path)
-        assert (code, out) == (2, "") and err.count("\n") == 1
-        assert "cannot be written" in err and "writable" in err
+        said = refused(capsys, *words, name, path)
+        assert said.count("\n") == 1 and "cannot be written" in said and "writable" in said
 
 
 @pytest.mark.parametrize("verb", ["optimize", "compare", "tradeoff", "extremes"])
-def test_the_folder_of_a_default_name_is_tried_too(capsys, monkeypatch, places, verb):
+def test_a_default_folder_is_checked_too(capsys, monkeypatch, places, verb):
     forbid(monkeypatch)
     monkeypatch.setattr(arguments, "default_run_folder", lambda name: places / "closed" / "runs" / name)
-    code, _, err = run(capsys, verb, "motori-1")
-    assert (code, "cannot be written to (Permission denied)" in err) == (2, True)
+    assert "cannot be written to (Permission denied)" in refused(capsys, verb, "motori-1")
 
 
-def test_a_device_is_no_place_to_try():
+def test_a_device_passes_the_check():
     storage.check_file("/dev/null")
 
 
 @pytest.mark.parametrize("path", ["file/x", "closed/x"])
 @pytest.mark.parametrize("function", ["optimize", "tradeoff", "pareto", "ascend"])
-def test_an_output_of_a_function_is_tried_before_it_computes(monkeypatch, places, function, path):
+def test_an_output_of_a_function_is_checked_before_it_computes(monkeypatch, places, function, path):
     forbid(monkeypatch, "optimize")
     scene = load_scene("motori-1")
 
@@ -117,12 +115,12 @@ def test_an_output_of_a_function_is_tried_before_it_computes(monkeypatch, places
         camopt.ascend(camopt.objective(scene, speeds_rpm=(4000,)), polydyne(scene), optax.sgd(1e-3), 1, out=out)
 
     free = {"free": {"spring.preload_N": (200.0, 320.0)}} if function == "optimize" else {}
-    asked = ascend if function == "ascend" else getattr(camopt, function)
+    computing = ascend if function == "ascend" else getattr(camopt, function)
     with pytest.raises(InputError, match="cannot be written"):
-        asked(scene, out=places / path, **free)
+        computing(scene, out=places / path, **free)
 
 
-def test_the_page_of_a_run_is_tried_before_it_is_made_again(monkeypatch, tmp_path):
+def test_the_report_is_checked_before_it_is_made_again(monkeypatch, tmp_path):
     forbid(monkeypatch)
     (tmp_path / "scene.toml").write_text(scene_toml(load_scene("motori-1")))
     (tmp_path / "report.html").mkdir()

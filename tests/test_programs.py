@@ -1,4 +1,4 @@
-"""Programs that numba keeps: those of other sources are never used, and a kept one is found again."""
+"""The cache of compiled programs: programs of other sources are never used, and a cached one is found again."""
 
 import ast
 import os
@@ -45,7 +45,7 @@ def test_a_second_process_finds_the_program_of_the_first(tmp_path):
 
 
 @pytest.mark.parametrize(("kind", "left"), [pytest.param("*.nbi", 0, marks=pytest.mark.long), ("*.nbc", 20)])
-def test_torn_files_are_made_anew(tmp_path, kind, left):
+def test_damaged_files_are_replaced(tmp_path, kind, left):
     fresh(CODE, tmp_path)
     for file in tmp_path.rglob(kind):
         os.truncate(file, left)
@@ -54,7 +54,7 @@ def test_torn_files_are_made_anew(tmp_path, kind, left):
 
 
 @pytest.mark.parametrize("options", ["size=4k", pytest.param("nr_inodes=3", marks=pytest.mark.long)])
-def test_a_full_disk_keeps_nothing(tmp_path, options):
+def test_nothing_is_cached_on_a_full_disk(tmp_path, options):
     with mounted(tmp_path / "disk", options) as folder:
         assert fresh(CODE + SAY, folder)[:2] == ["0", "1"]
 
@@ -72,7 +72,7 @@ def test_without_a_folder_every_process_compiles(tmp_path):
 
 
 def test_a_change_of_any_source_is_another_program(tmp_path, monkeypatch):
-    """A called file, a constant, a file that is added: the digest of every file of the folder changes with each."""
+    """The digest of a file changes if a called file or a constant is changed, or if a file is added to the folder."""
     monkeypatch.setattr(programs, "PACKAGE", tmp_path)
     monkeypatch.setattr(programs, "CONSTANTS", (tmp_path / "units.py",))
     caller, callee, alone = tmp_path / "exact/caller.py", tmp_path / "exact/kernel/callee.py", tmp_path / "study/one.py"
@@ -89,11 +89,11 @@ def test_a_change_of_any_source_is_another_program(tmp_path, monkeypatch):
     before = digest(alone)
     callee.write_text("a = 3")
     digest.cache_clear()
-    assert digest(alone) == before  # it stands alone
+    assert digest(alone) == before  # it does not depend on the changed file
     digest.cache_clear()
 
 
-def test_programs_of_other_versions_go_when_they_are_old(tmp_path, monkeypatch):
+def test_old_programs_of_other_versions_are_removed(tmp_path, monkeypatch):
     monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
     above = cache_folder(f"numba-{programs.numba.__version__}")
     assert above is not None
@@ -136,8 +136,8 @@ def test_an_inner_function_is_compiled_within_the_program_that_calls_it_and_nowh
 
 
 @pytest.mark.parametrize("path", files_that_compile(), ids=lambda p: p.relative_to(PACKAGE).as_posix())
-def test_everything_that_is_compiled_in_is_among_the_sources(path):
-    """What a file with programs imports of camopt in capitals (a constant), or from files with programs."""
+def test_the_sources_of_a_program_include_all_its_constants_and_programs(path):
+    """The sources of a file with programs include every camopt module from which it imports constants or programs."""
     listed = sources(path)
     for node in ast.walk(ast.parse(path.read_text())):
         if not isinstance(node, ast.ImportFrom) or not (node.module or "").startswith("camopt."):
@@ -145,13 +145,13 @@ def test_everything_that_is_compiled_in_is_among_the_sources(path):
         file = (PACKAGE.parent / node.module.replace(".", "/")).with_suffix(".py")
         constants = [
             a.name for a in node.names if a.name.isupper() and a.name != "GROUND"
-        ]  # of the format, -1 for ever
+        ]  # part of the format, always -1
         if constants or (file.exists() and file in files_that_compile()):
             assert file in listed, f"{path.name} compiles in what {node.module} holds"
 
 
 def compiled_as(node: ast.AST) -> tuple[str, bool] | None:
-    """By what decorator a function is compiled, and whether Python may call it; None for one that is not compiled."""
+    """The decorator that compiles a function, and whether Python may call it; None for an uncompiled function."""
     for decorator in node.decorator_list if isinstance(node, ast.FunctionDef) else []:
         call = decorator if isinstance(decorator, ast.Call) else None
         name = ast.unparse(call.func if call else decorator)
@@ -161,7 +161,7 @@ def compiled_as(node: ast.AST) -> tuple[str, bool] | None:
 
 
 def uncompiled_names(node: ast.AST):
-    """Names that are read outside compiled functions, with their lines."""
+    """Names that are read outside compiled functions, with their line numbers."""
     for part in ast.iter_child_nodes(node):
         if compiled_as(part):
             continue
@@ -171,7 +171,7 @@ def uncompiled_names(node: ast.AST):
 
 
 def run_by_python(tree: ast.Module) -> bool:
-    """Whether a fixture around every test of a module has Python run all that it names (tests/exact/interpreted)."""
+    """Whether an autouse fixture runs a module's compiled functions as plain Python (tests/exact/interpreted)."""
     fixtures = (
         node
         for node in tree.body
@@ -181,8 +181,8 @@ def run_by_python(tree: ast.Module) -> bool:
     return any(ast.unparse(node.body[0]).startswith("interpret(monkeypatch, __name__") for node in fixtures)
 
 
-def test_python_calls_no_function_that_only_compiled_code_may_call():
-    """Such a function has no entry for Python: the call would end the process."""
+def test_python_calls_no_function_without_a_python_entry_point():
+    """Such a function has no entry point for Python: the call would crash the process."""
     root = PACKAGE.parent
     files = [file for folder in ("camopt", "tests", "experiments") for file in (root / folder).rglob("*.py")]
     texts = {".".join(file.relative_to(root).with_suffix("").parts): file.read_text() for file in files}
@@ -191,7 +191,7 @@ def test_python_calls_no_function_that_only_compiled_code_may_call():
         for module, text in texts.items()
         if re.search("^@(inner|compiled|njit)", text, re.MULTILINE)
         for node in ast.parse(text).body
-        if (found := compiled_as(node)) and not found[1]
+        if (kind := compiled_as(node)) and not kind[1]
     }
     assert len(without_entry) > 50
     named = re.compile(rf"\b({'|'.join({name for _, name in without_entry})})\b")
@@ -212,7 +212,7 @@ def test_python_calls_no_function_that_only_compiled_code_may_call():
             assert (imported | own).get(name) not in without_entry, f"{module}, line {line}: {name}"
 
 
-def test_the_folders_that_stand_together_exist():
+def test_the_listed_folders_and_files_exist():
     assert all((PACKAGE / folder).is_dir() for folder in TOGETHER) and all(path.is_file() for path in CONSTANTS)
     assert Path(camopt.__file__).parent == PACKAGE
 
@@ -250,7 +250,7 @@ def of_tuple(holding):
     return of_record(holding.pair) + holding.third[0]
 
 
-def test_fields_are_read_and_written_and_no_reference_stays():
+def test_fields_are_read_and_written_without_reference_leaks():
     first, second, third = np.array([1.0, 2.0]), np.array([10.0, 20.0]), np.array([100.0])
     before = [sys.getrefcount(array) for array in (first, second, third)]
     for i in range(50):

@@ -1,4 +1,4 @@
-"""The names that README, pages and notebooks promise: each exists, says shapes, units and errors, and is shown."""
+"""The public names of the package: each exists, has its stated signature and a docstring, and is in the guide."""
 
 import ast
 import inspect
@@ -22,7 +22,7 @@ SIGNATURES = dict(
     line.removesuffix(")").split("(", 1)
     for line in (ROOT / "tests" / "data" / "signatures.txt").read_text(encoding="utf-8").splitlines()
 )
-"""Public name -> its parameters with their defaults; those after the star go by name alone."""
+"""Public name -> its parameters with their defaults; those after the star are keyword-only."""
 UNPROMISED = {"CrankTiming", "MeasuredLift", "cam_card", "camshaft_torque", "converted", "cycloidal", "differentiable",
               "exponent", "joint_spring", "linear_program", "live", "polynomial_345", "polynomial_4567", "read_cam",
               "tradeoff"}  # fmt: skip
@@ -45,7 +45,7 @@ def signature(function) -> str:
 
 
 class Shown(str):
-    """Text that is represented by itself."""
+    """Text whose representation is the text itself."""
 
     def __repr__(self) -> str:
         return str(self)
@@ -60,8 +60,8 @@ def test_signature(name):
 USED_FIRST = ("verify", "optimize", "simulate", "reduce", "differentiable")
 
 
-def test_a_public_name_stays_the_function_after_its_first_use():
-    """Names of USED_FIRST, each used in a process of its own; one that a module hides is noticed."""
+def test_a_public_name_remains_the_same_function():
+    """Each name of USED_FIRST is used in a new process; the test also detects a name that a module hides."""
     snippet = "import camopt, camopt.smooth; first = camopt.{0}; assert callable(first) and camopt.{0} is first"
     hidden = {"hidden": "import camopt, camopt.scene; assert callable(camopt.scene)"}
     ended = run_each({name: snippet.format(name) for name in USED_FIRST} | hidden, (*LIBRARIES, "jax"))
@@ -69,7 +69,7 @@ def test_a_public_name_stays_the_function_after_its_first_use():
 
 
 def test_no_public_name_is_a_module_of_the_package():
-    """Once a module or package of `camopt` is imported, Python hides a function of its name behind it."""
+    """An imported module or package of `camopt` would hide a public function of the same name."""
     assert not {module.name for module in pkgutil.iter_modules(camopt.__path__)} & {*camopt.__all__}
 
 
@@ -77,7 +77,7 @@ def test_every_public_name_has_its_signature_in_the_table():
     assert list(SIGNATURES) == sorted(camopt.__all__)
 
 
-def test_the_reader_of_signatures_sees_names_defaults_and_kinds():
+def test_signatures_have_names_defaults_and_kinds():
     def one(a: int, b=1, *, c="x", d=signature) -> None: ...
 
     assert signature(one) == "a, b=1, *, c='x', d=signature"
@@ -106,7 +106,7 @@ def test_help_names_every_function_with_its_parameters():
 
 
 def test_names_for_editors_are_those_that_are_imported_lazily():
-    """The names under TYPE_CHECKING and in the table of homes are the same, from the same modules."""
+    """The names under TYPE_CHECKING and in the table of lazy imports are the same, from the same modules."""
     tree = ast.parse(Path(camopt.__file__).read_text(encoding="utf-8"))
     (block,) = (node for node in tree.body if isinstance(node, ast.If))
     seen = {alias.name: node.module for node in block.body for alias in node.names}

@@ -1,4 +1,4 @@
-"""What the README and the page of the commands print works as printed."""
+"""The commands in the README and in the reference of commands work as printed."""
 
 import re
 import shlex
@@ -17,7 +17,7 @@ PAGE = (ROOT / "docs" / "reference" / "commands.md").read_text(encoding="utf-8")
 BLOCKS = re.findall(r"```(\w+)\n(.*?)```", README + PAGE, re.DOTALL)
 LINES = [line for kind, text in BLOCKS if kind == "sh" and not text.startswith("python3") for line in text.splitlines()]
 SLOW = ("optimize", "verify", "compare", "reduce", "bound", "extremes", "gradient", "tradeoff", "yield", "what-if")
-"""Verbs that search or judge: parsed always, run by the long test; golden files have all of them at small sizes."""
+"""Verbs that search or judge: always parsed, but run only by the long test; golden files cover them at small sizes."""
 DESIGN = Path(__file__).parent / "data" / "kodama-design.json"
 
 
@@ -27,7 +27,7 @@ def test_there_are_two_set_up_lines():
 
 
 def run(line: str) -> int:
-    """Exit code of a line as a shell would run it in the present folder; camopt's own without a new process."""
+    """Exit code of a command line in the current folder; camopt commands run without a new process."""
     if not line.startswith("camopt "):
         return subprocess.run(["bash", "-c", line], check=False, timeout=60).returncode
     command, _, file = line.partition(" > ")
@@ -40,7 +40,7 @@ def run(line: str) -> int:
 
 def test_quick_commands_work_as_printed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "runs" / "nominal").mkdir(parents=True)  # what the optimisation before them leaves
+    (tmp_path / "runs" / "nominal").mkdir(parents=True)  # as after the optimisation that precedes them
     shutil.copy(DESIGN, tmp_path / "runs" / "nominal" / "design.json")
     quick = [line for line in LINES if not (line.startswith("camopt ") and shlex.split(line)[1] in SLOW)]
     assert len(quick) >= 6
@@ -56,9 +56,9 @@ def test_quick_commands_work_as_printed(tmp_path, monkeypatch, capsys):
 def test_every_command_works_as_printed(tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
     for line in LINES:
-        # Polydyne breaks kodama's jerk limit, so its verdict is 3: ran, but not confirmed
+        # Polydyne breaks kodama's jerk limit, so the exit code is 3: not confirmed
         assert run(line) == (3 if "verify kodama --cam polydyne" in line else 0), (line, capsys.readouterr().err)
 
 
-def test_it_is_short():
+def test_the_readme_has_at_most_100_lines():
     assert README.count("\n") <= 100

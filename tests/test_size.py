@@ -1,7 +1,7 @@
-"""The size of the package may only shrink: `size.json` holds, by folder, the numbers that must not be exceeded.
+"""The size of the package may not grow: `size.json` has, by folder, the numbers that must not be exceeded.
 
-`python -m tests.test_size` lowers them to what is measured; with `--all` it also raises those that have to rise.
-`python -m tests.test_size --table FOLDER` prints what the package of another checkout has beside this one's.
+`python -m tests.test_size` lowers them to the measured numbers; with `--all` it also raises those that are exceeded.
+`python -m tests.test_size --table FOLDER` compares the package of another checkout with this one.
 """
 
 import ast
@@ -21,11 +21,11 @@ import camopt
 ROOT = Path(camopt.__file__).parents[1]
 TABLE = Path(__file__).with_name("size.json")
 FEWEST_LINES = 10
-"""A file with fewer lines could stand in the file that reads it."""
+"""A file with fewer lines could be part of the file that imports it."""
 ALSO_COUNTED = ("tests", "experiments", "docs", "notebooks")
-"""Folders beside the package of which only the lines are counted."""
+"""Folders outside the package, in which only lines are counted."""
 GENERATED = ROOT / "docs" / "notebooks"
-"""What the site is built from and no commit has."""
+"""A folder that building the site creates; it is in no commit."""
 
 
 @cache
@@ -36,12 +36,12 @@ def texts(root: Path) -> dict[Path, str]:
 
 @cache
 def nodes(text: str) -> tuple[ast.AST, ...]:
-    """All of a file's syntax."""
+    """All syntax nodes of a file."""
     return tuple(ast.walk(ast.parse(text)))
 
 
 def folder(path: Path) -> str:
-    """The folder of the package that a file belongs to; files beside the folders belong to `root`."""
+    """The folder of the package that contains a file; files outside the folders belong to `root`."""
     return path.parts[1] if len(path.parts) > 2 else "root"
 
 
@@ -61,7 +61,7 @@ def name_of(node: ast.AST) -> str:
 
 
 Places = dict[str, Path]
-"""Names and the files where they stand."""
+"""Names, each with the file that contains it."""
 
 
 def small_files(root: Path) -> Places:
@@ -69,7 +69,7 @@ def small_files(root: Path) -> Places:
 
 
 def classes_of_one_place(root: Path) -> Places:
-    """Classes that one call builds and whose name no other file mentions."""
+    """Classes that are built by a single call and whose name no other file mentions."""
     built: Counter[str] = Counter()
     mentions: dict[str, set[Path]] = defaultdict(set)
     homes = {}
@@ -85,7 +85,7 @@ def classes_of_one_place(root: Path) -> Places:
 
 
 def modules_with_one_importer(root: Path) -> Places:
-    """Modules that one other file imports, in a statement or by a dotted name in a string."""
+    """Modules that exactly one other file imports, by a statement or by a dotted name in a string."""
     paths = {".".join(path.with_suffix("").parts).removesuffix(".__init__"): path for path in texts(root)}
     importers: dict[str, set[Path]] = defaultdict(set)
     for path, text in texts(root).items():
@@ -105,7 +105,7 @@ def modules_with_one_importer(root: Path) -> Places:
 
 
 def largest_files(root: Path) -> Places:
-    """All files, the longest first, each with its lines."""
+    """All files with their numbers of lines, the longest first."""
     ranked = sorted(texts(root).items(), key=lambda file: -line_count(file[1]))
     return {f"{path} ({line_count(text)})": path for path, text in ranked}
 
@@ -127,12 +127,12 @@ def lines_by_folder(root: Path) -> Counter[str]:
 
 @cache
 def measured() -> dict[str, dict[str, int]]:
-    """Every number by what it counts and by folder."""
+    """All counts, by kind and folder."""
     lines = lines_by_folder(ROOT)
     counts = {}
     for kind, places in OFFENDERS.items():
-        found = Counter(map(folder, places(ROOT).values()))
-        counts[kind] = {name: found[name] for name in lines}
+        offenders = Counter(map(folder, places(ROOT).values()))
+        counts[kind] = {name: offenders[name] for name in lines}
     for name in ALSO_COUNTED:
         files = (path for path in (ROOT / name).rglob("*.py") if GENERATED not in path.parents)
         lines[name] = sum(line_count(path.read_text(encoding="utf-8")) for path in files)
@@ -140,7 +140,7 @@ def measured() -> dict[str, dict[str, int]]:
 
 
 def code_lines(text: str) -> int:
-    """Lines that hold more than a comment or a docstring."""
+    """Number of lines with code, without comments, docstrings and blank lines."""
     blank = {tokenize.COMMENT, tokenize.NL, tokenize.NEWLINE, tokenize.INDENT, tokenize.DEDENT, tokenize.ENDMARKER}
     tokens = [token for token in tokenize.generate_tokens(io.StringIO(text).readline) if token.type not in blank]
     docstrings = {
@@ -153,20 +153,20 @@ def code_lines(text: str) -> int:
 
 
 def is_record(node: ast.ClassDef) -> bool:
-    """A dataclass, a named tuple or a model of pydantic."""
+    """Whether a class is a dataclass, a named tuple or a pydantic model."""
     decorators = [name_of(d.func if isinstance(d, ast.Call) else d) for d in node.decorator_list]
     return "dataclass" in decorators or bool({"NamedTuple", "BaseModel"} & {name_of(base) for base in node.bases})
 
 
 def constants(text: str) -> int:
-    """Names in capitals that a module sets."""
+    """Number of names in capitals that a module assigns."""
     set_here = [node for node in ast.parse(text).body if isinstance(node, ast.Assign | ast.AnnAssign)]
     targets = [target for node in set_here for target in getattr(node, "targets", None) or [node.target]]
     return sum(name_of(target).isupper() for target in targets)
 
 
 def house(root: Path) -> dict[str, int]:
-    """What a checkout's package has in all, and the lines of its folders."""
+    """Total counts of a checkout's package, and the lines of its folders."""
     files, lines = texts(root).values(), lines_by_folder(root)
     every = [node for text in files for node in nodes(text)]
     classes = [node for node in every if isinstance(node, ast.ClassDef)]
@@ -191,11 +191,11 @@ def allowed() -> dict[str, dict[str, int]]:
 
 
 @pytest.mark.parametrize("kind", ["lines", *OFFENDERS])
-def test_numbers_only_fall(kind):
+def test_no_count_exceeds_its_limit(kind):
     limits = allowed()[kind]
     exceeded = {name: count for name, count in measured()[kind].items() if count > limits.get(name, 0)}
     places = OFFENDERS.get(kind, largest_files)(ROOT)
-    said = [
+    lines = [
         f"{name}: {count} {kind}, {limits.get(name, 0)} allowed: "
         f"{', '.join([place for place, path in places.items() if folder(path) == name][:20])}"
         for name, count in exceeded.items()
@@ -203,23 +203,23 @@ def test_numbers_only_fall(kind):
     remedy = (
         "cut as much elsewhere; for a new feature `python -m tests.test_size --all` raises them, and its commit says so"
     )
-    assert not exceeded, "\n".join([*said, remedy])
+    assert not exceeded, "\n".join([*lines, remedy])
 
 
 def lowered(limits: dict[str, dict[str, int]], numbers: dict[str, dict[str, int]]) -> dict[str, dict[str, int]]:
-    """The smaller of the stored and the measured number; a folder that is new has what is measured."""
+    """The smaller of the stored and the measured number; for a new folder the measured number."""
     return {
         kind: {name: min(count, limits.get(kind, {}).get(name, count)) for name, count in sorted(counts.items())}
         for kind, counts in numbers.items()
     }
 
 
-def test_renewing_raises_no_number():
+def test_renewing_raises_no_limit():
     assert lowered({"lines": {"cam": 5}}, {"lines": {"cam": 7, "exact": 3}}) == {"lines": {"cam": 5, "exact": 3}}
     assert lowered({"lines": {"cam": 5}}, {"lines": {"cam": 4}}) == {"lines": {"cam": 4}}
 
 
-def test_what_a_checkout_has_is_counted(tmp_path):
+def test_the_counts_of_a_checkout(tmp_path):
     package = tmp_path / "camopt" / "cam"
     package.mkdir(parents=True)
     (package / "one.py").write_text(

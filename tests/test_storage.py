@@ -1,4 +1,4 @@
-"""Files appear whole or not at all; run folders are never overwritten."""
+"""Files are written atomically, and run folders are never overwritten."""
 
 import csv
 import json
@@ -23,12 +23,13 @@ from camopt.storage import (
     write_text,
 )
 from camopt.storage.journal import Records
+from tests.command_line import contents
 
 MOTOR = load_scene("motori-1")
 IDENTITY = run_identity("optimize", MOTOR, speeds="band", seed=0)
 
 
-def test_text_replaces_the_old_file_and_leaves_nothing_else(tmp_path):
+def test_text_replaces_the_old_file_and_leaves_no_other_file(tmp_path):
     file = tmp_path / "a.txt"
     write_text(file, "old")
     write_text(file, "Δ new\n")
@@ -36,7 +37,7 @@ def test_text_replaces_the_old_file_and_leaves_nothing_else(tmp_path):
     assert os.listdir(tmp_path) == ["a.txt"]
 
 
-def test_a_failure_on_the_way_keeps_the_old_file(tmp_path, monkeypatch):
+def test_a_failure_while_writing_keeps_the_old_file(tmp_path, monkeypatch):
     file = tmp_path / "a.txt"
     write_text(file, "old")
 
@@ -50,7 +51,7 @@ def test_a_failure_on_the_way_keeps_the_old_file(tmp_path, monkeypatch):
     assert os.listdir(tmp_path) == ["a.txt"]
 
 
-def test_what_a_killed_process_left_goes_with_the_next_writing(tmp_path):
+def test_temporary_files_of_killed_processes_are_removed(tmp_path):
     old, new, foreign = (tmp_path / f".camopt-{name}.tmp" for name in ("0" * 16, "1" * 16, "mine"))
     for file in (old, new, foreign):
         file.touch()
@@ -69,7 +70,7 @@ def test_written_content_is_flushed_before_the_rename(tmp_path, monkeypatch):
     assert calls == ["fsync", "replace"]
 
 
-def test_a_link_stays_a_link(tmp_path):
+def test_a_symbolic_link_is_kept(tmp_path):
     write_text(tmp_path / "real.txt", "old")
     (tmp_path / "link.txt").symlink_to(tmp_path / "real.txt")
     write_text(tmp_path / "link.txt", "new")
@@ -105,13 +106,13 @@ def test_json_has_null_for_what_is_not_finite(tmp_path):
     assert "NaN" not in text
 
 
-def test_json_refuses_what_it_does_not_know(tmp_path):
+def test_json_refuses_unknown_types(tmp_path):
     with pytest.raises(TypeError, match="set cannot be stored"):
         write_json(tmp_path / "a.json", {"a": {1, 2}})
     assert os.listdir(tmp_path) == []
 
 
-def test_csv_keeps_every_digit(tmp_path):
+def test_csv_keeps_full_precision(tmp_path):
     values = np.array([1 / 3, np.nan, 1e-300])
     write_csv(tmp_path / "a.csv", {"x": values, "name, unit": ["a", None, 'b"']})
     with open(tmp_path / "a.csv", newline="") as file:
@@ -127,7 +128,7 @@ def test_csv_refuses_columns_of_different_length(tmp_path):
     assert os.listdir(tmp_path) == []
 
 
-def test_a_table_written_row_by_row_appears_whole_or_not_at_all(tmp_path):
+def test_a_table_written_row_by_row_is_complete_or_absent(tmp_path):
     file = tmp_path / "a.csv"
     write_csv_rows(file, ["x", "y"], ([i / 3, None if i else "é"] for i in range(3)))
     assert file.read_text(encoding="utf-8").splitlines() == ["x,y", "0.0,é", f"{1 / 3!r},", f"{2 / 3!r},"]
@@ -144,13 +145,8 @@ def test_a_table_written_row_by_row_appears_whole_or_not_at_all(tmp_path):
         write_csv_rows(tmp_path / "none" / "a.csv", ["x"], [])
 
 
-def contents(folder):
-    """Every file below a folder with its bytes."""
-    return {str(p.relative_to(folder)): p.read_bytes() for p in sorted(folder.rglob("*")) if p.is_file()}
-
-
 def begun(folder, error=None, worth=("design.json",), resume=False, identity=IDENTITY, results=("design.json",)):
-    """A run that leaves `results` behind and ends with `error`."""
+    """A run that writes `results` and ends with `error`."""
     with run_folder(folder, identity, resume, worth) as inside:
         for name in results:
             (inside / name).write_text(f"of {name}")
@@ -159,7 +155,7 @@ def begun(folder, error=None, worth=("design.json",), resume=False, identity=IDE
     return folder
 
 
-def test_run_folder_is_made_once(tmp_path):
+def test_a_run_folder_is_created_once(tmp_path):
     folder = create_run_folder(tmp_path / "runs" / "first")
     assert os.listdir(folder) == []
     (folder / "design.json").write_text("{}")
@@ -171,15 +167,15 @@ def test_run_folder_is_made_once(tmp_path):
     assert os.listdir(folder) == ["design.json"]
 
 
-def test_of_two_processes_that_begin_at_once_one_makes_the_folder(tmp_path, monkeypatch):
+def test_only_one_of_two_simultaneous_processes_creates_the_folder(tmp_path, monkeypatch):
     for made, begin in {"a": create_run_folder, "b": begun}.items():
-        checked = lambda folder, resume=False: folder.mkdir(exist_ok=True)  # noqa: E731 - by another, after this looked
+        checked = lambda folder, resume=False: folder.mkdir(exist_ok=True)  # noqa: E731 - made by another process meanwhile
         monkeypatch.setattr("camopt.storage.check_run_folder", checked)
         with pytest.raises(InputError, match=f"{made}: another run began in this folder just now: give another --out"):
             begin(tmp_path / made)
 
 
-def test_a_finished_run_is_resumed_only_as_itself_and_no_byte_changes(tmp_path):
+def test_a_finished_run_is_only_resumed_by_the_same_run_and_not_changed(tmp_path):
     folder = begun(tmp_path / "run")
     before = contents(folder)
     others = {
@@ -203,7 +199,7 @@ def test_a_finished_run_is_resumed_only_as_itself_and_no_byte_changes(tmp_path):
     assert json.loads((folder / RUN_FILE).read_text())["state"] == "finished"
 
 
-def test_what_began_no_run_cannot_be_resumed(tmp_path):
+def test_a_folder_without_a_run_cannot_be_resumed(tmp_path):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "history.jsonl").write_text("mine")
     with pytest.raises(InputError, match=r"there is no run\.json, so nothing says what to go on with"):
@@ -211,14 +207,14 @@ def test_what_began_no_run_cannot_be_resumed(tmp_path):
     assert contents(tmp_path / "run") == {"history.jsonl": b"mine"}
 
 
-def test_a_run_that_fails_before_anything_worth_keeping_takes_its_folder_along(tmp_path):
+def test_a_run_that_fails_without_results_removes_its_folder(tmp_path):
     with pytest.raises(InputError, match="no confirmed cam"):
         begun(tmp_path / "run", InputError("no confirmed cam"), results=("history.jsonl",))
     assert not (tmp_path / "run").exists()
     begun(tmp_path / "run", results=())  # the retry is not blocked
 
 
-def test_a_failed_run_worth_keeping_says_what_it_is(tmp_path):
+def test_a_failed_run_with_results_is_reported(tmp_path):
     with pytest.raises(ZeroDivisionError):
         begun(tmp_path / "run", ZeroDivisionError("division by zero"))
     with pytest.raises(
@@ -226,12 +222,12 @@ def test_a_failed_run_worth_keeping_says_what_it_is(tmp_path):
     ):
         begun(tmp_path / "run")
     assert (tmp_path / "run" / "design.json").exists()
-    with pytest.raises(InputError, match="again"):  # a resumed run keeps a folder that it did not make
+    with pytest.raises(InputError, match="again"):  # a resumed run does not remove a folder that it did not create
         begun(tmp_path / "run", InputError("again"), worth=(), resume=True)
     assert (tmp_path / "run" / "design.json").exists()
 
 
-def test_an_interrupted_run_says_so_and_goes_on(tmp_path):
+def test_an_interrupted_run_is_reported_and_resumed(tmp_path):
     with pytest.raises(KeyboardInterrupt):
         begun(tmp_path / "run", KeyboardInterrupt())
     with pytest.raises(InputError, match=r"holds an interrupted optimize run: --resume goes on in it"):
@@ -240,18 +236,18 @@ def test_an_interrupted_run_says_so_and_goes_on(tmp_path):
 
 
 class TestJournal:
-    def test_records_outlive_an_interruption_and_are_found_by_their_names(self, tmp_path):
+    def test_records_survive_an_interruption_and_are_found_by_key(self, tmp_path):
         path = tmp_path / "x.jsonl"
         journal = Records(path, "case", "at", identity={"seed": 1})
         journal.add({"case": "a", "at": [1.0, 2.0], "error": math.inf}, {"case": "b", "at": [], "error": 0.5})
         path.write_text(path.read_text() + '{"case": "c", "at"')
         again = Records(path, "case", "at", identity={"seed": 1})
-        for one in (journal, again):
-            assert one.get("a", (1.0, 2.0)) == {"case": "a", "at": [1.0, 2.0], "error": None}
-            assert one.get("b", ())["error"] == 0.5 and one.get("c", ()) is None
+        for records in (journal, again):
+            assert records.get("a", (1.0, 2.0)) == {"case": "a", "at": [1.0, 2.0], "error": None}
+            assert records.get("b", ())["error"] == 0.5 and records.get("c", ()) is None
         assert len(path.read_text().splitlines()) == 3
 
-    def test_other_work_is_left_alone(self, tmp_path):
+    def test_a_journal_of_other_work_is_not_changed(self, tmp_path):
         path = tmp_path / "x.jsonl"
         Records(path, "case", identity={"seed": 1}).add({"case": "a"})
         before = path.read_bytes()
@@ -267,7 +263,7 @@ class TestJournal:
         assert journal.get(1) == {"case": 1, "value": 2.0} and journal.get(2) is None
 
 
-def test_run_folder_where_a_file_is(tmp_path):
+def test_a_run_folder_in_the_place_of_a_file(tmp_path):
     (tmp_path / "file").write_text("kept")
     with pytest.raises(InputError, match="not a folder"):
         create_run_folder(tmp_path / "file")
@@ -279,7 +275,7 @@ def test_run_folder_where_a_file_is(tmp_path):
     assert (tmp_path / "file").read_text() == "kept"
 
 
-def test_run_folder_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch):
+def test_a_run_folder_that_cannot_be_written_leaves_no_file(tmp_path, monkeypatch):
     def read_only(self, exist_ok=True):
         raise PermissionError(13, "Permission denied")
 
@@ -289,7 +285,7 @@ def test_run_folder_that_cannot_be_written_leaves_nothing(tmp_path, monkeypatch)
     assert os.listdir(tmp_path) == []
 
 
-def test_default_run_folder_names_scene_and_time():
+def test_the_default_run_folder_names_scene_and_time():
     folder = default_run_folder("kodama")
     assert folder.parts[0] == "runs"
     assert folder.name.startswith("kodama-20")

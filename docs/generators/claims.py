@@ -1,4 +1,4 @@
-"""What camopt claims to have measured: `docs/claims.toml` as Markdown, with command, date and machine."""
+"""The claims of `docs/claims.toml` as Markdown, with command, date and machine."""
 
 import tomllib
 from pathlib import Path
@@ -14,7 +14,7 @@ def stored_claims() -> list[dict]:
 
 
 def claims(content: str) -> str:
-    """An entry for each claim; the block's content may name one group of them."""
+    """An entry for each claim, or for each claim of the group that the block's content names."""
     group = content.strip()
     return "\n".join(_entry(claim) for claim in stored_claims() if group in ("", claim["group"]))
 

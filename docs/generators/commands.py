@@ -1,4 +1,4 @@
-"""The commands as their parser explains them."""
+"""The reference of the commands, generated from the parser."""
 
 import argparse
 import re
@@ -10,17 +10,17 @@ def commands(content: str) -> str:
     """A section for each command: purpose, usage, a table of arguments, example."""
     top = parser()
     (choices,) = [a for a in top._actions if isinstance(a, argparse._SubParsersAction)]
-    return "\n".join(_section(name, one) for name, one in choices.choices.items())
+    return "\n".join(_section(name, verb) for name, verb in choices.choices.items())
 
 
-def _section(name: str, one: argparse.ArgumentParser) -> str:
-    formatter = argparse.HelpFormatter(prog=one.prog, width=100)
-    formatter.add_usage(one.usage, one._actions, one._mutually_exclusive_groups, prefix="")
-    rows = [f"| {_called(a)} | {_text(a.help)} |" for a in one._actions if a.dest not in ("help", "debug", "quiet")]
-    note, _, example = (one.epilog or "").rpartition("example: ")
+def _section(name: str, verb: argparse.ArgumentParser) -> str:
+    formatter = argparse.HelpFormatter(prog=verb.prog, width=100)
+    formatter.add_usage(verb.usage, verb._actions, verb._mutually_exclusive_groups, prefix="")
+    rows = [f"| {_called(a)} | {_text(a.help)} |" for a in verb._actions if a.dest not in ("help", "debug", "quiet")]
+    note, _, example = (verb.epilog or "").rpartition("example: ")
     plan = f"```text\n{note.strip()}\n```\n" if note.strip() else ""
     return (
-        f"(command-{name})=\n## `camopt {name}`\n\n{_text(one.description)}\n\n"
+        f"(command-{name})=\n## `camopt {name}`\n\n{_text(verb.description)}\n\n"
         f"```text\n{formatter.format_help().strip()}\n```\n\n"
         + ("| argument | meaning |\n|---|---|\n" + "\n".join(rows) + "\n\n" if rows else "")
         + f"{plan}\nExample: `{example.strip()}`\n"
@@ -38,7 +38,7 @@ def _called(action: argparse.Action) -> str:
 
 
 def _text(words: str | None) -> str:
-    """Help as Markdown: in one line, with what a table or HTML would take for its own set apart."""
+    """A help text as one line of Markdown, with characters that are special in tables or HTML escaped."""
     line = re.sub(r"\s+", " ", words or "").replace("%%", "%").replace("|", "\\|")
     line = re.sub(r"(?<![\w`-])(--[a-z][a-z-]*)", r"`\1`", line)
     return re.sub(r"(?<![`<])([\w/.-]*(?:<[^>`]+>[\w/.-]*)+)(?!`)", r"`\1`", line)

@@ -1,4 +1,4 @@
-"""Text of a page with its numbers and generated blocks filled in."""
+"""The text of a page with its numbers and generated blocks filled in."""
 
 import re
 from collections.abc import Callable
@@ -25,10 +25,10 @@ KINDS: dict[str, Callable[[str], str]] = {
     "source": source,
     "terminal": terminal,
 }
-"""Kind of a generated block -> what makes Markdown of its content."""
+"""Kind of a generated block -> the function that makes Markdown from its content."""
 BLOCK = re.compile(r"^```\{generated\} ([\w-]+)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 
 
 def expanded(text: str) -> str:
-    """A page's Markdown with every generated block and number in it; KeyError or NameError for unknown ones."""
+    """A page's Markdown with every generated block and number filled in; KeyError or NameError for unknown ones."""
     return filled_numbers(BLOCK.sub(lambda block: KINDS[block[1]](block[2]), text))

@@ -19,7 +19,7 @@ def _entry(name: str) -> str:
 
 
 def _signature(what) -> str:
-    """Parameters and defaults; types stand in the words below."""
+    """Parameters and defaults; the docstring describes the types."""
     bare = [p.replace(annotation=inspect.Parameter.empty) for p in inspect.signature(what).parameters.values()]
     text = str(inspect.Signature(bare))
     return re.sub(r"<function .*? at 0x[0-9a-f]+>", "<function>", text)
@@ -30,7 +30,7 @@ def _body(what) -> str:
 
 
 def _markdown(text: str) -> str:
-    """A docstring as Markdown: sentences as they stand, its indented blocks as code."""
+    """A docstring as Markdown: sentences unchanged, indented blocks as code."""
 
     def fenced(block: re.Match) -> str:
         return f"\n```text\n{dedent(block[1]).strip()}\n```\n"

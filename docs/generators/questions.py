@@ -1,4 +1,4 @@
-"""The questions of the experiments, as their pages ask them."""
+"""The questions of the experiments, read from their pages."""
 
 import re
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""The table of the README, where nothing is generated: `python -m docs.generators.readme` writes it there."""
+"""The table of the README, which Sphinx does not fill in: `python -m docs.generators.readme` writes it there."""
 
 import re
 from pathlib import Path
@@ -15,11 +15,11 @@ columns = [
 ]
 """
 BLOCK = re.compile(r"(<!-- generated -->\n).*?(?=<!-- end -->)", re.DOTALL)
-"""What stands between two comments that a reader does not see."""
+"""The text between two HTML comments, which a reader does not see."""
 
 
 def with_table(text: str) -> str:
-    """The README with its table as the stored results have it."""
+    """The README with its table generated from the stored results."""
     return BLOCK.sub(lambda block: f"{block[1]}\n{rows_table(TABLE)}\n", text)
 
 

@@ -1,9 +1,9 @@
-"""Numbers of stored results by an expression, so that no page holds a number of its own.
+"""Numbers of stored results, given by expressions, so that no measured number is typed into a page.
 
 In a page, `{number}` and then in backquotes `optimiser.rows['kodama, band'].area_ratio | .4f` is a number of
-`experiments/results/optimiser.json` in a format of Python's. Names are files; attributes are keys (an index in brackets
-where a key is no name); a list takes a number, or texts, which name the one row that holds all of them. Expressions may
-use arithmetic, `min`, `max`, `len`, `sum`, `abs` and comprehensions.
+`experiments/results/optimiser.json` in a Python format. Names are files; attributes are keys (a key that is not an
+identifier is written in brackets); a list is indexed by a number, or by texts, which select the only row with all of
+them as values. Expressions may use arithmetic, `min`, `max`, `len`, `sum`, `abs` and comprehensions.
 """
 
 import json
@@ -18,7 +18,7 @@ FUNCTIONS = {f.__name__: f for f in (min, max, len, set, sum, abs, sorted, zip)}
 
 
 class Keys:
-    """A JSON object by attribute or index."""
+    """A JSON object whose keys are read as attributes or by index."""
 
     def __init__(self, content: dict):
         self._content = content
@@ -36,7 +36,7 @@ class Keys:
         return len(self._content)
 
     def get(self, key: str, otherwise=None):
-        """What stands under a key, or something else where nothing does."""
+        """The value of a key, or `otherwise` if the key is missing."""
         return wrapped(self._content.get(key, otherwise))
 
     def values(self):
@@ -45,7 +45,7 @@ class Keys:
 
 
 class Rows:
-    """A JSON list by number, or by texts that exactly one of its rows holds."""
+    """A JSON list, indexed by number, or by texts that exactly one of its rows has as values."""
 
     def __init__(self, content: list):
         self._content = content
@@ -65,7 +65,7 @@ class Rows:
 
 
 def wrapped(value: Any) -> Any:
-    """A JSON value as an expression sees it."""
+    """A JSON value in the form that expressions use."""
     return Keys(value) if isinstance(value, dict) else Rows(value) if isinstance(value, list) else value
 
 
@@ -76,29 +76,29 @@ def stored(path: Path) -> Any:
 
 
 class Names(dict):
-    """Results by the name of their file in a folder, as the names of an expression."""
+    """The names of an expression: results by the name of their file in a folder."""
 
     def __init__(self, folder: Path, known: dict):
         super().__init__()
         self._folder, self._known = folder, known
 
     def __missing__(self, name: str):
-        if name in self._known:  # what is missing here is looked up among the globals next
+        if name in self._known:  # Python then looks the name up among the globals
             raise KeyError(name)
         return wrapped(stored(self._folder / f"{name}.json"))
 
 
 def number(text: str, folder: Path = RESULTS) -> str:
-    """What `expression | format` gives by the results in a folder; raises for what is not there."""
+    """The formatted value of `expression | format` for the results in a folder; raises if a name or key is missing."""
     expression, _, form = text.rpartition("|")
-    known = {"__builtins__": {}, **FUNCTIONS}
-    return shown(eval(expression.strip(), known, Names(folder, known)), form.strip())
+    functions = {"__builtins__": {}, **FUNCTIONS}
+    return shown(eval(expression.strip(), functions, Names(folder, functions)), form.strip())
 
 
 def shown(value: Any, form: str) -> str:
-    """A value in a format of Python's: a list with commas, minus signs as signs, 1e-09 as 1e−9, 5e+01 as 50.
+    """A value in a Python format: lists separated by commas, typographic minus signs, 1e-09 as 1e−9, 5e+01 as 50.
 
-    None is a dash.
+    None is shown as a dash.
     """
     if isinstance(value, Rows):
         return ", ".join(shown(one, form) for one in value)
@@ -111,5 +111,5 @@ def shown(value: Any, form: str) -> str:
 
 
 def filled_numbers(text: str, folder: Path = RESULTS) -> str:
-    """A text with the number of every role in it; a per cent sign does not begin a line, where it begins a comment."""
+    """A text with all numbers filled in; no line begins with a per cent sign, which would begin a comment there."""
     return re.sub(r"\n *%", " %", ROLE.sub(lambda role: number(role[1], folder), text))

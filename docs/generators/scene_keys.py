@@ -1,4 +1,4 @@
-"""The tables and keys of a scene file as their schema declares them."""
+"""The reference of the tables and keys of a scene file, generated from the schema."""
 
 import re
 import types
@@ -17,7 +17,7 @@ TOP = {"mass", "element", "force", "tolerance", "operation", "design", "geometry
 
 
 def scene_keys(content: str) -> str:
-    """A section for each table of a scene: its docstring, and its keys with type, default and usual range."""
+    """A section for each table of a scene: its docstring, and its keys with meaning, type, default and usual range."""
     sections = [_section("The top of the file", Scene, "", skip=TOP)]
     for name in Scene.model_fields:
         if name in TOP:
@@ -30,7 +30,7 @@ def scene_keys(content: str) -> str:
 
 
 def _model(annotation: Any) -> tuple[type[BaseModel], bool]:
-    """The model inside an annotation, and whether there may be several of it."""
+    """The model inside an annotation, and whether the scene may have several such tables."""
     for part in _parts(annotation):
         if isinstance(part, type) and issubclass(part, BaseModel):
             return part, "tuple" in str(annotation)
@@ -44,8 +44,8 @@ def _parts(annotation: Any) -> Iterator[Any]:
 
 
 def _section(title: str, model: type[BaseModel], table: str, skip: frozenset | set = frozenset()) -> str:
-    known = KEYS.get(table or "scene", {})
-    meaning = {key: said if isinstance(said, str) else said["meaning"] for key, said in known.items()}
+    entries = KEYS.get(table or "scene", {})
+    meaning = {key: entry if isinstance(entry, str) else entry["meaning"] for key, entry in entries.items()}
     rows = [
         (f"`{key}`", meaning.get(key, ""), _type(field.annotation), _default(field), _usual(f"{table}.{key}"))
         for key, field in model.model_fields.items()

@@ -1,4 +1,4 @@
-"""Code of the package on a page, read from its file, so that the page shows what runs."""
+"""Source code of the package for a page, read from its file, so that the page always shows the current code."""
 
 import ast
 from pathlib import Path
@@ -7,7 +7,7 @@ ROOT = Path(__file__).parents[2]
 
 
 def source(content: str) -> str:
-    """A file of the repository as a block of code or, where names follow it, those functions, classes and numbers."""
+    """A file of the repository as a code block; names after the path select functions, classes and constants."""
     path, *names = content.split()
     text = (ROOT / path).read_text(encoding="utf-8")
     if names:
@@ -16,7 +16,7 @@ def source(content: str) -> str:
 
 
 def _named(text: str, name: str) -> str:
-    """What a file says under a name, at any depth, with its decorators; KeyError where it says nothing."""
+    """The definition of a name in a file, at any depth, with its decorators; KeyError if there is none."""
     lines = text.splitlines()
     for node in ast.walk(ast.parse(text)):
         names = [t.id for t in node.targets if isinstance(t, ast.Name)] if isinstance(node, ast.Assign) else []

@@ -8,7 +8,7 @@ from docs.generators.results import FUNCTIONS, RESULTS, Names, shown, stored, wr
 
 
 def result_table(content: str) -> str:
-    """The table that an experiment makes of its stored cams; the block's content is the result's name."""
+    """The table that an experiment makes from its stored cams; the block's content is the name of the result."""
     name = content.strip()
     return "\n".join(import_module(f"experiments.{name}").markdown(stored(RESULTS / f"{name}.json")["cams"]))
 
@@ -16,18 +16,18 @@ def result_table(content: str) -> str:
 def rows_table(content: str) -> str:
     """A table with a row for each row of a stored list or object.
 
-    The block's content is TOML: `of` the file's name, `at` the keys that lead to the list or object, `where` a
-    condition on the rows that are shown, and `columns`, rows of [heading, expression | format]. In every expression
-    the row is called `row`, and its key or number `key`.
+    The block's content is TOML: `of` is the file's name, `at` the keys that lead to the list or object, `where` a
+    condition that selects rows, and `columns` a list of [heading, expression | format]. In every expression `row` is
+    the row, and `key` its key or number.
     """
-    asked = tomllib.loads(content)
-    found = stored(RESULTS / f"{asked['of']}.json")
-    for key in asked.get("at", []):
-        found = found[key]
-    pairs = found.items() if isinstance(found, dict) else enumerate(found)
-    kept = [(key, row) for key, row in pairs if key != "provenance" and _value(asked.get("where", "True"), key, row)]
-    rows = [[_cell(cell, key, row) for _, cell in asked["columns"]] for key, row in kept]
-    return markdown([heading for heading, _ in asked["columns"]], rows)
+    spec = tomllib.loads(content)
+    records = stored(RESULTS / f"{spec['of']}.json")
+    for key in spec.get("at", []):
+        records = records[key]
+    pairs = records.items() if isinstance(records, dict) else enumerate(records)
+    chosen = [(key, row) for key, row in pairs if key != "provenance" and _value(spec.get("where", "True"), key, row)]
+    rows = [[_cell(cell, key, row) for _, cell in spec["columns"]] for key, row in chosen]
+    return markdown([heading for heading, _ in spec["columns"]], rows)
 
 
 def markdown(headings: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
@@ -43,15 +43,15 @@ def _cell(cell: str, key: object, row: object) -> str:
 
 
 def _value(expression: str, key: object, row: object) -> object:
-    known = {"__builtins__": {}, **FUNCTIONS, "row": wrapped(row), "key": key}
-    return eval(expression.strip(), known, Names(RESULTS, known))
+    names = {"__builtins__": {}, **FUNCTIONS, "row": wrapped(row), "key": key}
+    return eval(expression.strip(), names, Names(RESULTS, names))
 
 
 def origin(content: str) -> str:
-    """Where a stored result comes from, in a sentence; the block's content is the result's name."""
-    found = provenance(content.strip())
-    versions = ", ".join(f"{name} {number}" for name, number in found["versions"].items())
-    return f"*Measured on {found['date_utc']} ({found['machine']}; {versions}) by* `{found['command']}`.\n"
+    """A sentence with date, machine, versions and command of a stored result, which the block's content names."""
+    source = provenance(content.strip())
+    versions = ", ".join(f"{name} {number}" for name, number in source["versions"].items())
+    return f"*Measured on {source['date_utc']} ({source['machine']}; {versions}) by* `{source['command']}`.\n"
 
 
 def provenance(name: str) -> dict:

@@ -1,4 +1,4 @@
-"""Commands of a page with what they printed when `python -m docs.record` ran them."""
+"""Commands of a page with the output that `python -m docs.record` recorded."""
 
 import json
 import re
@@ -9,7 +9,7 @@ BLOCK = re.compile(r"^```\{generated\} terminal\n(.*?)^```$", re.MULTILINE | re.
 
 
 def terminal(content: str) -> str:
-    """The commands of a block, a line each, with their output."""
+    """The commands of a block, one on each line, with their output."""
     printed = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"]
     lines = [line for command in content.strip().splitlines() for line in (f"$ {command}", *printed[command]["output"])]
     return "```text\n" + "\n".join(lines) + "\n```"

@@ -1,5 +1,5 @@
-"""The campaign against faults: hostile inputs, kills and starvation, drawn from seeds.
+"""Robustness tests with random cases drawn from seeds: hostile inputs, killed processes and missing resources.
 
-The test line runs a small size of each part; `python -m tests.campaign PART --cases N` runs as many as you like and
+The test suite runs a small size of each part; `python -m tests.campaign PART --cases N` runs any number of cases and
 prints a table of classes and counts.
 """

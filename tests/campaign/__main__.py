@@ -1,7 +1,7 @@
-"""The campaign at any size, with a table of what came of it.
+"""Runs the robustness tests at any size and prints a table of the outcomes.
 
-`python -m tests.campaign inputs --cases 100000` runs hostile inputs by number, `kills --cases 200` kills commands that
-write, in turn, and lets them go on, `soak --cases 10000` gives that many verdicts in one process, and
+`python -m tests.campaign inputs --cases 100000` runs numbered hostile inputs, `kills --cases 200` kills and resumes
+commands that write files, `soak --cases 10000` computes that many verdicts in one process, and
 `messages --cases 20000` sends hostile messages to the designer's server.
 """
 
@@ -20,23 +20,23 @@ from tests.campaign.kills import COMMANDS, killings
 from tests.campaign.soak import grown, soaked
 
 SHOWN = 20
-"""Wrong outcomes that are printed at most; `--json` keeps all."""
+"""Largest number of faults that are printed; `--json` stores all of them."""
 
 
 def main() -> int:
-    """0 where nothing was wrong, else 3."""
-    ask = argparse.ArgumentParser(prog="python -m tests.campaign", description=__doc__)
-    ask.add_argument("part", choices=tuple(PARTS))
-    ask.add_argument("--cases", type=int, default=1000)
-    ask.add_argument("--seed", type=int, default=0, help="number of the first case")
-    ask.add_argument("--workers", type=int, default=2)
-    ask.add_argument("--json", type=Path, help="write what was wrong")
-    args = ask.parse_args()
-    found = list(tqdm(PARTS[args.part](args), disable=None))
-    for (kind, ended), count in sorted(Counter((one["kind"], one["wrong"] or one["ended"]) for one in found).items()):
+    """Exit code: 0 if there was no fault, else 3."""
+    arguments = argparse.ArgumentParser(prog="python -m tests.campaign", description=__doc__)
+    arguments.add_argument("part", choices=tuple(PARTS))
+    arguments.add_argument("--cases", type=int, default=1000)
+    arguments.add_argument("--seed", type=int, default=0, help="number of the first case")
+    arguments.add_argument("--workers", type=int, default=2)
+    arguments.add_argument("--json", type=Path, help="write what was wrong")
+    args = arguments.parse_args()
+    rows = list(tqdm(PARTS[args.part](args), disable=None))
+    for (kind, ended), count in sorted(Counter((row["kind"], row["wrong"] or row["ended"]) for row in rows).items()):
         print(f"{kind:10s} {ended:40s} {count:7d}")
-    wrong = [one for one in found if one["wrong"]]
-    print(f"{len(found)} cases, {len(wrong)} wrong", *wrong[:SHOWN], sep="\n")
+    wrong = [row for row in rows if row["wrong"]]
+    print(f"{len(rows)} cases, {len(wrong)} wrong", *wrong[:SHOWN], sep="\n")
     if args.json:
         write_json(args.json, wrong)
     return 3 if wrong else 0
@@ -47,7 +47,7 @@ def inputs(args: argparse.Namespace) -> list[dict]:
 
 
 def kills(args: argparse.Namespace) -> Iterator[dict]:
-    """The commands share the kills evenly."""
+    """The kills are distributed evenly over the commands."""
     with tempfile.TemporaryDirectory() as folder:
         for number, name in enumerate(COMMANDS):
             share = args.cases // len(COMMANDS) + (number < args.cases % len(COMMANDS))
@@ -55,7 +55,7 @@ def kills(args: argparse.Namespace) -> Iterator[dict]:
 
 
 def soak(args: argparse.Namespace) -> Iterator[dict]:
-    """What the process holds after each tenth of its way; more than after the first of them is wrong."""
+    """The resources of the process after each tenth of the verdicts; growth after the first tenth is a fault."""
     first = None
     for held in soaked(args.cases, max(args.cases // 10, 1)):
         first = first or held

@@ -1,4 +1,4 @@
-"""Runs numbered cases in processes of `camopt.sweep`: what takes too long or too much memory, or dies, is counted."""
+"""Runs numbered cases in worker processes of `camopt.sweep` and detects excessive time or memory, and crashes."""
 
 import io
 import resource
@@ -12,13 +12,13 @@ from camopt.cli.parser import main
 from tests.campaign.inputs import Case, drawn
 
 SECONDS, BYTES = 60.0, 2 * 2**30
-"""Processor time after which a case ends its process, and memory that a case may hold at most."""
+"""Processor time [s] after which the process of a case is ended, and largest permitted memory of a case [bytes]."""
 LONGEST = 1500
-"""Characters of a line that a person still reads: several faults of a scene stand on lines of their own."""
+"""Largest readable length of a line in characters; several faults of a scene are on separate lines."""
 
 
 def outcomes(seeds: range, workers: int = 2, progress: bool = False) -> list[dict]:
-    """What came of the cases of these numbers."""
+    """The outcomes of the cases with these numbers."""
     tasks = ({"verb": "call", "function": f"{__name__}:answer", "arguments": {"seed": seed}} for seed in seeds)
     with tempfile.TemporaryDirectory() as folder:
         swept = camopt.sweep(tasks, Path(folder) / "cases.sqlite", workers=workers, progress=progress)
@@ -26,18 +26,18 @@ def outcomes(seeds: range, workers: int = 2, progress: bool = False) -> list[dic
 
 
 def lost(seed: int, reason: str) -> dict:
-    """The outcome of a case that ended its process, by its own fault or for its time."""
+    """The outcome of a case whose process crashed or exceeded its time."""
     case = drawn(seed)
     return {"seed": seed, "kind": case.kind, "ended": "", "wrong": reason, "said": "", "words": case.words}
 
 
 def answer(seed: int) -> dict:
-    """Kind, exit code, seconds and what is wrong with one case, in a process that computes nothing else."""
+    """Kind, exit code, seconds and fault of one case, in a process that computes nothing else."""
     case, start = drawn(seed), time.process_time()
     _, most = resource.getrlimit(resource.RLIMIT_CPU)
     resource.setrlimit(resource.RLIMIT_CPU, (int(start + SECONDS) + 1, most))
     with suppress(OSError):
-        Path("/proc/self/clear_refs").write_text("5")  # the greatest memory so far is forgotten
+        Path("/proc/self/clear_refs").write_text("5")  # resets the peak memory
     with tempfile.TemporaryDirectory() as folder:
         code, said = run(case, Path(folder))
     wrong = verdict(code, said)[:100] or ("over 2 GB" if peak() > BYTES else "")
@@ -52,7 +52,7 @@ def answer(seed: int) -> dict:
 
 
 def peak() -> int:
-    """Greatest resident memory of this process [bytes]; Linux alone tells it."""
+    """Peak resident memory of this process [bytes]; 0 on systems other than Linux."""
     with suppress(OSError):
         rows = Path("/proc/self/status").read_text().splitlines()
         return next(int(row.split()[1]) * 1024 for row in rows if row.startswith("VmHWM"))
@@ -60,7 +60,7 @@ def peak() -> int:
 
 
 def run(case: Case, folder: Path) -> tuple[object, str]:
-    """Exit code and stderr of a case in a folder of its own."""
+    """Exit code and stderr of a case in a new folder."""
     for name, content in case.files.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_bytes(content)
@@ -70,13 +70,13 @@ def run(case: Case, folder: Path) -> tuple[object, str]:
             code: object = main(case.words)
         except SystemExit as stop:
             code = stop.code
-        except BaseException as error:  # nothing may leave main but an exit
+        except BaseException as error:  # main may only raise SystemExit
             code = f"{type(error).__name__}: {error}"
     return code, said.getvalue()
 
 
 def verdict(code: object, said: str) -> str:
-    """What is wrong with how a command ended, or "" where nothing is."""
+    """The fault in how a command ended, or "" if there is none."""
     if code not in (0, 2, 3):
         return f"exit {code}"
     for word in ("Traceback", "a defect of camopt", "Warning:"):

@@ -1,6 +1,6 @@
-"""Grammar of hostile inputs: scenes, cam names, lift tables, design files, sweep plans, earlier runs, command lines.
+"""Generators of hostile inputs: scenes, cam names, lift tables, design files, sweep plans, earlier runs, command lines.
 
-A case is what a user could have: some files in a folder and one command there.
+A case consists of some files in a folder and one command that runs there.
 """
 
 import json
@@ -16,18 +16,19 @@ import tomli_w
 
 from camopt.scene import builtin_scenes, scene_text
 from tests.campaign.values import FACTORS, NUMBERS, TEXTS, spoiled, torn
+from tests.command_line import contents
 
 DATA = Path(__file__).parents[1] / "data"
 DESIGN = DATA / "kodama-design.json"
 EARLIER = DATA / "version-0.1.0"
-"""What a released version left: a run folder, a yield, a sweep's store."""
+"""Output of a released version: a run folder, a yield, a sweep's store."""
 SCENES = tuple(builtin_scenes())
 POLYDYNE = "polydyne"
 
 
 @dataclass(frozen=True)
 class Case:
-    """One command with the files that it reads."""
+    """One command and the files that it reads."""
 
     kind: str
     seed: int
@@ -62,7 +63,7 @@ def scene_case(draw: Random, seed: int) -> Case:
     record = record_of(draw.choice(SCENES))
     try:
         text = tomli_w.dumps(spoiled(record, draw))
-    except (TypeError, ValueError, AttributeError):  # a value that TOML cannot say
+    except (TypeError, ValueError, AttributeError):  # a value that TOML cannot represent
         text = tomli_w.dumps(record)
     data = torn(text, draw) if draw.random() < 0.2 else text.encode(errors="replace")
     cam = draw.choice((POLYDYNE, POLYDYNE, "trapezoid", "exponent"))
@@ -70,7 +71,7 @@ def scene_case(draw: Random, seed: int) -> Case:
 
 
 def cam_case(draw: Random, seed: int) -> Case:
-    """A family with parameters at their ends, misspelt or doubled."""
+    """A family with extreme, misspelt or repeated parameters."""
     family = draw.choice(("polydyne", "exponent", "kurz", "trapezoid", "multi-pol", "new-design", "poly", ""))
     names = (
         "exponents",
@@ -94,7 +95,7 @@ def _end(draw: Random, ends: tuple[str, ...]) -> str:
 
 
 def table_case(draw: Random, seed: int) -> Case:
-    """A measured table with what measuring and copying do to tables."""
+    """A measured table with typical faults of measuring and copying."""
     step = draw.choice((0.5, 1.0, 2.0))
     angle = np.arange(-90, 90 + step / 2, step) + draw.choice((0, 0, 200, 1e6))
     lift = 9.0 * np.cos(np.clip((angle - angle.mean()) / 72 * np.pi / 2, -np.pi / 2, np.pi / 2)) ** 2
@@ -145,7 +146,7 @@ def design_case(draw: Random, seed: int) -> Case:
 
 
 def limit_case(draw: Random, seed: int) -> Case:
-    """A family's member under limits of any size, most of which contradict each other."""
+    """A member of a family under limits of any size, most of which are contradictory."""
     record = json.loads(json.dumps(record_of(draw.choice(("kodama", "motori-1", "pushrod-5mass")))))
     design = record["design"]
     keys = [key for key, value in design.items() if isinstance(value, float) and not isinstance(value, bool)]
@@ -156,7 +157,7 @@ def limit_case(draw: Random, seed: int) -> Case:
 
 
 def law_case(draw: Random, seed: int) -> Case:
-    """A design file of pieces that join, and make a law that may be no cam: flat, upside down, or without ramps."""
+    """A design file with continuous pieces whose lift law may not be a cam: flat, negative, or without ramps."""
     half = 10.0 ** draw.uniform(-5.0, 2.2)
     lift, base = draw.choice((0.0, 9.0, -9.0, 1e-6, 1e6)), draw.choice((0.0, 0.0, 0.0, 3.0, -3.0))
     bump = np.polynomial.Polynomial([lift, 0.0, -2 * lift / half**2, 0.0, lift / half**4])
@@ -179,7 +180,7 @@ def law_case(draw: Random, seed: int) -> Case:
 
 
 def plan_case(draw: Random, seed: int) -> Case:
-    """A sweep's plan with faults, over a store that is new, foreign or torn."""
+    """A sweep's plan with faults, with a store that is new, foreign or damaged."""
     plan = {
         "format": 1,
         "verb": draw.choice(("rehearse", "settled", "simulate", "yield")),
@@ -202,7 +203,7 @@ def plan_case(draw: Random, seed: int) -> Case:
 
 
 def command_case(draw: Random, seed: int) -> Case:
-    """A command line of words that may belong together, with values that may not be meant."""
+    """A command line of random words and options with random values."""
     scene = draw.choice((*SCENES, "none", "..", "", "/dev/null", "scene.toml", *TEXTS[:12]))
     numbers = [str(n) for n in NUMBERS] + ["9" * 5000, "1:2:3", "1:1e308:1e-308", "5000,,", "1e-400", "0x10", "٣"]
     options = (
@@ -215,14 +216,14 @@ def command_case(draw: Random, seed: int) -> Case:
     given = (*numbers, *TEXTS[:12], "polydyne", "event", "6000", "draft", "x.svg")
     for _ in range(draw.randrange(6)):
         words += [draw.choice(options), draw.choice(given)]
-    if words[0] in ("yield", "verify"):  # long where all is right: one thing is not
+    if words[0] in ("yield", "verify"):  # without a fault these would take long, so one is added
         words += ["--speeds", draw.choice(("-1", "0", "nan", "5000:4000:10", "1:1e15:1e-12"))]
     return Case("command", seed, [w for w in words if "\0" not in w])
 
 
 def folder_case(draw: Random, seed: int) -> Case:
-    """A folder or store of an earlier run with one file torn, edited or gone."""
-    files = {p.relative_to(EARLIER).as_posix(): p.read_bytes() for p in sorted(EARLIER.rglob("*")) if p.is_file()}
+    """A folder or store of an earlier run with one file damaged, edited or missing."""
+    files = contents(EARLIER)
     words = draw.choice(
         (
             ["cam", "motori-1", "--cam", "run", "--csv", "lift.csv"],
@@ -255,11 +256,11 @@ KINDS: dict[str, tuple[Callable[[Random, int], Case], int]] = {
     "folder": (folder_case, 1),
     "command": (command_case, 13),
 }
-"""What draws a case of each kind, and how often it is asked."""
+"""The function that draws a case of each kind, and its relative frequency."""
 
 
 def drawn(seed: int) -> Case:
-    """The case of a number: the same one on every machine."""
+    """The case with a number, the same on every machine."""
     draw = Random(seed)
     (case, _) = draw.choices(list(KINDS.values()), [weight for _, weight in KINDS.values()])[0]
     return case(draw, seed)

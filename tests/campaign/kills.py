@@ -1,4 +1,4 @@
-"""SIGKILL at random instants: nothing is torn, and the run that goes on ends as the one that nobody stopped."""
+"""SIGKILL at random instants: no file is damaged, and the resumed run ends like an uninterrupted one."""
 
 import csv
 import hashlib
@@ -18,13 +18,13 @@ from typing import Any
 from tests.tasks.tasks_of_tests import opened
 
 UNLIKE = {"seconds", "stages", "started_utc", "finished_utc", "times", "cpu_s", "clock_s", "peak_memory_MB"}
-"""Keys that tell when and how long: they differ from run to run."""
+"""Keys with times and costs, which differ from run to run."""
 PLAN = 'format = 1\nverb = "settled"\nscenes = ["motori-1"]\ncams = ["polydyne"]\nspeeds_rpm = [3000, 4000, 5000]\n'
 
 
 @dataclass(frozen=True)
 class Killed:
-    """A command that writes: its words, the option that resumes it, and the files that must come out the same."""
+    """A command that writes files: its words, the option that resumes it, and the files that must be the same."""
 
     words: tuple[str, ...]
     resume: tuple[str, ...]
@@ -50,14 +50,14 @@ COMMANDS = {
 
 
 def timeless(data: Any) -> Any:
-    """Nested data without what tells times."""
+    """Nested data without times and costs."""
     if isinstance(data, dict):
         return {k: timeless(v) for k, v in data.items() if k not in UNLIKE}
     return [timeless(v) for v in data] if isinstance(data, list) else data
 
 
 def digest(path: Path) -> str:
-    """What a file says, but for times: SHA-256 of its data."""
+    """SHA-256 of the data of a file without times."""
     if path.suffix == ".sqlite":
         with opened(path) as db:
             data: Any = db.execute("SELECT key, number, state, outcome FROM row ORDER BY key").fetchall()
@@ -85,27 +85,27 @@ READERS: dict[str, Callable[[Path], Any]] = {
 
 
 def torn(folder: Path) -> list[str]:
-    """Files that no longer read as what they are; a log's last line may be cut off, since resuming mends it."""
-    found = []
+    """Files that cannot be parsed any more; the last line of a log may be cut off, since resuming repairs it."""
+    faults = []
     for path in folder.rglob("*"):
         if path.name.startswith(".camopt-") or path.suffix not in READERS:
             continue
         try:
             READERS[path.suffix](path)
         except Exception as error:
-            found.append(f"{path.name}: {error}")
-    return found
+            faults.append(f"{path.name}: {error}")
+    return faults
 
 
 def start(words: tuple[str, ...], folder: Path) -> subprocess.Popen:
-    """camopt in a group of its own, so that its workers die with it."""
+    """Starts camopt in its own process group, so that its workers are killed with it."""
     command = [sys.executable, "-m", "camopt", *words, "--quiet"]
     pipe = subprocess.PIPE
     return subprocess.Popen(command, cwd=folder, start_new_session=True, stdout=pipe, stderr=pipe, text=True)
 
 
 def ended(words: tuple[str, ...], folder: Path) -> tuple[int, str, float]:
-    """Exit code, words and seconds of an undisturbed command."""
+    """Exit code, output and seconds of an uninterrupted command."""
     begin = time.monotonic()
     process = start(words, folder)
     out, err = process.communicate()
@@ -113,9 +113,9 @@ def ended(words: tuple[str, ...], folder: Path) -> tuple[int, str, float]:
 
 
 def killings(name: str, folder: Path, kills: int, seed: int = 0) -> Iterator[dict]:
-    """Kills a command so many times, each in a folder of its own, goes on, and says what was wrong ("" where nothing).
+    """Starts a command `kills` times, each time in a new folder, kills and resumes it, and yields its fault or "".
 
-    Every third run is killed once more while it goes on.
+    Every third run is killed a second time after it has been resumed.
     """
     command, draw = COMMANDS[name], Random(seed)
     whole = _folder(folder / f"{name}-whole")
@@ -145,7 +145,7 @@ def _folder(path: Path) -> Path:
 
 
 def _resumed(words: tuple[str, ...], folder: Path, expected: int, truth: dict[str, str]) -> str:
-    """What is wrong with a run that goes on to its end."""
+    """The fault of a run that is resumed and runs to its end, or "" for none."""
     code, said, _ = ended(words, folder)
     if "finished" in said and code == 2:  # it was killed after its last file
         code = expected

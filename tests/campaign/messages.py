@@ -1,4 +1,4 @@
-"""Hostile messages to the designer's server by number: each must get 200 or a 4xx with a sentence, and no traceback."""
+"""Numbered hostile messages to the designer's server: each must get status 200 or 4xx, a sentence and no traceback."""
 
 import http.client
 import json
@@ -24,7 +24,7 @@ KINDS = ("start", "answer", "save", "cancel", "verification")
 
 
 def drawn(seed: int, own: dict[str, Any]) -> bytes:
-    """The body of a message: broken JSON, or a message with some of its parts hostile; `own` are the scene's values."""
+    """The body of a message: invalid JSON, or a message with some hostile parts; `own` are the scene's values."""
     draw = Random(seed)
     if draw.random() < 0.1:
         return draw.choice(BODIES)
@@ -43,7 +43,7 @@ def drawn(seed: int, own: dict[str, Any]) -> bytes:
 
 @contextmanager
 def served(scene: Scene, folder: Path) -> Iterator[DesignServer]:
-    """A designer of a scene in a thread, which saves into a folder."""
+    """A designer server for a scene, in a thread, which saves into a folder."""
     requests = RequestHandler(Session(scene), folder)
     with DesignServer(requests) as server:
         thread = threading.Thread(target=server.serve_forever)
@@ -57,7 +57,7 @@ def served(scene: Scene, folder: Path) -> Iterator[DesignServer]:
 
 
 def answered(server: DesignServer, seed: int) -> dict[str, Any]:
-    """What a message got: how it ended, and what is wrong with the answer, "" for nothing."""
+    """The outcome of a message: its status, and the fault of the answer, "" for none."""
     body = drawn(seed, server.requests.session.values())
     begun = time.process_time()
     connection = http.client.HTTPConnection(HOST, server.port, timeout=10 * SECONDS)
@@ -74,7 +74,7 @@ def answered(server: DesignServer, seed: int) -> dict[str, Any]:
 
 
 def wrong_with(status: int, text: str) -> str:
-    """Why this is no answer; empty where it is one."""
+    """The fault of an answer, or "" if it is valid."""
     if status != 200 and not 400 <= status < 500:
         return f"status {status}"
     try:
@@ -88,7 +88,7 @@ def wrong_with(status: int, text: str) -> str:
 
 
 def outcomes(seeds: range) -> Iterator[dict[str, Any]]:
-    """Outcomes of the messages of these numbers to one server, as they come."""
+    """Outcomes of the messages with these numbers, sent to one server one after another."""
     with tempfile.TemporaryDirectory() as folder, served(load_scene(SCENE), Path(folder)) as server:
         for seed in seeds:
             yield answered(server, seed)

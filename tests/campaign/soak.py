@@ -1,4 +1,4 @@
-"""Many verdicts in one process: memory, threads and open files stay where they were."""
+"""Many verdicts in one process: memory, threads and open files do not grow."""
 
 import contextlib
 import ctypes
@@ -16,17 +16,17 @@ from camopt.verifier.verdict import verdict_on
 
 
 def usage() -> dict[str, float]:
-    """What this process holds: resident memory [MB], threads, open files. What the allocator keeps of memory that was
-    freed, which comes and goes with the order of requests, is given back first."""
+    """Resources of this process: resident memory [MB], threads, open files. Freed memory that the allocator keeps,
+    whose amount depends on the order of requests, is first returned to the system."""
     gc.collect()
-    with contextlib.suppress(AttributeError, OSError):  # glibc alone has it
+    with contextlib.suppress(AttributeError, OSError):  # only glibc has it
         ctypes.CDLL(None).malloc_trim(0)
     resident = int(Path("/proc/self/statm").read_text().split()[1]) * os.sysconf("SC_PAGESIZE")
     return {"memory_MB": resident / 1e6, "threads": threading.active_count(), "files": len(os.listdir("/proc/self/fd"))}
 
 
 def soaked(verdicts: int, every: int) -> Iterator[dict]:
-    """What the process holds each time that so `many` verdicts more were given, each of another train and speed."""
+    """Resources of the process after every `every` verdicts, each of which has a different train and speed."""
     scene = camopt.load_scene("motori-1")
     cam = camopt.polydyne(scene)
     draw, preload = np.random.default_rng(0), Tied("preload", tuple(matching(scene, "spring.preload_N")))
@@ -39,5 +39,5 @@ def soaked(verdicts: int, every: int) -> Iterator[dict]:
 
 
 def grown(before: dict, after: dict) -> bool:
-    """Whether a process holds more threads or files than before, or a tenth more memory."""
+    """Whether a process has more threads or files than before, or over a tenth more memory."""
     return any(after[key] > before[key] * (1.1 if key == "memory_MB" else 1) for key in usage())

@@ -1,4 +1,4 @@
-"""Commands that lack what they take for granted: room on the disk, rights, a home, a reader, a folder that stays."""
+"""Helpers to run commands without disk space, access rights or a home folder."""
 
 import os
 import subprocess
@@ -11,7 +11,7 @@ QUICK = ("cam", "kodama", "--cam", "polydyne")
 
 
 def camopt(*words: str, through: tuple[str, ...] = (), **options) -> subprocess.CompletedProcess:
-    """One command in a process of its own, behind the words `through`."""
+    """One command in a new process, started through the command prefix `through`."""
     command = [*through, sys.executable, "-m", "camopt", *words]
     return subprocess.run(command, capture_output=True, text=True, timeout=120, errors="replace", **options)
 
@@ -40,10 +40,10 @@ def mounted(folder: Path, options: str) -> Iterator[Path]:
 
 
 LEAST_FILES = ("bash", "-c", "trap '' XFSZ; ulimit -f 4; exec \"$@\"", "camopt")
-"""Words before a command that limit its files to 4 kB each."""
+"""A command prefix that limits the size of files to 4 kB."""
 
 
 def bare(**further: str) -> dict[str, str]:
-    """An environment with a path and nothing else, and what is given."""
+    """An environment with the search paths only, and the given variables."""
     known = {key: os.environ[key] for key in ("PATH", "PYTHONPATH", "LD_LIBRARY_PATH") if key in os.environ}
     return known | further

@@ -1,4 +1,4 @@
-"""The campaign at a small size; its full size is `python -m tests.campaign inputs --cases 100000` and `kills`."""
+"""The robustness tests at a small size; `python -m tests.campaign inputs --cases 100000` and `kills` run more cases."""
 
 import os
 import shutil
@@ -19,23 +19,23 @@ from tests.campaign.soak import grown, soaked
 from tests.campaign.starved import LEAST_FILES, QUICK, bare, camopt, mounted, refused
 
 LONG = pytest.mark.long
-"""For further rows of a table: a command starts in a second or more."""
+"""Mark for additional parameters, since each command takes a second or more to start."""
 
 
 class TestInputs:
-    def test_every_kind_is_drawn_and_a_number_is_a_case(self):
+    def test_every_kind_is_drawn_and_cases_are_reproducible(self):
         cases = [drawn(seed) for seed in range(300)]
         assert {case.kind for case in cases} == set(KINDS)
         assert cases == [drawn(seed) for seed in range(300)]
 
-    def test_a_sample_ends_in_a_sentence(self):
-        found = outcomes(range(80), workers=2)  # in processes of their own, whose limit slows the clock
-        assert {one["kind"] for one in found} >= {"scene", "cam", "table", "design", "command"}
-        assert not [one for one in found if one["wrong"]]
+    def test_a_sample_has_no_fault(self):
+        cases = outcomes(range(80), workers=2)  # a limit on processor time slows a process's clock
+        assert {case["kind"] for case in cases} >= {"scene", "cam", "table", "design", "command"}
+        assert not [case for case in cases if case["wrong"]]
 
-    def test_a_case_that_takes_too_long_or_too_much_ends_or_is_wrong(self):
-        """Where its processor time is spent the process ends, and of one that holds much memory it is said. A process
-        with a limit on processor time has a clock of coarse ticks: no test shares it."""
+    def test_excessive_time_or_memory_is_detected(self):
+        """A process that exceeds its processor time is ended, and one that uses too much memory is reported. A process
+        with a limit on processor time has a clock with coarse ticks, so no other test runs in it."""
         code = "from tests.campaign import fuzz\nfuzz.SECONDS = 0.0\nfuzz.answer(0)\nwhile True: pass"
         assert subprocess.run([sys.executable, "-c", code], timeout=60).returncode == -signal.SIGXCPU
         code = "from tests.campaign import fuzz\nfuzz.BYTES = 1\nassert fuzz.answer(0)['wrong'] == 'over 2 GB'"
@@ -53,19 +53,16 @@ class TestInputs:
             (2, "x" * 5000, "a line that nobody reads"),
         ],
     )
-    def test_what_counts_as_wrong(self, code, said, wrong):
+    def test_faults_are_detected(self, code, said, wrong):
         assert verdict(code, said) == wrong
 
 
 class TestMessages:
-    def test_every_message_to_the_designer_is_answered(self):
-        found = list(messages.outcomes(range(60)))
-        assert {"status 200", "status 400"} <= {one["ended"] for one in found}
-        assert not [one for one in found if one["wrong"]]
-
-    @LONG
-    def test_many_messages_to_the_designer_are_answered(self):
-        assert not [one for one in messages.outcomes(range(1000, 2500)) if one["wrong"]]
+    @pytest.mark.parametrize("seeds", [range(60), pytest.param(range(1000, 2500), marks=LONG)])
+    def test_every_message_to_the_designer_is_answered(self, seeds):
+        answers = list(messages.outcomes(seeds))
+        assert {"status 200", "status 400"} <= {answer["ended"] for answer in answers}
+        assert not [answer for answer in answers if answer["wrong"]]
 
     @pytest.mark.parametrize(
         ("status", "text", "wrong"),
@@ -77,39 +74,33 @@ class TestMessages:
             (200, "<html>", "no JSON"),
         ],
     )
-    def test_what_counts_as_wrong(self, status, text, wrong):
+    def test_faults_are_detected(self, status, text, wrong):
         assert messages.wrong_with(status, text) == wrong
 
 
 class TestKills:
-    @pytest.mark.parametrize("name", ["cam", pytest.param("sweep", marks=LONG)])
-    def test_a_killed_command_goes_on(self, tmp_path, name):
-        assert [found["wrong"] for found in killings(name, tmp_path, 1)] == [""]
+    @pytest.mark.parametrize(("name", "kills"), [("cam", 1), *(pytest.param(n, 5, marks=LONG) for n in COMMANDS)])
+    def test_a_killed_command_is_resumed(self, tmp_path, name, kills):
+        assert [kill["wrong"] for kill in killings(name, tmp_path, kills)] == [""] * kills
 
-    @LONG
-    @pytest.mark.parametrize("name", COMMANDS)
-    def test_every_command_that_writes(self, tmp_path, name):
-        found = list(killings(name, tmp_path, 5))
-        assert not [kill for kill in found if kill["wrong"]]
-
-    def test_what_is_torn_is_seen(self, tmp_path):
+    def test_damaged_files_are_detected(self, tmp_path):
         for name, text in {"a.json": '{"x": 1', "b.toml": "x = ", "c.svg": "<svg>", "d.json": "{}"}.items():
             (tmp_path / name).write_text(text)
         assert sorted(said.partition(":")[0] for said in torn(tmp_path)) == ["a.json", "b.toml", "c.svg"]
 
-    def test_times_are_no_difference(self, tmp_path):
+    def test_times_are_ignored_in_comparisons(self, tmp_path):
         for name, seconds in {"a.json": 1, "b.json": 2}.items():
             (tmp_path / name).write_text(f'{{"area": 1, "rows": [{{"seconds": {seconds}}}]}}')
         assert digest(tmp_path / "a.json") == digest(tmp_path / "b.json")
 
 
 class TestSoak:
-    def test_verdicts_leave_nothing_behind(self):
-        begin, end = soaked(2 * KEPT, KEPT)  # by then the tables of as many trains are kept as ever are
+    def test_verdicts_do_not_leak_resources(self):
+        begin, end = soaked(2 * KEPT, KEPT)  # by then the cache of tables has its largest number of trains
         assert not grown(begin, end), (begin, end)
 
     @pytest.mark.parametrize("key", ["memory_MB", "threads", "files"])
-    def test_growth_is_noticed(self, key):
+    def test_growth_is_detected(self, key):
         held = {"memory_MB": 500.0, "threads": 3, "files": 9}
         assert not grown(held, held) and grown(held, held | {key: held[key] * 2})
 
@@ -159,7 +150,7 @@ class TestStarved:
         assert refused(again)
 
     @pytest.mark.parametrize("ending", [">&-", "2>&-", "<&-", ">&- 2>&-", "| head -c 1", ">/dev/full"])
-    def test_nobody_reads(self, ending):
+    def test_closed_input_and_output(self, ending):
         line = f"'{sys.executable}' -m camopt scenes kodama {ending}"
         done = subprocess.run(["bash", "-c", line], capture_output=True, text=True, timeout=60)
         assert "Traceback" not in done.stderr and "a defect" not in done.stderr

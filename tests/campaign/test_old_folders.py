@@ -1,35 +1,27 @@
-"""Run folders and stores of released versions, kept as they were written: read, or refused with a sentence."""
+"""Stored run folders and stores of released versions are read, or refused with a sentence."""
 
-import hashlib
 import json
 import shutil
 from pathlib import Path
 
 import pytest
 
-from tests.test_cli import run
+from tests.command_line import contents, refused, run
 
 KEPT = sorted((Path(__file__).parents[1] / "data").glob("version-*"))
 
 
 @pytest.fixture(params=KEPT, ids=lambda path: path.name)
 def old(request, tmp_path) -> Path:
-    """A copy of what a version left, which commands may write to."""
+    """A copy of the output of a version, to which commands may write."""
     return Path(shutil.copytree(request.param, tmp_path / "old"))
 
 
-def contents(folder: Path) -> dict[str, str]:
-    """SHA-256 of every file."""
-    return {
-        str(p.relative_to(folder)): hashlib.sha256(p.read_bytes()).hexdigest() for p in folder.rglob("*") if p.is_file()
-    }
-
-
-def test_there_are_some():
+def test_stored_folders_exist():
     assert KEPT
 
 
-def test_a_design_is_the_cam_that_it_was(old, capsys):
+def test_a_stored_design_is_read_as_the_same_cam(old, capsys):
     known = json.loads((old / "run" / "design.json").read_text(encoding="utf-8"))
     code, out, err = run(capsys, "cam", "motori-1", "--cam", str(old / "run"), "--csv", str(old / "lift.csv"))
     assert code == 0, err
@@ -46,7 +38,7 @@ def test_a_design_is_the_cam_that_it_was(old, capsys):
     ],
     ids=["run", "yield", "sweep"],
 )
-def test_going_on_is_done_or_refused_without_a_change(old, capsys, monkeypatch, words, where):
+def test_a_stored_run_is_resumed_or_refused_without_a_change(old, capsys, monkeypatch, words, where):
     monkeypatch.chdir(old)
     before = contents(old)
     code, _, err = run(capsys, *words, "--quiet")
@@ -56,10 +48,9 @@ def test_going_on_is_done_or_refused_without_a_change(old, capsys, monkeypatch, 
         assert contents(old) == before
 
 
-def test_a_changed_file_of_an_old_folder_is_noticed(old, capsys):
+def test_a_changed_file_of_a_stored_folder_is_detected(old, capsys):
     design = old / "run" / "design.json"
     record = json.loads(design.read_text(encoding="utf-8"))
     record["pieces"]["coefficients_mm"][5][-1] = "x"
     design.write_text(json.dumps(record), encoding="utf-8")
-    code, _, err = run(capsys, "cam", "motori-1", "--cam", str(old / "run"))
-    assert code == 2 and "design.json" in err
+    assert "design.json" in refused(capsys, "cam", "motori-1", "--cam", str(old / "run"))

@@ -1,4 +1,4 @@
-"""Values that nobody gives on purpose, and how records and texts are spoiled with them."""
+"""Extreme and invalid values, and functions that put them into records and texts."""
 
 from copy import deepcopy
 from random import Random
@@ -17,7 +17,7 @@ FACTORS = (0.0, -1.0, 1e-12, 1e-6, 1e-3, 0.1, 0.5, 0.9, 1.1, 2.0, 10.0, 1e3, 1e6
 
 
 def hostile(draw: Random) -> Any:
-    """A number, a text or a nest of them."""
+    """A number, a text, or a nested list or dictionary of them."""
     return draw.choice(
         (
             lambda: draw.choice(NUMBERS),
@@ -37,7 +37,7 @@ def places(record: Any, at: tuple = ()) -> list[tuple]:
 
 
 def spoiled(record: dict, draw: Random, most: int = 3) -> dict:
-    """A copy of a record with one to `most` faults: a value replaced, scaled, removed, doubled, renamed or moved."""
+    """A copy of a record with one to `most` faults: a value replaced, scaled, removed, repeated or renamed."""
     record = deepcopy(record)
     for _ in range(draw.randint(1, most)):
         paths = places(record)
@@ -72,7 +72,7 @@ def _spoil(holder: Any, key: Any, draw: Random) -> None:
 
 
 def torn(text: str | bytes, draw: Random) -> bytes:
-    """The bytes of a text, cut, doubled, or with some bytes changed."""
+    """The bytes of a text, cut off, partly repeated, or with some bytes inserted or changed."""
     data = bytearray(text if isinstance(text, bytes) else text.encode())
     kind = draw.randrange(4)
     at = draw.randrange(len(data) + 1)

@@ -1,1 +1,1 @@
-"""Mutation testing: faults drawn into the sources one at a time, and whether a test notices."""
+"""Mutation testing: random faults are put into the sources one at a time, and tests have to detect them."""

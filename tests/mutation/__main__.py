@@ -1,10 +1,10 @@
-"""Tries drawn mutants and prints how many were caught; it goes on where its journal stops.
+"""Tries random mutants and prints how many were caught; an existing journal is continued.
 
 `python -m tests.mutation --mutants 500 --journal mutants.jsonl` needs the extra `mutation`. The order is drawn from the
-seed, so that more mutants are the same ones and further ones. `--minutes` ends it earlier, `--again` asks those that
-survived once more, and `--survivors` tries those alone whose reasons are kept (`survivors.toml`). Which lines each test
-runs is found first and kept beside the journal (`mutants.map.jsonl`): remove that file after a change of tests or
-sources. `--store` writes what came of them (`tests.mutation.summary`).
+seed, so that a larger number includes the smaller one. `--minutes` limits the time, `--again` repeats the mutants that
+survived, and `--survivors` only tries those with a stored reason (`survivors.toml`). The lines that each test runs are
+determined first and stored beside the journal (`mutants.map.jsonl`): remove that file after a change of tests or
+sources. `--store` writes a summary of the outcomes (`tests.mutation.summary`).
 """
 
 import argparse
@@ -25,7 +25,7 @@ from tests.mutation.trial import copied, outcome, prepared, warmed, watched
 
 
 def main() -> int:
-    """0 where at least 95 in 100 of those that can be caught were caught, and for known survivors, else 3."""
+    """Exit code: 0 if at least 95 % of the mutants that are not equivalent were caught or for --survivors, else 3."""
     ask = argparse.ArgumentParser(prog="python -m tests.mutation", description=__doc__)
     ask.add_argument("--mutants", type=int, default=500)
     ask.add_argument("--seed", type=int, default=0)
@@ -50,13 +50,13 @@ def main() -> int:
 
 
 def rows(journal: Path) -> dict[str, dict]:
-    """What a journal says so far, by mutant: the last word counts."""
+    """The rows of a journal by mutant; the last row of a mutant is used."""
     lines = journal.read_text(encoding="utf-8").splitlines() if journal.exists() else []
     return {row["mutant"]: row for row in map(json.loads, lines)}
 
 
 def tried(journal: Path, drawn: list[Mutant], end: float, again: bool) -> None:
-    """Tries mutants that the journal lacks, until it has them or the clock [s] says `end`."""
+    """Tries the mutants that are not in the journal, until all are tried or the monotonic clock reaches `end` [s]."""
     known = {key for key, row in rows(journal).items() if not (again and row["outcome"] == "survived")}
     with tempfile.TemporaryDirectory() as folder, journal.open("a", encoding="utf-8") as lines:
         copy = copied(Path(folder))
@@ -69,7 +69,7 @@ def tried(journal: Path, drawn: list[Mutant], end: float, again: bool) -> None:
 
 
 def row(mutant: Mutant, choice: Choice, copy: Path) -> dict:
-    """What came of one mutant: its outcome, processor time [s] of the trial, and the lines that differ."""
+    """The journal row of one mutant: its outcome, processor time [s] of the trial, and the lines that differ."""
     changed = mutant.text()
     said, lines = difference(mutant, changed)
     found, spent = outcome(mutant.file, changed, choice.stages(mutant.file, lines), copy)

@@ -1,4 +1,4 @@
-"""Which tests a mutant is asked: those that run its line, the quickest first, as a map that is made once says."""
+"""Selection of the tests for a mutant: those that run its line, the quickest first, from a map that is made once."""
 
 import ast
 import json
@@ -10,25 +10,25 @@ from pathlib import Path
 from tests.mutation.mutants import ROOT
 
 SECONDS = 60.0
-"""Processor time that the tests of one mutant may take while it is watched what they run, in which they are slower."""
+"""Limit on the summed processor time of the tests of one mutant [s], as measured with coverage, which slows them."""
 DIGITS = "tests/test_kept_digits.py"
 COMPILED = ("camopt/exact/", "camopt/verifier/methods/", "camopt/measure/cubics.py")
-"""Files whose constants are compiled into programs: what runs on import is tried as plain Python only."""
+"""Files whose constants are compiled into programs: their import-time code is only tried as plain Python."""
 FOLDERS = ("tests/measure", "tests/optimizer", "tests/verifier", "tests/exact", "tests/study")
 
 
 @dataclass(frozen=True)
 class Timed:
-    """A test and its processor time [s] without a fault."""
+    """A test and its processor time [s] in the unchanged sources."""
 
     name: str
     seconds: float
 
 
 class Choice:
-    """The tests that run a line: first figures that are kept, as plain Python, then the tests that name the module,
-    then the others of its folder. Files of tests are `watched(file, plain)` when they are first needed, and what is
-    found is kept in a file of JSON lines."""
+    """The tests that run a line: first the stored results of small motions, as plain Python, then the tests that name
+    the module, then the others of its folder. The lines that a test file runs are determined by `watched(file, plain)`
+    when they are first needed, and stored in a file of JSON lines."""
 
     def __init__(self, file: Path, watched: Callable[[str, bool], dict[str, dict]]):
         self.file, self.watched = file, watched
@@ -36,7 +36,7 @@ class Choice:
         self.known = {(row["file"], row["plain"]): row["tests"] for row in rows}
 
     def stages(self, source: str, lines: range) -> Iterator[tuple[bool, list[Timed]]]:
-        """(whether as plain Python, tests) in the order in which they are asked."""
+        """(whether as plain Python, tests) in the order in which they are run."""
         asked = statement(ROOT / source, lines)
         yield True, self.running([DIGITS], True, source, asked)
         if source.startswith(COMPILED) and on_import(ROOT / source, lines):
@@ -45,7 +45,7 @@ class Choice:
             yield False, self.running(files, False, source, asked)
 
     def running(self, files: list[str], plain: bool, source: str, lines: range) -> list[Timed]:
-        """The tests of files that run any of the lines, or any line where these only run on import."""
+        """The tests of files that run one of the lines; for import-time lines, any line of the source."""
         whole, found = on_import(ROOT / source, lines), []
         for file in files:
             for name, one in self._tests(file, plain).items():
@@ -64,14 +64,14 @@ class Choice:
 
 
 def within(seconds: float, tests: list[Timed]) -> list[Timed]:
-    """The first of the tests, at least one, that take no longer together."""
-    found, spent = [], 0.0
+    """The first tests, at least one, whose summed time is within the limit."""
+    chosen, spent = [], 0.0
     for test in tests:
         spent += test.seconds
-        if spent > seconds and found:
+        if spent > seconds and chosen:
             break
-        found.append(test)
-    return found
+        chosen.append(test)
+    return chosen
 
 
 def tests_of(source: str) -> tuple[list[str], list[str]]:
@@ -85,20 +85,20 @@ def tests_of(source: str) -> tuple[list[str], list[str]]:
 
 
 def statement(path: Path, lines: range) -> range:
-    """The lines of the smallest statement that has these; of one with a body, its head."""
+    """The lines of the smallest statement that contains these lines; for a compound statement, its head."""
     spans = [span for span, _ in _statements(path) if span.start <= lines.start and lines.stop <= span.stop]
     return min(spans, key=len, default=lines)
 
 
 def on_import(path: Path, lines: range) -> bool:
-    """Whether lines stand in no function, so that they run when the module is imported."""
+    """Whether lines are outside of functions, so that they run when the module is imported."""
     spans = [(span, inside) for span, inside in _statements(path) if lines.start in span]
     return not min(spans, key=lambda one: len(one[0]), default=(lines, False))[1]
 
 
 @cache
 def _statements(path: Path) -> list[tuple[range, bool]]:
-    """(lines of a statement, whether it stands in a function); of one with a body, the head."""
+    """(lines of a statement, whether it is inside a function); for a compound statement, its head."""
     found: list[tuple[range, bool]] = []
 
     def walk(node: ast.AST, inside: bool) -> None:

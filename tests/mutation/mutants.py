@@ -1,4 +1,4 @@
-"""Mutants drawn from a seed: Cosmic Ray's operators at every place of the files that they can change."""
+"""Mutants in an order drawn from a seed: Cosmic Ray's operators at every applicable place of the files."""
 
 import difflib
 from dataclasses import asdict, dataclass
@@ -12,8 +12,8 @@ from cosmic_ray.operators.provider import OperatorProvider
 ROOT = Path(__file__).parents[2]
 MUTATED = ("exact", "measure", "verifier", "optimizer/program")
 LEFT_OUT = ("VariableReplacer", "VariableInserter", "RemoveDecorator", "Bit", "Shift")
-"""Operators that need arguments, one that here removes `compiled`, which changes no result, and those from or to bits:
-floats have none, so that every test would catch them, and annotations have `|`, where it is no fault."""
+"""Excluded operators: those that need arguments; the one that would remove `compiled`, which changes no result; and
+bitwise ones, which fail on floats in every test, and which change `|` in annotations, where it is not a fault."""
 OPERATORS = {n: OperatorProvider()[n]() for n in OperatorProvider() if not any(part in n for part in LEFT_OUT)}
 
 
@@ -27,7 +27,7 @@ class Mutant:
 
     @property
     def key(self) -> str:
-        """What names it in a journal."""
+        """The name of the mutant in a journal."""
         return "{file}:{operator}:{occurrence}".format(**asdict(self))
 
     def text(self) -> str:
@@ -40,15 +40,15 @@ class Mutant:
 
 
 def mutants(seed: int) -> list[Mutant]:
-    """All of them in an order that the seed draws."""
-    found = []
+    """All mutants, in a random order from the seed."""
+    drawn = []
     for folder in MUTATED:
         for path in sorted((ROOT / "camopt" / folder).rglob("*.py")):
             file, nodes = path.relative_to(ROOT).as_posix(), list(ast_nodes(get_ast(path.read_text(encoding="utf-8"))))
             for name in OPERATORS:
-                found += [Mutant(file, name, i) for i in range(len(_lines(nodes, name)))]
-    Random(seed).shuffle(found)
-    return found
+                drawn += [Mutant(file, name, i) for i in range(len(_lines(nodes, name)))]
+    Random(seed).shuffle(drawn)
+    return drawn
 
 
 def _lines(nodes: list, operator: str) -> list[int]:
@@ -57,24 +57,24 @@ def _lines(nodes: list, operator: str) -> list[int]:
 
 
 def mutants_with(file: str, operator: str, change: str) -> list[Mutant]:
-    """The mutants of a file whose lines differ so, without their numbers: their occurrences move with other lines."""
+    """The mutants of a file with this difference, ignoring line numbers, which change with other edits of the file."""
     text = (ROOT / file).read_text(encoding="utf-8") if (ROOT / file).exists() else ""
     lost = {line[1:] for line in change.splitlines() if line.startswith("-")}
     at = {number for number, line in enumerate(text.splitlines(), 1) if line in lost}
-    found = [
+    places = [
         Mutant(file, operator, i) for i, k in enumerate(_lines(list(ast_nodes(get_ast(text))), operator)) if k in at
     ]
-    return [mutant for mutant in found if bare(difference(mutant, mutant.text())[0]) == bare(change)]
+    return [mutant for mutant in places if bare(difference(mutant, mutant.text())[0]) == bare(change)]
 
 
 def bare(change: str) -> str:
-    """The lines that differ without their numbers, which move."""
+    """A difference without its line numbers."""
     return "\n".join(line for line in change.splitlines() if line and not line.startswith("@@"))
 
 
 def difference(mutant: Mutant, changed: str) -> tuple[str, range]:
-    """The lines that differ, as a text and as numbers in the file without the fault."""
-    known = (ROOT / mutant.file).read_text(encoding="utf-8").splitlines()
-    lines = list(difflib.unified_diff(known, changed.splitlines(), n=0, lineterm=""))[2:]
+    """The difference as text, and the numbers of the changed lines in the original file."""
+    original = (ROOT / mutant.file).read_text(encoding="utf-8").splitlines()
+    lines = list(difflib.unified_diff(original, changed.splitlines(), n=0, lineterm=""))[2:]
     first, count = (int(q) for q in (lines[0].split()[1].removeprefix("-") + ",1").split(",")[:2])
     return "\n".join(lines), range(first, first + count)

@@ -1,4 +1,4 @@
-"""What came of the mutants that were tried, as it is stored: counts, and every survivor with its reason."""
+"""The stored summary of the tried mutants: counts, and every survivor with its reason."""
 
 import tomllib
 from collections import Counter
@@ -9,23 +9,23 @@ from tests.mutation.mutants import Mutant, bare, mutants_with
 
 STORED = Path(__file__).parents[1] / "data/mutants.json"
 REASONS = Path(__file__).parent / "survivors.toml"
-"""What is known of survivors: kind `equivalent`, the same behaviour, or `harmless`, another that no one would call
-wrong, with the reason. File, operator and the lines that differ name a mutant; where a file has these lines several
-times, `which` of them counts from 0."""
+"""The known survivors with their reasons. The kind is `equivalent` (the same behaviour) or `harmless` (a different but
+acceptable behaviour). A mutant is identified by file, operator and difference; if a file has the same lines several
+times, `which` is the number of the occurrence, from 0."""
 
 
 def reasons(file: Path = REASONS) -> dict[str, dict]:
-    """What is known of survivors, by the mutant's name in the sources as they are; of lines that are gone, nothing."""
-    found = {}
-    for one in tomllib.loads(file.read_text(encoding="utf-8")).get("survivor", []):
-        places, which = mutants_with(one["file"], one["operator"], one["difference"]), one.get("which", 0)
+    """The known survivors by the mutant's key in the current sources, without those whose lines no longer exist."""
+    survivors = {}
+    for entry in tomllib.loads(file.read_text(encoding="utf-8")).get("survivor", []):
+        places, which = mutants_with(entry["file"], entry["operator"], entry["difference"]), entry.get("which", 0)
         if which < len(places):
-            found[places[which].key] = one | {"mutant": places[which]}
-    return found
+            survivors[places[which].key] = entry | {"mutant": places[which]}
+    return survivors
 
 
 def summary(rows: dict[str, dict], drawn: Iterable[Mutant], seed: int, known: dict[str, dict]) -> dict:
-    """Counts of the drawn mutants that were tried, by folder too, and those that no test noticed."""
+    """Counts of the drawn mutants that were tried, in total and by folder, and the mutants that no test detected."""
     drawn = list(drawn)
     found = [rows[m.key] for m in drawn if m.key in rows]
     left = []
@@ -54,12 +54,12 @@ def summary(rows: dict[str, dict], drawn: Iterable[Mutant], seed: int, known: di
     }
 
 
-def table(found: dict) -> str:
-    """A summary as lines."""
+def table(content: dict) -> str:
+    """A summary as text."""
     lines = [
-        f"{folder:32s} {kind:10s} {n:4d}" for folder, kinds in found["folders"].items() for kind, n in kinds.items()
+        f"{folder:32s} {kind:10s} {n:4d}" for folder, kinds in content["folders"].items() for kind, n in kinds.items()
     ]
-    for one in found["survivors"]:
-        lines += [f"{one['mutant']}: {one['kind']} {one['reason']}".rstrip(), one["difference"]]
-    counts = f"{found['tried']} of {found['drawn']} mutants tried, {found['caught']} caught"
-    return "\n".join([*lines, f"{counts}, {found['equivalent']} equivalent, {found['seconds_mean']} s each"])
+    for survivor in content["survivors"]:
+        lines += [f"{survivor['mutant']}: {survivor['kind']} {survivor['reason']}".rstrip(), survivor["difference"]]
+    counts = f"{content['tried']} of {content['drawn']} mutants tried, {content['caught']} caught"
+    return "\n".join([*lines, f"{counts}, {content['equivalent']} equivalent, {content['seconds_mean']} s each"])

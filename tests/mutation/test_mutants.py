@@ -1,4 +1,4 @@
-"""The mutants are drawn as their seed says and each is a fault."""
+"""The order of the mutants follows from the seed, and every mutant is a fault."""
 
 from pathlib import Path
 
@@ -20,11 +20,11 @@ def small(tmp_path, monkeypatch) -> Path:
     return path
 
 
-def test_a_seed_draws_one_order_of_all_places(small):
-    found = drawing.mutants(0)
-    assert found == drawing.mutants(0) and len({m.key for m in found}) == len(found)
-    assert {m.file for m in found} == {"camopt/measure/a.py"}
-    assert sorted(m.key for m in found) == sorted(m.key for m in drawing.mutants(1))
+def test_the_order_of_all_places_follows_from_the_seed(small):
+    drawn = drawing.mutants(0)
+    assert drawn == drawing.mutants(0) and len({m.key for m in drawn}) == len(drawn)
+    assert {m.file for m in drawn} == {"camopt/measure/a.py"}
+    assert sorted(m.key for m in drawn) == sorted(m.key for m in drawing.mutants(1))
 
 
 def test_every_mutant_is_a_fault(small):
@@ -33,7 +33,7 @@ def test_every_mutant_is_a_fault(small):
     assert all("2 * x" not in text and "(x: int | None) -> int | None" in text for text in texts)
 
 
-def test_a_place_that_is_not_there_is_said(small):
+def test_a_missing_place_is_reported(small):
     with pytest.raises(ValueError, match="no such place"):
         Mutant("camopt/measure/a.py", "NumberReplacer", 99).text()
 

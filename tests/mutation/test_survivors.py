@@ -1,4 +1,4 @@
-"""The survivors whose reasons are kept still stand in the sources."""
+"""The survivors with stored reasons still exist in the sources."""
 
 import tomllib
 from pathlib import Path
@@ -9,15 +9,15 @@ ROOT = Path(__file__).parents[2]
 KNOWN = tomllib.loads(Path(__file__).with_name("survivors.toml").read_text(encoding="utf-8"))["survivor"]
 
 
-@pytest.mark.parametrize("one", KNOWN, ids=lambda one: f"{one['file']}:{one['operator']}")
-def test_its_lines_are_in_its_file(one):
-    lines = (ROOT / one["file"]).read_text(encoding="utf-8").splitlines()
-    lost = [line[1:] for line in one["difference"].splitlines() if line.startswith("-")]
+@pytest.mark.parametrize("survivor", KNOWN, ids=lambda survivor: f"{survivor['file']}:{survivor['operator']}")
+def test_the_lines_of_a_survivor_are_in_its_file(survivor):
+    lines = (ROOT / survivor["file"]).read_text(encoding="utf-8").splitlines()
+    lost = [line[1:] for line in survivor["difference"].splitlines() if line.startswith("-")]
     assert lost and all(line in lines for line in lost), "bring it to the line as it is now, or drop it"
-    assert one["kind"] in ("equivalent", "harmless") and one["reason"]
+    assert survivor["kind"] in ("equivalent", "harmless") and survivor["reason"]
 
 
-def test_a_known_place_is_found_whatever_stands_before_it(tmp_path, monkeypatch):
+def test_a_known_place_is_found_when_lines_before_it_change(tmp_path, monkeypatch):
     drawing = pytest.importorskip("tests.mutation.mutants", exc_type=ImportError)
     path = tmp_path / "camopt/measure/a.py"
     path.parent.mkdir(parents=True)
@@ -25,7 +25,7 @@ def test_a_known_place_is_found_whatever_stands_before_it(tmp_path, monkeypatch)
     monkeypatch.setattr(drawing, "ROOT", tmp_path)
     for before in ("", "LIMIT = 3 * 4\n\n\n"):
         path.write_text(f"{before}def f(x):\n    return 2 * x\n\n\ndef g(x):\n    return 2 * x\n")
-        found = drawing.mutants_with("camopt/measure/a.py", "ReplaceBinaryOperator_Mul_Add", change)
-        assert [one.occurrence for one in found] == ([1, 2] if before else [0, 1])
+        places = drawing.mutants_with("camopt/measure/a.py", "ReplaceBinaryOperator_Mul_Add", change)
+        assert [mutant.occurrence for mutant in places] == ([1, 2] if before else [0, 1])
     path.unlink()
     assert drawing.mutants_with("camopt/measure/a.py", "ReplaceBinaryOperator_Mul_Add", change) == []

@@ -1,4 +1,4 @@
-"""A mutant is asked the tests that run its line, and is caught where one of them fails."""
+"""A mutant is tried with the tests that run its line, and is caught if one of them fails."""
 
 import json
 from concurrent.futures import ProcessPoolExecutor
@@ -50,7 +50,7 @@ FILE = "camopt/measure/a.py"
 
 @pytest.fixture
 def tree(tmp_path, monkeypatch):
-    """A tree of one module with its tests."""
+    """A source tree with one module and its tests."""
     for path, text in {FILE: SOURCE, "tests/measure/test_a.py": TESTS, "tests/measure/test_b.py": ""}.items():
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(text)
@@ -65,12 +65,12 @@ def test_a_line_belongs_to_the_smallest_statement(tree):
     assert statement(tree / FILE, range(7, 8)) == range(7, 8)  # the head of the condition
 
 
-@pytest.mark.parametrize(("line", "known"), [(3, True), (6, True), (7, False), (10, False), (16, True), (19, False)])
-def test_what_stands_in_no_function_runs_on_import(tree, line, known):
-    assert on_import(tree / FILE, range(line, line + 1)) is known
+@pytest.mark.parametrize(("line", "expected"), [(3, True), (6, True), (7, False), (10, False), (16, True), (19, False)])
+def test_code_outside_of_functions_runs_on_import(tree, line, expected):
+    assert on_import(tree / FILE, range(line, line + 1)) is expected
 
 
-def test_the_tests_that_run_a_line_are_asked_in_the_order_of_their_time(tree):
+def test_the_tests_that_run_a_line_are_ordered_by_time(tree):
     rows = {
         DIGITS: {"d": {"seconds": 9.0, "lines": {FILE: [8]}}},
         "tests/measure/test_a.py": {
@@ -81,16 +81,16 @@ def test_the_tests_that_run_a_line_are_asked_in_the_order_of_their_time(tree):
         },
         "tests/measure/test_b.py": {"unnamed": {"seconds": 0.2, "lines": {FILE: [8]}}},
     }
-    asked = []
+    calls = []
 
     def watching(file, plain):
-        asked.append((file, plain))
+        calls.append((file, plain))
         return rows[file]
 
-    found = Choice(tree / "map.jsonl", watching)
-    names = [(plain, [test.name for test in tests]) for plain, tests in found.stages(FILE, range(8, 9))]
+    chosen = Choice(tree / "map.jsonl", watching)
+    names = [(plain, [test.name for test in tests]) for plain, tests in chosen.stages(FILE, range(8, 9))]
     assert names == [(True, ["d"]), (False, ["quick", "slow"]), (False, ["unnamed"])]
-    assert asked == [(DIGITS, True), ("tests/measure/test_a.py", False), ("tests/measure/test_b.py", False)]
+    assert calls == [(DIGITS, True), ("tests/measure/test_a.py", False), ("tests/measure/test_b.py", False)]
     again = Choice(tree / "map.jsonl", lambda file, plain: pytest.fail("is known"))
     assert [t.name for t in next(iter(again.stages(FILE, range(9, 10))))[1]] == []
     constant = dict(again.stages(FILE, range(3, 4)))
@@ -100,39 +100,39 @@ def test_the_tests_that_run_a_line_are_asked_in_the_order_of_their_time(tree):
     assert [t.name for t in constant[True]] == ["d"]
 
 
-def test_tests_take_a_time_that_is_limited():
+def test_the_summed_time_of_tests_is_limited():
     tests = [Timed("a", 3.0), Timed("b", 3.0), Timed("c", 3.0)]
     assert within(7.0, tests) == tests[:2] and within(1.0, tests) == tests[:1] and within(9.0, []) == []
 
 
 @pytest.fixture
 def alone():
-    """Calls a function in a process of its own: trials fork, which a worker that has started JAX must not."""
+    """Calls a function in a new process: trials fork, which is not allowed in a process that has started JAX."""
     with ProcessPoolExecutor(1, mp_context=get_context("spawn")) as process:
         yield lambda function, *arguments: process.submit(function, *arguments).result()
 
 
-def test_a_fault_is_caught_by_the_test_that_runs_it_and_not_by_one_that_fails_anyway(tree, alone):
-    seen = alone(watched, tree, "tests/measure/test_a.py", True)
+def test_a_fault_is_not_attributed_to_a_test_that_always_fails(tree, alone):
+    lines = alone(watched, tree, "tests/measure/test_a.py", True)
     name = "tests/measure/test_a.py::test_"
-    assert {test: one["lines"].get(FILE) for test, one in seen.items()} == {
+    assert {test: one["lines"].get(FILE) for test, one in lines.items()} == {
         name + "limit": [7, 8],
         name + "double": [7, 9, 10, 11],
     }
-    asked = [Timed(name + part, 1.0) for part in ("that_fails_without_a_fault", "limit", "double")]
+    timed = [Timed(name + part, 1.0) for part in ("that_fails_without_a_fault", "limit", "double")]
     fault = SOURCE.replace("2.0\n", "5.0\n")
-    found, seconds = alone(outcome, FILE, fault, [(True, asked)], tree)
-    assert found == f"caught by {name}double as plain Python" and seconds > 0.0
-    assert alone(outcome, FILE, fault, [(True, asked[1:2])], tree)[0] == "survived"
+    result, seconds = alone(outcome, FILE, fault, [(True, timed)], tree)
+    assert result == f"caught by {name}double as plain Python" and seconds > 0.0
+    assert alone(outcome, FILE, fault, [(True, timed[1:2])], tree)[0] == "survived"
     for wrong, kind in (
         ("import nothing_of_the_kind\n", "its import"),
         (SOURCE.replace("return LIMIT", "import os; os.abort()"), "time or a crash"),
     ):
-        assert alone(outcome, FILE, wrong, [(True, asked[1:2])], tree)[0].startswith(f"caught by {kind}")
+        assert alone(outcome, FILE, wrong, [(True, timed[1:2])], tree)[0].startswith(f"caught by {kind}")
     assert (tree / FILE).read_text() == SOURCE
 
 
-def test_survivors_count_with_their_reasons_as_long_as_their_lines_are_the_same():
+def test_survivors_have_their_reasons_while_their_lines_are_unchanged():
     from tests.mutation.mutants import Mutant
 
     drawn = [Mutant(FILE, "op", i) for i in range(5)]
@@ -146,9 +146,9 @@ def test_survivors_count_with_their_reasons_as_long_as_their_lines_are_the_same(
         (drawn[3].key, "harmless", "@@ -90 +90 @@\n-3\n+x"),
     ]
     known = {k: {"kind": kind, "reason": "so", "difference": d} for k, kind, d in reasons}
-    found = summary(rows, drawn, 0, known)
-    assert [found[name] for name in ("drawn", "tried", "caught", "equivalent")] == [5, 4, 1, 1]
-    assert [one["kind"] for one in found["survivors"]] == ["equivalent", "survived", "harmless"]
-    assert found["folders"] == {"camopt/measure": {"caught": 1, "equivalent": 1, "harmless": 1, "survived": 1}}
-    assert "4 of 5 mutants tried, 1 caught, 1 equivalent, 2.0 s each" in table(found)
-    assert json.loads(json.dumps(found)) == found
+    stored = summary(rows, drawn, 0, known)
+    assert [stored[name] for name in ("drawn", "tried", "caught", "equivalent")] == [5, 4, 1, 1]
+    assert [one["kind"] for one in stored["survivors"]] == ["equivalent", "survived", "harmless"]
+    assert stored["folders"] == {"camopt/measure": {"caught": 1, "equivalent": 1, "harmless": 1, "survived": 1}}
+    assert "4 of 5 mutants tried, 1 caught, 1 equivalent, 2.0 s each" in table(stored)
+    assert json.loads(json.dumps(stored)) == stored

@@ -1,7 +1,7 @@
-"""One mutant in a copy of the tree: the tests that run its line, in a fork of a process that has imported the rest.
+"""Trial of one mutant in a copy of the tree: the tests that run its line, in a fork of a process with all imports.
 
-Mutants of compiled programs are tried without compiling them, by tests that are small enough for plain Python. What
-Python itself runs beside these programs is tried with the programs that are kept for the sources without the fault.
+Mutants of compiled programs are tried without compiling them, by tests that are small enough for plain Python. Mutants
+of other Python code are tried with the cached compiled programs of the unchanged sources.
 """
 
 import gc
@@ -26,18 +26,18 @@ from tests.mutation.choice import DIGITS, Timed
 from tests.mutation.mutants import ROOT
 
 SECONDS = 120
-"""Processor time after which a mutant counts as caught: the tests of the sources as they are need less."""
+"""Processor time [s] after which a mutant counts as caught; the tests need less for the unchanged sources."""
 WATCHED = 120.0
-"""Processor time after which a test is not asked: a trial is to be cheap."""
+"""Processor time [s] above which a test is not used, to keep trials short."""
 ALTOGETHER = 300.0
-"""Processor time for a file of tests."""
+"""Limit on the processor time of a test file [s]."""
 HEAVY = (
     *("jax", "diffrax", "scipy.optimize", "scipy.stats", "numba", "pydantic", "matplotlib.figure", "xarray", "pytest"),
     *("hypothesis", "_hypothesis_pytestplugin", "xdist.plugin", "pytest_timeout", "beartype", "jaxtyping"),
 )
 QUIET = "-n 0 -q -x --timeout=0 -p no:cacheprovider -W ignore::pytest.PytestAssertRewriteWarning".split()
-"""Processor time is limited, and not that of the clock; what is imported already cannot be rewritten, which costs a
-message only."""
+"""Options of pytest. Processor time is limited instead of elapsed time. Assertions of modules that are already imported
+cannot be rewritten, which only affects messages."""
 
 
 def copied(folder: Path) -> Path:
@@ -52,43 +52,43 @@ def copied(folder: Path) -> Path:
 
 
 def prepared() -> None:
-    """Imports what is no mutant, once for all trials; no collection of garbage looks at it again."""
+    """Imports all unmutated libraries once for all trials, and excludes them from garbage collection."""
     for name in HEAVY:
         importlib.import_module(name)
     gc.freeze()
 
 
 def warmed(folder: Path) -> None:
-    """Imports the copy once, so that what Python makes of its sources is kept."""
+    """Imports the copy once, so that Python's bytecode files exist."""
     _asked(folder, (f"{DIGITS}::test_all_of_them_are_kept",), True, None)
 
 
 def outcome(file: str, changed: str, stages: Iterable[tuple[bool, list[Timed]]], folder: Path) -> tuple[str, float]:
-    """("survived", or by which test the text of a file was caught; processor time of the tests [s]). The stages are
-    (whether compiled programs run as plain Python, tests); the first test that fails is the last that is asked."""
+    """("survived", or the test that caught the changed text of a file; processor time of the tests [s]). The stages are
+    (whether compiled programs run as plain Python, tests); the first failing test ends the trial."""
     target, spent = folder / file, 0.0
-    known, times = target.read_text(encoding="utf-8"), target.stat()
+    original, times = target.read_text(encoding="utf-8"), target.stat()
     for plain, tests in stages:
         names = tuple(test.name for test in tests)
         while names:
             target.write_text(changed, encoding="utf-8")
-            os.utime(target, (times.st_atime, times.st_mtime + 10))  # not what was compiled from the known text
-            found, seconds = _asked(folder, names, plain, file)
+            os.utime(target, (times.st_atime, times.st_mtime + 10))  # invalidates the bytecode of the unchanged text
+            failed, seconds = _asked(folder, names, plain, file)
             spent += seconds
-            target.write_text(known, encoding="utf-8")
+            target.write_text(original, encoding="utf-8")
             os.utime(target, (times.st_atime, times.st_mtime))
-            if found is None:
+            if failed is None:
                 break
-            if found in names and not passes(folder, found, plain):
-                names = tuple(name for name in names if name != found)
+            if failed in names and not passes(folder, failed, plain):
+                names = tuple(name for name in names if name != failed)
                 continue
-            return f"caught by {found}{' as plain Python' if plain else ''}", spent
+            return f"caught by {failed}{' as plain Python' if plain else ''}", spent
     return "survived", spent
 
 
 @cache
 def passes(folder: Path, test: str, plain: bool) -> bool:
-    """Whether a test passes alone, without a fault."""
+    """Whether a test passes alone with the unchanged sources."""
     return _asked(folder, (test,), plain, None)[0] is None
 
 
@@ -108,19 +108,19 @@ def watched(folder: Path, tests: str, plain: bool) -> dict[str, dict]:
 
 
 class First:
-    """A plugin of pytest that writes down the first test that fails."""
+    """A pytest plugin that records the first failing test."""
 
     def __init__(self, file: Path):
         self.file = file
 
     def pytest_runtest_logreport(self, report):
-        """Any part of a test can fail."""
+        """Setup, call and teardown of a test can fail."""
         if report.failed:
             self.file.write_text(report.nodeid, encoding="utf-8")
 
 
 class Watch:
-    """A plugin of pytest that keeps lines and processor time [s] of every test that passes."""
+    """A pytest plugin that records executed lines and processor time [s] of every passing test."""
 
     def __init__(self, folder: Path):
         self.folder, self.seconds, self.passed, self.wrong = folder, {}, set(), set()
@@ -131,7 +131,7 @@ class Watch:
 
     @pytest.hookimpl(hookwrapper=True)
     def pytest_runtest_protocol(self, item):
-        """Lines that run from here on are this test's."""
+        """Assigns the executed lines to this test."""
         if time.process_time() > ALTOGETHER:
             item.session.shouldstop = "enough tests of one file"
         self.coverage.switch_context(item.nodeid)
@@ -143,14 +143,14 @@ class Watch:
         self.seconds[item.nodeid] = round(time.process_time() - start, 3)
 
     def pytest_runtest_logreport(self, report):
-        """A test that is skipped, fails or takes too long is not asked."""
+        """A test that is skipped, fails or takes too long is not used."""
         if report.when == "call" and report.passed:
             self.passed.add(report.nodeid)
         elif not report.passed:
             self.wrong.add(report.nodeid)
 
     def found(self) -> dict[str, dict]:
-        """For each test its seconds and the lines by file."""
+        """The seconds and the executed lines by file of each test."""
         self.coverage.stop()
         data = self.coverage.get_data()
         tests = {t: {"seconds": self.seconds[t], "lines": {}} for t in sorted(self.passed - self.wrong)}
@@ -163,7 +163,7 @@ class Watch:
 
 
 def _asked(folder: Path, tests: tuple[str, ...], plain: bool, faulty: str | None) -> tuple[str | None, float]:
-    """(the first of the tests that fails, else what ended them, None where all pass; processor time [s])."""
+    """(the first failing test or the reason why they ended, None if all pass; processor time [s])."""
     first = folder / "first.txt"
     first.write_text("", encoding="utf-8")
     status, spent = _forked(folder, plain, faulty, lambda: _pytest(QUIET, list(tests), First(first)), SECONDS)
@@ -180,7 +180,7 @@ def _pytest(options: list[str], tests: list[str], plugin: Any) -> int:
 
 
 def _forked(folder: Path, plain: bool, faulty: str | None, work: Callable[[], int], seconds: int) -> tuple[int, float]:
-    """Status and processor time [s] of a fork that works in the folder; compiled programs as plain Python if asked."""
+    """Exit status and processor time [s] of `work` in a fork in the folder; `plain` runs compiled code as Python."""
     child = os.fork()
     if child:
         _, status, used = os.wait4(child, 0)
@@ -210,7 +210,7 @@ def _forked(folder: Path, plain: bool, faulty: str | None, work: Callable[[], in
 
 
 def _with_known_programs(faulty: Path, known: Path) -> None:
-    """Compiled programs are those of the sources without the fault, which is not in them."""
+    """Makes the cache use the programs of the unchanged sources; the fault is in no compiled program."""
     programs = importlib.import_module("camopt.programs")
     sources = programs.sources
     programs.sources = lambda file: [known if path == faulty else path for path in sources(file)]

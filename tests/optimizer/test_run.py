@@ -27,7 +27,7 @@ from camopt.scene import InputError, build_train, load_scene
 from camopt.scene.units import MM
 from camopt.storage.journal import StepFiles
 from camopt.verifier.methods import rkg
-from tests.test_docs import undocumented
+from tests.documented_keys import undocumented
 
 DELIVERED = Path(__file__).parents[1] / "data" / "kodama-design.json"  # camopt optimize kodama
 

@@ -1,4 +1,4 @@
-"""Every claim names commands that exist, and the results whose numbers it tells."""
+"""Every claim names existing commands, and the results from which its numbers come."""
 
 import re
 import shlex
@@ -27,7 +27,7 @@ def test_every_claim_names_commands_that_exist(title):
 
 
 @pytest.mark.parametrize("title", CLAIMS)
-def test_its_results_are_those_that_its_numbers_come_from(title):
+def test_every_claim_names_the_results_of_its_numbers(title):
     expressions = " ".join(ROLE.findall(CLAIMS[title]["measured"]))
     used = {path.stem for path in RESULTS.glob("*.json") if re.search(rf"(?<![\w.]){path.stem}[.\[]", expressions)}
     assert used <= set(CLAIMS[title].get("results", []))

@@ -1,4 +1,4 @@
-"""The generated parts of the reference have every command, key and name."""
+"""The generated parts of the reference contain every command, key and name."""
 
 import re
 
@@ -38,14 +38,14 @@ def test_every_key_of_a_scene_has_a_meaning():
     assert len(rows) > 80 and not [row[0] for row in rows if not row[1].strip()]
 
 
-def test_meanings_are_those_of_keys_that_exist():
+def test_every_meaning_belongs_to_an_existing_key():
     tables = {"mass": Mass, "element": Element, "operation": Operation, "design": Design, "geometry": Geometry}
     tables |= {"scene": Scene, "force": Force, "tolerance": Tolerance, "grinding": Grinding, "piston": Piston}
     for table, keys in KEYS.items():
         assert keys.keys() <= tables[table].model_fields.keys(), table
 
 
-def test_the_index_of_results_asks_every_question_once():
+def test_the_index_of_results_has_every_question_once():
     index = (QUESTIONS / "index.md").read_text(encoding="utf-8")
     shown = [
         line

@@ -1,4 +1,4 @@
-"""Each notebook is in step with its script, its outputs are of one run, and nothing in them is of one machine."""
+"""Each notebook agrees with its script, its outputs come from its code, and they contain no machine-specific paths."""
 
 import os
 import subprocess
@@ -16,7 +16,7 @@ SCRIPTS = sorted(NOTEBOOKS.glob("*.py"))
 
 
 def stored(path: Path) -> nbformat.NotebookNode:
-    """The notebook beside a script."""
+    """The stored notebook of a script."""
     return nbformat.read(path.with_suffix(".ipynb"), as_version=4)
 
 
@@ -25,16 +25,17 @@ def test_every_script_has_one_notebook():
 
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda p: p.stem)
-def test_the_notebook_is_in_step_with_its_script(path):
-    """Text and code, cell by cell; `python -m docs.record_notebooks NAME` brings a notebook into step."""
+def test_the_notebook_agrees_with_its_script(path):
+    """Compares text and code cell by cell; `python -m docs.record_notebooks NAME` updates a notebook."""
     made, kept = read_script(path.read_text(encoding="utf-8")), stored(path)
-    assert [(one.cell_type, one.source) for one in kept.cells] == [(one.cell_type, one.source) for one in made.cells]
+    contents = [[(cell.cell_type, cell.source) for cell in document.cells] for document in (kept, made)]
+    assert contents[0] == contents[1]
     assert kept.metadata["kernelspec"] == made.metadata["kernelspec"]
     nbformat.validate(kept)
 
 
 @pytest.mark.parametrize("path", SCRIPTS, ids=lambda p: p.stem)
-def test_the_outputs_are_those_of_its_code(path):
+def test_the_stored_outputs_belong_to_the_code(path):
     cells = code_cells(notebook(path.read_text(encoding="utf-8")))
     kinds = {kind for cell in cells for output in cell.outputs for kind in output.get("data", {})}
     assert "image/png" in kinds and "application/vnd.jupyter.widget-view+json" not in kinds
@@ -45,7 +46,7 @@ def test_the_outputs_are_those_of_its_code(path):
     assert "/tmp/" not in text and "/root/" not in text and "Traceback" not in text
 
 
-def test_other_code_has_no_outputs():
+def test_changed_code_has_no_outputs():
     with pytest.raises(ValueError, match=r"docs\.record_notebooks"):
         notebook(SCRIPTS[0].read_text(encoding="utf-8") + "\n# %%\n1 + 1\n")
 

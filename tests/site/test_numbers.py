@@ -1,4 +1,4 @@
-"""Numbers of the pages come from the stored results: every expression is found, and another result shows."""
+"""Numbers of the pages come from the stored results: every expression can be evaluated, and results determine pages."""
 
 import json
 import re
@@ -15,13 +15,13 @@ TEXTS = {str(page.relative_to(ROOT)): page.read_text(encoding="utf-8") for page 
 
 
 @pytest.mark.parametrize("page", [name for name, text in TEXTS.items() if ROLE.search(text)])
-def test_every_number_of_a_page_is_found(page):
+def test_every_expression_of_a_page_gives_numbers(page):
     for expression in ROLE.findall(TEXTS[page]):
         assert re.fullmatch(rf"{NUMBER}(, {NUMBER})*", number(expression)), expression
 
 
-def test_a_page_shows_what_its_result_says(tmp_path):
-    """The number changes with the file, so that a page cannot tell another one."""
+def test_a_page_shows_the_number_of_its_result(tmp_path):
+    """A page shows a changed number if the result file changes."""
     content = json.loads((RESULTS / "optimiser.json").read_text(encoding="utf-8"))
     page = "It has {number}`optimiser.rows['kodama, band'].area_ratio | .4f`."
     (row,) = [row for row in content["rows"] if row["case"] == "kodama, band"]
@@ -61,10 +61,10 @@ def test_expressions(folder, expression, shown):
 @pytest.mark.parametrize(
     "expression", ["found.rows['a'].x | .1f", "found.other | d", "lost.rows[0] | d", "open('x') | s"]
 )
-def test_what_is_not_there_is_an_error(folder, expression):
+def test_a_missing_name_or_key_is_an_error(folder, expression):
     with pytest.raises((KeyError, ValueError, NameError, FileNotFoundError)):
         number(expression, folder)
 
 
-def test_a_per_cent_sign_begins_no_line(folder):
+def test_no_line_begins_with_a_per_cent_sign(folder):
     assert filled_numbers("It is\n{number}`found.rows['b'].x | d`\n% more.", folder) == "It is\n4 % more."

@@ -1,4 +1,4 @@
-"""What the pages print works as printed: commands, scenes and Python, and the example of a gradient that lies."""
+"""Commands, scenes and Python code of the pages work as printed, including the example of a wrong gradient."""
 
 import doctest
 import json
@@ -41,47 +41,46 @@ def test_commands_parse(command):
 
 
 def test_every_command_with_its_output_is_recorded():
-    found = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"]
-    assert sorted(found) == sorted(TERMINAL)
-    for command, one in found.items():
-        assert one["exit_code"] in (0, 3) and one["output"], command
-    assert "verdict: confirmed" in found["camopt verify tappet.toml --cam lift.csv"]["output"]
+    recorded = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"]
+    assert sorted(recorded) == sorted(TERMINAL)
+    for command, record in recorded.items():
+        assert record["exit_code"] in (0, 3) and record["output"], command
+    assert "verdict: confirmed" in recorded["camopt verify tappet.toml --cam lift.csv"]["output"]
 
 
 @pytest.mark.long
 @pytest.mark.timeout(1200)
-def test_the_recorded_commands_still_end_so(tmp_path):
-    """Digits may differ from machine to machine; how a command ends, the verdict, and what the lines are may not."""
-    found = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"]
+def test_the_recorded_commands_still_have_their_results(tmp_path):
+    """Digits may differ from machine to machine, but not exit codes, verdicts and the words of the output."""
+    recorded = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"]
     for page in PAGES:
         folder = tmp_path / page.stem
         folder.mkdir()
         furnish(folder)
         for command in commands_of(page):
             if "--dxf" in command and not find_spec("ezdxf"):
-                continue  # an extra
+                continue  # needs an optional package
             again = printed(command, folder)
-            verdicts = [
-                [li for li in one["output"] if li.startswith("verdict: con")] for one in (again, found[command])
-            ]
-            assert again["exit_code"] == found[command]["exit_code"] and verdicts[0] == verdicts[1], command
+            before = recorded[command]
+            verdicts = [[li for li in run["output"] if li.startswith("verdict: con")] for run in (again, before)]
+            assert again["exit_code"] == before["exit_code"] and verdicts[0] == verdicts[1], command
             if command.split()[1] in ("modes", "bound", "cam"):
-                assert words(again["output"]) == words(found[command]["output"]), f"{command}: python -m docs.record"
+                assert words(again["output"]) == words(before["output"]), f"{command}: python -m docs.record"
 
 
 def test_the_first_command_of_an_engineers_day_prints_what_is_recorded(tmp_path):
-    """The old cam comes from a file with decimal commas, a header and a column too many, below a chosen duration."""
+    """The old cam is read from a file with decimal commas, a header and a superfluous column."""
     furnish(tmp_path)
     command = commands_of(DOCS / "tutorials" / "an-engineers-day.md")[0]
-    found = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"][command]
+    recorded = json.loads(RECORDED.read_text(encoding="utf-8"))["printed"][command]
     again = printed(command, tmp_path)
-    assert again["exit_code"] == found["exit_code"] == 0 and words(again["output"]) == words(found["output"])
+    assert again["exit_code"] == recorded["exit_code"] == 0 and words(again["output"]) == words(recorded["output"])
     assert any("opens 18.00 deg before TDC" in line for line in again["output"])
     assert (tmp_path / "old-cam.png").stat().st_size > 10_000
 
 
 def words(lines: list[str]) -> set[str]:
-    """The words of an output, which its digits do not change."""
+    """The words of an output, without its digits."""
     return set(re.findall(r"[a-z_]{3,}", " ".join(lines)))
 
 
@@ -95,7 +94,7 @@ def test_the_scene_of_the_tutorial_is_a_scene():
     [
         pytest.param(n, marks=[pytest.mark.long] * (n in SLOW))
         for n in sorted(PYTHON.keys() - {*GRADIENTS})
-        if not n.startswith("cluster-")  # two files of one experiment, which tests/tasks/test_cluster.py runs
+        if not n.startswith("cluster-")  # two files of one experiment, run by tests/tasks/test_cluster.py
     ],
 )
 def test_python_runs(name, capsys, tmp_path, monkeypatch):
@@ -104,8 +103,8 @@ def test_python_runs(name, capsys, tmp_path, monkeypatch):
     assert capsys.readouterr().out
 
 
-def test_a_gradient_lies_where_a_switching_moves_and_the_exact_one_does_not(capsys):
-    """The example of diffrax #729, and the same question to event-exact."""
+def test_the_wrong_gradient_of_a_switching_time_and_the_exact_one(capsys):
+    """The example of diffrax #729, and a similar derivative with event-exact."""
     lying, exact = GRADIENTS
     names: dict = {}
     exec(compile(PYTHON[lying], lying, "exec"), names)
@@ -118,7 +117,7 @@ def test_a_gradient_lies_where_a_switching_moves_and_the_exact_one_does_not(caps
     assert f"{slope:.0f} 1/s" in PYTHON[exact]
 
 
-def test_what_a_doctest_shows_is_so():
+def test_doctests():
     shown = re.findall(
         r"```\{doctest\}\n(.*?)```", (DOCS / "reference" / "python.md").read_text(encoding="utf-8"), re.DOTALL
     )

@@ -1,4 +1,4 @@
-"""The site builds without a warning, of which a dead link is one, and asks no foreign address for anything."""
+"""The site builds without warnings (dead links are warnings), and loads nothing from other hosts."""
 
 import os
 import re
@@ -15,7 +15,7 @@ from tests.browser import started_browser
 pytest.importorskip("sphinx", reason="the extra `docs` is not installed; .ci/run installs it")
 ROOT = Path(__file__).parents[2]
 LOADING = {"script": "src", "img": "src", "iframe": "src", "link": "href", "source": "src"}
-"""Elements that a browser loads by itself, and the attribute that says from where."""
+"""Elements whose sources a browser loads automatically, and the attribute with the address."""
 READ = (
     "index", "tutorials/your-valve-train", "model", "reference/scene", "reference/commands", "run-folder",
     "validation/claims", "validation/handbook", "results/optimiser", "notebooks/first_design",
@@ -27,11 +27,11 @@ CUT_OFF = """() => [...document.querySelectorAll("article table, article img, ar
     while (around && getComputedStyle(around).overflowX === "visible") around = around.parentElement;
     return one.getBoundingClientRect().width > innerWidth && around === document.documentElement;
 }).map(one => one.outerHTML.slice(0, 80)).concat(document.documentElement.scrollWidth > innerWidth ? ["page"] : [])"""
-"""What is wider than the screen and cannot be scrolled by itself."""
+"""JavaScript that finds elements wider than the screen without horizontal scrolling of their own."""
 
 
 class Page(HTMLParser):
-    """What one page loads."""
+    """The addresses that a page loads."""
 
     def __init__(self, text: str):
         super().__init__()
@@ -44,7 +44,7 @@ class Page(HTMLParser):
 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
-    """The site as .ci/run builds it; the notebooks themselves are executed in tests/test_notebooks.py."""
+    """The site, built as in .ci/run; tests/test_notebooks.py executes the notebooks."""
     out = tmp_path_factory.mktemp("site")
     command = [sys.executable, "-m", "sphinx", "-q", "-W", "--keep-going", "-b", "html"]
     done = subprocess.run(
@@ -59,7 +59,7 @@ def site(tmp_path_factory):
     return out / "html"
 
 
-def test_nothing_is_loaded_from_elsewhere(site):
+def test_nothing_is_loaded_from_other_hosts(site):
     loads = {path.name: Page(path.read_text(encoding="utf-8")).loads for path in sorted(site.rglob("*.html"))}
     assert not {(name, url) for name, urls in loads.items() for url in urls if urlsplit(url).netloc}
     for path in [*site.rglob("*.css"), *site.rglob("*.js")]:
@@ -76,7 +76,7 @@ def test_pages_fit_a_laptop_and_a_phone(site):
                 assert page.evaluate(CUT_OFF) == [], (name, screen)
 
 
-def test_what_is_generated_is_in_the_pages(site):
+def test_the_pages_have_their_generated_parts(site):
     def text(page):
         return re.sub(r"<[^>]+>", "", (site / page).read_text(encoding="utf-8"))
 

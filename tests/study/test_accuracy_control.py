@@ -16,7 +16,7 @@ from camopt.study.simulate import motion as motion_module
 from camopt.study.simulate.accuracy_control import ANGLES, apart_um, deliver
 from camopt.study.simulate.motion import dialled, simulate
 from camopt.verifier.accuracy import Curve, stored_curves
-from tests.test_cli import run as command
+from tests.command_line import run as command
 
 MOTOR, KODAMA = load_scene("motori-1"), load_scene("kodama")
 CURVED_TEXT = scene_text("motori-1").replace(

@@ -8,7 +8,7 @@ import pytest
 
 from camopt.scene import InputError
 from camopt.study.rise import least_acceleration, least_peak, rise
-from tests.test_cli import run
+from tests.command_line import run
 
 UNIT = ("rise", "--rise-mm", "1", "--over-deg", "1")
 

@@ -13,8 +13,8 @@ from camopt.optimizer.as_built import measured
 from camopt.scene import InputError, load_scene, parse_scene, scene_text
 from camopt.storage.journal import Records
 from camopt.study.yields import JOURNAL, SUMMARY, yield_lines
+from tests.documented_keys import documented, keys
 from tests.scene.test_load import EXAMPLE
-from tests.test_docs import documented, keys
 
 MASS = '\n[[tolerance]]\nof = "valve.mass_kg"\nrelative = 0.05\n'
 SCENE = parse_scene(EXAMPLE + MASS, "mine.toml")

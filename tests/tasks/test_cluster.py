@@ -1,5 +1,5 @@
-"""A cluster of dask as an executor: the rows of the serial sweep, whatever is killed; skipped where there is none. And
-the experiment of docs/how-to/cluster.md: its function here, and its script with a local cluster."""
+"""A dask cluster as executor computes the rows of the serial sweep even if workers are killed (skipped without dask).
+Also tested: function and script of the experiment in docs/how-to/cluster.md."""
 
 import logging
 import os
@@ -16,10 +16,9 @@ import pytest
 import camopt
 from camopt.scene import InputError
 from camopt.tasks.engines import check_address, cluster
-from tests.tasks.tasks_of_tests import rehearsals, stored
-from tests.tasks.test_sweep import DIED, DIES, Killer
+from tests.tasks.tasks_of_tests import DIED, DIES, rehearsals, row_count, stored
 
-pytestmark = pytest.mark.filterwarnings("ignore")  # dask's own, of sockets that its dead workers leave
+pytestmark = pytest.mark.filterwarnings("ignore")  # warnings of dask about sockets of killed workers
 
 
 @pytest.fixture
@@ -29,16 +28,15 @@ def local():
     with (
         distributed.LocalCluster(
             2, processes=True, threads_per_worker=1, dashboard_address=None, silence_logs=logging.CRITICAL
-        ) as one,
+        ) as dask_cluster,
     ):
-        yield one
+        yield dask_cluster
 
 
 def kill_one(local, path) -> None:
-    """Kills a worker of a cluster once 40 rows stand in the store."""
+    """Kills a worker of a cluster as soon as the store has 40 rows."""
     pids = [nanny.pid for nanny in local.workers.values()]
-    reader = Killer(path, [])
-    while not path.exists() or reader.count() < 40:
+    while row_count(path) < 40:
         time.sleep(0.01)
     os.kill(pids[0], signal.SIGKILL)
 
@@ -50,15 +48,15 @@ def test_rows_of_a_cluster_with_a_killed_worker_are_those_of_the_serial_sweep(lo
     killer.start()
     with cluster(local.scheduler_address) as (executor, workers):
         assert workers == 2
-        found = camopt.sweep(tasks, tmp_path / "x", executor, workers)
+        swept = camopt.sweep(tasks, tmp_path / "x", executor, workers)
     killer.join(10)
-    assert found.counts == {"done": 200, "failed": 1}
+    assert swept.counts == {"done": 200, "failed": 1}
     rows = stored(tmp_path / "x")
     assert [row for row in rows if row[1] != 200] == stored(tmp_path / "serial")
     assert [row[4] for row in rows if row[1] == 200] == [DIED]
 
 
-def test_nobody_at_the_address(monkeypatch):
+def test_an_address_without_a_scheduler(monkeypatch):
     pytest.importorskip("distributed")
     monkeypatch.setattr("camopt.tasks.engines.WAIT_SECONDS", 1)
     with pytest.raises(InputError, match=r"--scheduler tcp://127.0.0.1:9: no scheduler answers"):
@@ -67,18 +65,18 @@ def test_nobody_at_the_address(monkeypatch):
 
 
 @pytest.mark.parametrize("address", ["tcp://127.0.0.1:8786", "tcp://localhost:1", "tcp://[::1]:1", "tls://10.0.0.1:1"])
-def test_addresses_that_are_safe(address):
+def test_safe_addresses(address):
     check_address(address, insecure=False)
 
 
-def test_an_address_beyond_this_machine_needs_tls_or_a_word():
+def test_an_address_beyond_this_machine_needs_tls_or_an_option():
     with pytest.raises(InputError, match="use tls:// with certificates, or add --insecure"):
         check_address("tcp://cluster.example:8786", insecure=False)
     check_address("tcp://cluster.example:8786", insecure=True)
 
 
 @pytest.mark.parametrize("address", ["", "127.0.0.1:8786", "tcp://", "tcp://host", "tcp://host:port", "http://h:1"])
-def test_no_addresses(address):
+def test_invalid_addresses(address):
     with pytest.raises(InputError, match="expected tcp://HOST:PORT or tls://HOST:PORT"):
         check_address(address, insecure=True)
 
@@ -89,19 +87,19 @@ ARGUMENTS = {"scene": "motori-1", "start": "calmest", "optimiser": "adam", "rate
 
 @pytest.fixture
 def files(tmp_path):
-    """The page's two files in a folder of their own."""
+    """The page's two files in a new folder."""
     blocks = re.findall(r"```python\n(.*?)```", PAGE.read_text(encoding="utf-8"), re.DOTALL)
     for name, text in zip(("climbs.py", "sweep_climbs.py"), blocks, strict=True):
         (tmp_path / name).write_text(text, encoding="utf-8")
     return tmp_path
 
 
-def test_a_row_of_the_function(files, monkeypatch):
+def test_a_row_of_the_experiment(files, monkeypatch):
     monkeypatch.syspath_prepend(files)
     task = {"verb": "call", "function": "climbs:climb", "arguments": ARGUMENTS}
-    found = camopt.sweep([task], files / "one.sqlite", workers=0).dataset()
-    assert 0.1 < float(found["area_ratio"][0]) < 0.6  # about the calmest cam's; the largest known is 0.58
-    assert float(found["contact_force_N"][0]) > -250.0  # its tied motion is tame
+    data = camopt.sweep([task], files / "one.sqlite", workers=0).dataset()
+    assert 0.1 < float(data["area_ratio"][0]) < 0.6  # near that of the calmest cam; the largest known value is 0.58
+    assert float(data["contact_force_N"][0]) > -250.0  # the tied motion has small pulling forces
 
 
 @pytest.mark.long
@@ -113,4 +111,4 @@ def test_the_script_with_a_local_cluster(files):
     )
     assert "4 done" in done.stdout, done.stdout + done.stderr
     areas = [float(word) for word in re.findall(r"0\.\d+", done.stdout.splitlines()[-1])]
-    assert len(areas) == 4 and len(set(areas)) == 4  # each start and rate has its own
+    assert len(areas) == 4 and len(set(areas)) == 4  # every start and rate gives a different area

@@ -1,4 +1,4 @@
-"""Plans and the command that runs them: which tasks they mean, and a sentence for each fault."""
+"""Plans and the command that runs them: the resulting tasks, and a sentence for each fault."""
 
 import os
 import re
@@ -16,9 +16,8 @@ from camopt.scene import InputError, scene_text
 from camopt.tasks import plan as plans
 from camopt.tasks.plan import load_plan
 from camopt.tasks.task import VERBS, filed
-from tests.tasks.tasks_of_tests import stored
-from tests.tasks.test_sweep import Killer
-from tests.test_cli import run
+from tests.command_line import refused, run
+from tests.tasks.tasks_of_tests import row_count, stored
 
 HEAD = 'format = 1\nverb = "settled"\nscenes = ["motori-1"]\ncams = ["polydyne"]\n'
 REHEARSAL = 'format = 1\nverb = "rehearse"\n[settings]\ntasks = 20\n'
@@ -39,7 +38,7 @@ def test_a_grid_takes_every_combination(tmp_path):
     assert plan.digest == load_plan(tmp_path / "plan.toml").digest
 
 
-def test_a_list_takes_them_side_by_side_and_speeds_are_the_scenes_own(tmp_path):
+def test_a_list_combines_entries_in_order_and_uses_the_scenes_speeds(tmp_path):
     vary = 'combine = "list"\n[vary]\nspring.preload_N = [240, 250]\nvalve.mass_kg = [0.2, 0.3]\n'
     tasks = list(load_plan(written(tmp_path, HEAD + vary)))
     listed = camopt.load_scene("motori-1").operation.speeds_rpm
@@ -47,7 +46,7 @@ def test_a_list_takes_them_side_by_side_and_speeds_are_the_scenes_own(tmp_path):
     assert {tuple(task["vary"].values()) for task in tasks} == {(240.0, 0.2), (250.0, 0.3)}
 
 
-def test_trains_of_a_yield_have_a_task_each(tmp_path):
+def test_every_train_of_a_yield_is_a_task(tmp_path):
     text = HEAD.replace("settled", "yield") + "speeds_rpm = [4000, 5000]\n[settings]\ntrains = 3\nseed = 5\n"
     plan = load_plan(written(tmp_path, text))
     assert [(task["train"], task["seed"], task["speeds_rpm"]) for task in plan] == [
@@ -56,7 +55,7 @@ def test_trains_of_a_yield_have_a_task_each(tmp_path):
     assert len(plan) == 3 and repr(plan) == "SweepPlan(3 tasks of the verb yield)"
 
 
-def test_files_stand_beside_the_plan_and_count_by_their_content(tmp_path):
+def test_files_are_beside_the_plan_and_identified_by_content(tmp_path):
     (tmp_path / "mine.toml").write_text(scene_text("motori-1"), encoding="utf-8")
     path = written(tmp_path, HEAD.replace("motori-1", "mine.toml"))
     plan = load_plan(path)
@@ -84,14 +83,14 @@ def test_files_stand_beside_the_plan_and_count_by_their_content(tmp_path):
         ("format = ", "not valid TOML"),
     ],
 )  # fmt: skip
-def test_faults_of_a_plan_are_sentences(tmp_path, text, words):
+def test_faults_of_a_plan_are_reported_as_sentences(tmp_path, text, words):
     path = written(tmp_path, text)
     with pytest.raises(InputError) as refused:
         load_plan(path)
     assert str(refused.value).startswith(f"{path}: ") and words in str(refused.value)
 
 
-def test_the_examples_of_plans_are_plans(tmp_path):
+def test_the_examples_of_plans_are_valid(tmp_path):
     help_text = tomllib.loads(Path("camopt/cli/commands.toml").read_text())["commands"]["sweep"]["notes"]
     page = Path("docs/sweeps.md").read_text(encoding="utf-8")
     tutorial = Path("docs/thousand-trains.md").read_text(encoding="utf-8")
@@ -103,7 +102,7 @@ def test_the_examples_of_plans_are_plans(tmp_path):
 
 
 class TestCommand:
-    def test_a_plan_is_swept_and_goes_on(self, tmp_path, capsys, monkeypatch):
+    def test_a_plan_is_swept_and_resumed(self, tmp_path, capsys, monkeypatch):
         monkeypatch.chdir(tmp_path)
         written(tmp_path, REHEARSAL)
         words = "sweep", "plan.toml", "--store", "x.sqlite", "--workers", "1"
@@ -112,13 +111,11 @@ class TestCommand:
         assert err.startswith("plan.toml: 20 tasks into x.sqlite\n")
         assert len(Path("x.csv").read_text().splitlines()) == 21
         before = stored(tmp_path / "x.sqlite")
-        code, _, err = run(capsys, *words)
-        assert code == 2 and "x.sqlite: exists already: --resume goes on in it" in err
+        assert "x.sqlite: exists already: --resume goes on in it" in refused(capsys, *words)
         assert run(capsys, *words, "--resume", "--quiet") == (0, "20 tasks: 20 done\n", "")
         written(tmp_path, REHEARSAL.replace("20", "30"))
-        code, _, err = run(capsys, *words, "--resume", "--quiet")
-        assert code == 2
-        assert err.startswith("camopt: x.sqlite: belongs to another plan, and nothing in it was changed: name another")
+        said = refused(capsys, *words, "--resume", "--quiet")
+        assert said.startswith("camopt: x.sqlite: belongs to another plan, and nothing in it was changed: name another")
         assert stored(tmp_path / "x.sqlite") == before
 
     @pytest.mark.parametrize(
@@ -134,23 +131,22 @@ class TestCommand:
     def test_wrong_use(self, tmp_path, capsys, monkeypatch, words, sentence):
         monkeypatch.chdir(tmp_path)
         written(tmp_path, REHEARSAL)
-        code, out, err = run(capsys, "sweep", "plan.toml", "--store", "x.sqlite", *words)
-        assert (code, out) == (2, "") and sentence in err
+        assert sentence in refused(capsys, "sweep", "plan.toml", "--store", "x.sqlite", *words)
         assert not Path("x.sqlite").exists()
 
-    def test_failed_tasks_end_with_three(self, tmp_path, capsys, monkeypatch):
+    def test_failed_tasks_give_exit_code_three(self, tmp_path, capsys, monkeypatch):
         monkeypatch.chdir(tmp_path)
         written(tmp_path, HEAD.replace('"settled"', '"simulate"') + 'speeds_rpm = [5000]\n[settings]\nmethod = "x"\n')
         code, out, err = run(capsys, "sweep", "plan.toml", "--store", "x.sqlite", "--workers", "1")
         assert (code, out) == (3, "1 tasks: 1 failed\n")
         assert "--csv x.sqlite.csv` writes the rows as a table, with the reasons" in err
 
-    def test_an_interrupt_says_how_to_go_on(self, tmp_path):
+    def test_an_interruption_reports_how_to_continue(self, tmp_path):
         written(tmp_path, REHEARSAL + "seconds = 0.2\n")
         command = [sys.executable, "-m", "camopt", "sweep", "plan.toml", "--store", "x.sqlite", "--workers", "1"]
         env = os.environ | {"PYTHONPATH": os.pathsep.join([os.getcwd(), os.environ.get("PYTHONPATH", "")])}
         with subprocess.Popen(command, cwd=tmp_path, env=env, stderr=subprocess.PIPE, text=True) as process:
-            while not (tmp_path / "x.sqlite").exists() or not Killer(tmp_path / "x.sqlite", []).count():
+            while not row_count(tmp_path / "x.sqlite"):
                 time.sleep(0.02)
             process.send_signal(signal.SIGINT)
             _, err = process.communicate(timeout=30)

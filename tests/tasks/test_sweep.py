@@ -1,8 +1,7 @@
-"""Sweeps: every task has its row, once, whatever computes it, and a store that belongs elsewhere is left alone."""
+"""Sweeps: every task has exactly one row, whatever computes it, and a store of another sweep is not changed."""
 
 import os
 import signal
-import sqlite3
 import subprocess
 import sys
 import threading
@@ -19,23 +18,21 @@ from camopt.tasks import sweep as sweeping
 from camopt.tasks.engines import MOST_DEATHS
 from camopt.tasks.task import filed
 from tests.campaign.starved import mounted
-from tests.tasks.tasks_of_tests import opened, rehearsals, stored
+from tests.tasks.tasks_of_tests import DIED, DIES, opened, rehearsals, row_count, stored
 
-DIES = {"verb": "rehearse", "number": 10**6, "end": "die"}
-DIED = '{"reason": "3 workers that computed it died (killed by a signal, or out of memory)"}'
 KILLS = 3
 
 
 @pytest.fixture(scope="module")
 def serial(tmp_path_factory):
-    """The rows of 200 stand-ins computed one by one in this process."""
+    """The rows of 200 rehearsal tasks, computed one after another in this process."""
     path = tmp_path_factory.mktemp("serial") / "x.sqlite"
     assert camopt.sweep(rehearsals(200), path, workers=0).counts == {"done": 200}
     return stored(path)
 
 
 class Killer(threading.Thread):
-    """Kills a random worker process of this one each time that so many more rows stand in the store."""
+    """Kills a random worker of this process whenever the store reaches one of the given numbers of rows."""
 
     def __init__(self, path, after: list[int]):
         super().__init__(daemon=True)
@@ -44,35 +41,28 @@ class Killer(threading.Thread):
     def run(self):
         random = np.random.default_rng(0)
         for rows in self.after:
-            while not (self.path.exists() and self.count() >= rows):
+            while row_count(self.path) < rows:
                 time.sleep(0.005)
             children = [child for child in active_children() if child.name.startswith("SpawnProcess")]
             victim = children[random.integers(len(children))]
             os.kill(victim.pid, signal.SIGKILL)
             self.killed.append(victim.pid)
 
-    def count(self) -> int:
-        try:
-            with opened(self.path) as db:
-                return db.execute("SELECT count(*) FROM row").fetchone()[0]
-        except sqlite3.OperationalError:  # the parent is about to make the tables
-            return 0
-
 
 class TestWorkers:
-    def test_random_workers_that_are_killed_leave_no_trace(self, tmp_path, serial):
+    def test_killed_workers_do_not_change_the_rows(self, tmp_path, serial):
         path, killer = tmp_path / "x.sqlite", Killer(tmp_path / "x.sqlite", [20, 80, 140])
         killer.start()
-        found = camopt.sweep(rehearsals(200, 0.0), path, workers=2)
+        swept = camopt.sweep(rehearsals(200, 0.0), path, workers=2)
         killer.join(20)
         assert len(killer.killed) == KILLS
-        assert found.counts == {"done": 200} and stored(path) == serial
+        assert swept.counts == {"done": 200} and stored(path) == serial
 
     def test_a_task_that_always_dies_is_one_failed_row(self, tmp_path, serial):
         tasks = [*rehearsals(30), DIES, *list(rehearsals(200))[30:], DIES]
-        found = camopt.sweep(tasks, tmp_path / "x.sqlite", workers=2)
-        assert found.counts == {"done": 200, "failed": 1}
-        (failed,) = found.failed()
+        swept = camopt.sweep(tasks, tmp_path / "x.sqlite", workers=2)
+        assert swept.counts == {"done": 200, "failed": 1}
+        (failed,) = swept.failed()
         assert (failed["task"], failed["reason"].startswith(f"{MOST_DEATHS} workers")) == (30, True)
         rows = stored(tmp_path / "x.sqlite")
         assert len({row[0] for row in rows}) == 201
@@ -80,7 +70,7 @@ class TestWorkers:
         assert others == [(key, *rest) for key, _, *rest in serial]
         assert [outcome for *_, outcome in rows if outcome == DIED] == [DIED]
 
-    def test_workers_that_cannot_begin_are_said(self, tmp_path):
+    def test_workers_that_cannot_start_are_reported(self, tmp_path):
         code = f"import camopt; camopt.sweep([{{'verb': 'rehearse', 'number': 1}}], {str(tmp_path / 'x')!r}, workers=1)"
         (tmp_path / "script.py").write_text(code)
         done = subprocess.run([sys.executable, tmp_path / "script.py"], capture_output=True, text=True, timeout=240)
@@ -99,31 +89,30 @@ if __name__ == "__main__":
 
 
 def rows_after_the_end(folder, path, tasks: str, how) -> int:
-    """Begins a sweep in a process of its own, ends that by a signal after 20 rows, and waits until its workers are gone
-    too; how many rows it leaves."""
+    """Starts a sweep in a new process, ends the process by a signal after 20 rows, waits until its workers have ended,
+    and returns the number of rows."""
     script = folder / "parent.py"
     script.write_text(PARENT.replace("TASKS", tasks))
     env = os.environ | {"PYTHONPATH": os.pathsep.join([os.getcwd(), os.environ.get("PYTHONPATH", "")])}
     parent = subprocess.Popen([sys.executable, script, path], env=env, stderr=subprocess.PIPE, process_group=0)
-    reader = Killer(path, [])
-    while reader.count() < 20 if path.exists() else True:
+    while row_count(path) < 20:
         assert parent.poll() is None
         time.sleep(0.01)
     parent.send_signal(how)
     parent.communicate(timeout=30)
     assert parent.returncode == -signal.SIGKILL if how == signal.SIGKILL else parent.returncode != 0
-    for _ in range(200):  # the orphans see that the parent is gone
+    for _ in range(200):  # until the workers notice that the parent has ended
         try:
             os.killpg(parent.pid, 0)
         except ProcessLookupError:
-            return reader.count()
+            return row_count(path)
         time.sleep(0.05)
     pytest.fail("worker processes outlive their parent")
 
 
 class TestParent:
     @pytest.mark.parametrize("how", [signal.SIGKILL, signal.SIGINT])
-    def test_a_parent_that_ends_leaves_a_store_that_goes_on(self, tmp_path, serial, how):
+    def test_the_store_of_a_parent_that_ended_can_be_continued(self, tmp_path, serial, how):
         path = tmp_path / "x.sqlite"
         assert 20 <= rows_after_the_end(tmp_path, path, "rehearsals(200, 0.01)", how) < 200
         camopt.sweep(rehearsals(200, 0.01), path, workers=0)
@@ -132,7 +121,7 @@ class TestParent:
         but_for_the_wait = [sorted((n, s, o) for _, n, _, s, o in rows) for rows in (stored(path), serial)]
         assert but_for_the_wait[0] == but_for_the_wait[1]
 
-    def test_rows_that_are_there_are_not_computed_again(self, tmp_path, monkeypatch):
+    def test_stored_rows_are_not_computed_again(self, tmp_path, monkeypatch):
         camopt.sweep(rehearsals(5), tmp_path / "x", workers=0)
         before = stored(tmp_path / "x")
         monkeypatch.setattr("camopt.tasks.sweep.compute", lambda task: pytest.fail("computed again"))
@@ -178,11 +167,11 @@ class TestStores:
             db.execute("CREATE TABLE row (key, number, task, state, outcome)")
         assert "a database, but not the store of a sweep" in self.refused(rehearsals(2), tmp_path / "x")
 
-    def test_a_torn_page(self, tmp_path):
+    def test_a_damaged_page(self, tmp_path):
         path = tmp_path / "x"
         camopt.sweep(rehearsals(200), path, workers=0)
         data = bytearray(path.read_bytes())
-        data[20_000:24_000] = b"\x7f" * 4000  # behind the pages that opening it reads
+        data[20_000:24_000] = b"\x7f" * 4000  # after the pages that are read when the store is opened
         path.write_bytes(data)
         with pytest.raises(InputError, match="cannot be read or written any further"):
             camopt.sweep(rehearsals(200), path, workers=0).write_csv(tmp_path / "x.csv")
@@ -191,13 +180,13 @@ class TestStores:
     @pytest.mark.parametrize("column", ["task", "outcome"])
     def test_an_edited_row(self, tmp_path, column):
         path = tmp_path / "x"
-        found = camopt.sweep(rehearsals(3), path, workers=0)
+        swept = camopt.sweep(rehearsals(3), path, workers=0)
         with opened(path) as db:
             db.execute(f"UPDATE row SET {column} = '[1' WHERE number = 1")
         with pytest.raises(InputError, match="row 1 of the sweep's store is damaged"):
-            found.columns()
+            swept.columns()
 
-    def test_a_store_that_says_no_version(self, tmp_path):
+    def test_a_store_without_a_version(self, tmp_path):
         camopt.sweep(rehearsals(3), tmp_path / "x", workers=0)
         with opened(tmp_path / "x") as db:
             db.execute("DELETE FROM about")
@@ -235,7 +224,7 @@ def test_any_executor_with_at_most_four_tasks_for_each_worker(tmp_path, serial):
     assert max(most) <= 2 * sweeping.AHEAD
 
 
-def test_an_executor_that_is_gone_and_a_worker_of_another_version_are_said(tmp_path, monkeypatch):
+def test_a_closed_executor_and_a_worker_of_another_version_are_reported(tmp_path, monkeypatch):
     executor = ThreadPoolExecutor(1)
     executor.shutdown()
     with pytest.raises(InputError, match=r"the executor does not go on .*sweep again with the same store"):
@@ -245,39 +234,39 @@ def test_an_executor_that_is_gone_and_a_worker_of_another_version_are_said(tmp_p
         camopt.sweep(rehearsals(2), tmp_path / "x", executor)
 
 
-def test_a_task_that_raises_is_a_failed_row_with_its_sentence(tmp_path):
+def test_a_task_that_raises_gives_a_failed_row_with_its_message(tmp_path):
     tasks = [{"verb": "rehearse", "number": 3, "end": "raise"}, {"verb": "rehearse", "number": 3}, DIES]
-    found = camopt.sweep(tasks, tmp_path / "x", workers=0)
-    assert [row["state"] for row in found.rows()] == ["failed", "done", "failed"]
-    reasons = [row["reason"] for row in found.failed()]
+    swept = camopt.sweep(tasks, tmp_path / "x", workers=0)
+    assert [row["state"] for row in swept.rows()] == ["failed", "done", "failed"]
+    reasons = [row["reason"] for row in swept.failed()]
     assert reasons[0] == "rehearse: task 3 fails, as it was told to"
     assert "worker process only" in reasons[1]
-    found.write_csv(tmp_path / "x.csv")
+    swept.write_csv(tmp_path / "x.csv")
     first, *lines = (tmp_path / "x.csv").read_text().splitlines()
     assert first == "task,state,verb,end,number,reason,fraction" and len(lines) == 3
-    data = found.dataset()
+    data = swept.dataset()
     assert data["fraction"].dims == ("task",) and np.isnan(data["fraction"][0]) and data["fraction"][1] > 0
-    assert repr(found).endswith("3 tasks: 1 done, 2 failed)") and found._repr_html_() == "3 tasks: 1 done, 2 failed"
+    assert repr(swept).endswith("3 tasks: 1 done, 2 failed)") and swept._repr_html_() == "3 tasks: 1 done, 2 failed"
 
 
 @pytest.mark.parametrize("workers", [-1, 2000])
-def test_workers_are_counted(tmp_path, workers):
+def test_the_number_of_workers_is_limited(tmp_path, workers):
     with pytest.raises(InputError, match="expected a number from 0 to 1000"):
         camopt.sweep(rehearsals(1), tmp_path / "x", workers=workers)
 
 
-def test_failed_rows_are_computed_once_more_where_that_is_asked_for(tmp_path):
+def test_failed_rows_are_computed_again_on_request(tmp_path):
     needed = tmp_path / "needed"
-    one = {"verb": "call", "function": "tests.tasks.tasks_of_tests:doubled", "arguments": {"number": 1}}
-    failing = one | {"arguments": {"number": 2, "folder": str(needed)}}
-    tasks = [one, failing, {"verb": "rehearse", "number": 7, "end": "raise"}, failing]
+    working = {"verb": "call", "function": "tests.tasks.tasks_of_tests:doubled", "arguments": {"number": 1}}
+    failing = working | {"arguments": {"number": 2, "folder": str(needed)}}
+    tasks = [working, failing, {"verb": "rehearse", "number": 7, "end": "raise"}, failing]
     path = tmp_path / "x"
     assert camopt.sweep(tasks, path, workers=0).counts == {"done": 1, "failed": 2}
     before = stored(path)
     needed.touch()
     assert camopt.sweep(tasks, path, workers=0).counts == {"done": 1, "failed": 2} and stored(path) == before
-    found = camopt.sweep(tasks, path, workers=0, retry_failed=True)
-    assert found.counts == {"done": 2, "failed": 1}
+    swept = camopt.sweep(tasks, path, workers=0, retry_failed=True)
+    assert swept.counts == {"done": 2, "failed": 1}
     after = stored(path)
     assert [row[:3] for row in after] == [row[:3] for row in before]
     assert sum(was != now for was, now in zip(before, after, strict=True)) == 1

@@ -1,4 +1,4 @@
-"""Tasks as plain data: what they may say, and their keys."""
+"""Tasks as plain data: their permitted content, and their keys."""
 
 import json
 
@@ -15,15 +15,15 @@ SCENE = load_scene("motori-1")
 SETTLED = {"verb": "settled", "scene": "motori-1", "cam": "polydyne", "speed_rpm": 4000}
 
 
-def test_the_key_follows_from_what_is_computed_and_from_the_version():
-    one = filed(SETTLED, "1")
-    assert one.key == filed(dict(reversed(SETTLED.items())) | {"speed_rpm": 4000.0, "vary": {}}, "1").key
-    assert len(one.key) == 64
+def test_the_key_depends_on_the_content_and_on_the_version():
+    task = filed(SETTLED, "1")
+    assert task.key == filed(dict(reversed(SETTLED.items())) | {"speed_rpm": 4000.0, "vary": {}}, "1").key
+    assert len(task.key) == 64
     others = [filed(SETTLED | more, "1") for more in ({"speed_rpm": 4001}, {"vary": {"spring.preload_N": 251}})]
-    assert len({one.key, filed(SETTLED, "2").key, *(other.key for other in others)}) == 4
+    assert len({task.key, filed(SETTLED, "2").key, *(other.key for other in others)}) == 4
 
 
-def test_a_scene_is_its_content_however_it_is_named(tmp_path):
+def test_a_scene_is_identified_by_its_content(tmp_path):
     (tmp_path / "mine.toml").write_text(scene_text("motori-1"), encoding="utf-8")
     by_file = filed(SETTLED | {"scene": tmp_path / "mine.toml"}, "1")
     by_text = filed(SETTLED | {"scene": scene_text("motori-1")}, "1")
@@ -33,15 +33,15 @@ def test_a_scene_is_its_content_however_it_is_named(tmp_path):
     assert by_scene.task().scene == scene_toml(SCENE)
 
 
-def test_a_cam_is_the_content_of_its_design(tmp_path):
+def test_a_cam_is_identified_by_the_content_of_its_design(tmp_path):
     cam = camopt.polydyne(SCENE)
-    given = filed(SETTLED | {"cam": cam}, "1")
-    (text,) = given.parts.values()
+    task = filed(SETTLED | {"cam": cam}, "1")
+    (text,) = task.parts.values()
     (tmp_path / "design.json").write_text(text, encoding="utf-8")
     assert filed(SETTLED | {"cam": tmp_path / "design.json"}, "1").task().cam.startswith('{"family"')
     read, written = camopt.read_cam(tmp_path, SCENE), as_written(cam)
     assert (read.coefficients == written.coefficients).all() and (read.borders == written.borders).all()
-    assert isinstance(given.task(), SettledTask)
+    assert isinstance(task.task(), SettledTask)
 
 
 @pytest.mark.parametrize(
@@ -59,7 +59,7 @@ def test_a_cam_is_the_content_of_its_design(tmp_path):
         ({"verb": "settled", "scene": "motori-1"}, "task 7: cam: Field required; task 7: speed_rpm: Field required"),
     ],
 )
-def test_what_is_no_task_is_answered_with_a_sentence(task, words):
+def test_an_invalid_task_is_reported_with_a_sentence(task, words):
     with pytest.raises(InputError) as refused:
         filed(task, "1", "task 7")
     assert str(refused.value).startswith("task 7: ") and words in str(refused.value)

@@ -12,7 +12,7 @@ from camopt.scene.geometry import Geometry
 from camopt.scene.units import DEG, MM
 from tests.cam.cams import KODAMA, THETA, WIDE, difference
 from tests.cam.cams import POLYDYNE as CAM
-from tests.test_cli import run
+from tests.command_line import run
 
 ROLLS = KODAMA.model_copy(
     update={"geometry": Geometry(follower="roller", base_radius_mm=25, roller_radius_mm=9, rocker_ratio=1.4)}

@@ -30,9 +30,9 @@ from camopt.report.regenerated import differences
 from camopt.scene import load_scene, parse_scene
 from camopt.scene.errors import NoCamFound
 from camopt.storage.journal import Records
+from tests.documented_keys import undocumented
 from tests.optimizer.as_built.test_yield_search import SCENE
 from tests.scene.test_load import EXAMPLE
-from tests.test_docs import undocumented
 
 JOB = {"speeds": "band", "accuracy": "draft", "gradient": "none", "compare": False}
 SETTINGS = {"accuracy": "draft", "speeds": "band", "seed": 0}
