@@ -39,7 +39,7 @@ CAM = ("cam", "kodama", "--cam", "polydyne")
 def test_invalid_paths(capsys, tmp_path, monkeypatch, words, path):
     monkeypatch.chdir(tmp_path)
     said = refused(capsys, *(path if word == "PATH" else word for word in words))
-    assert "the system does not take this path" in said and len(said) < 400
+    assert "the system does not accept this path" in said and len(said) < 400
     assert not list(tmp_path.iterdir())
 
 

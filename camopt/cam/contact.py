@@ -102,5 +102,5 @@ class Contact:
         faults = [] if self.contour_fault is None else [self.contour_fault]
         width = self.geometry.face_width_mm
         if self.geometry.follower == "flat" and width is not None and self.face_width > width * MM:
-            faults.append(f"the contact needs a face {self.face_width / MM:.2f} mm wide, which has {width:g} mm")
+            faults.append(f"the contact needs a face {self.face_width / MM:.2f} mm wide, but it is {width:g} mm wide")
         return faults

@@ -81,7 +81,7 @@ class Piston(Table, frozen=True):
         if self.rod_mm <= self.stroke_mm / 2 + abs(self.pin_offset_mm):
             raise ValueError("the rod must be longer than half of stroke_mm and pin_offset_mm together")
         if self.gap_at_top_mm <= self.clearance_mm:
-            raise ValueError("gap_at_top_mm must exceed clearance_mm: the closed valve comes nearer than it may")
+            raise ValueError("gap_at_top_mm must exceed clearance_mm: the closed valve is closer than that already")
         return self
 
 

@@ -36,7 +36,7 @@ ROWS = {
     "force_table": "[compression_mm, force_N]",
 }
 NOT_OF = {
-    "damping_N_s_per_m": (("adjuster", "friction", *OF_CONTACT_LAWS[DISSIPATION]), "its own law loses the energy"),
+    "damping_N_s_per_m": (("adjuster", "friction", *OF_CONTACT_LAWS[DISSIPATION]), "the law itself dissipates energy"),
     "gap_mm": (("adjuster", "friction"), "it has no lash"),
     "preload_N": (("friction", "table"), "its force is all in its law"),
 }
@@ -197,7 +197,7 @@ class Element(Table, frozen=True):
         form, (forms, why) = _form(info), NOT_OF[info.field_name or ""]
         if value != 0.0 and form in forms:
             what = f'law = "{form}"' if form in LAWS else f'kind = "{form}"'
-            raise ValueError(f"belongs to no {what}: {why}; leave this key out")
+            raise ValueError(f"does not apply to {what}: {why}; leave this key out")
         return value
 
     @field_validator("cam_driven")

@@ -51,7 +51,7 @@ def checked(data: dict, need: tuple[Part, ...]) -> tuple[Scene | None, list[str]
         faults += tolerance_faults(_scene_of(data, *TRAIN, "tolerance"))
     faults = [fault + _name_of_row(fault, data) for fault in faults]
     if len(faults) > MOST_LISTED:
-        faults = [*faults[:MOST_LISTED], f"and {len(faults) - MOST_LISTED} faults more"]
+        faults = [*faults[:MOST_LISTED], f"and {len(faults) - MOST_LISTED} more faults"]
     return scene, faults
 
 
@@ -221,7 +221,7 @@ def _unheld(data: dict, masses: list[str]) -> list[str]:
         held |= joined
         joined = {end for pair in pairs if held & set(pair) for end in pair} - held
     return [
-        f"mass.{i}: no element joins {name!r} to the ground, not even by way of other masses: it would fly away"
+        f"mass.{i}: no element joins {name!r} to the ground, not even by way of other masses: nothing would hold it"
         for i, name in enumerate(masses, 1)
         if name not in held
     ]

@@ -45,7 +45,7 @@ def scene_text(source: str | Path) -> str:
 def no_duration(design: Design) -> float:
     """Raises InputError for a design that leaves its duration open, because choosing it takes a linear program."""
     raise InputError(
-        f'design.duration_deg: "{FROM_DURATION_AT}" is chosen by the command line and by camopt.load_scene: read the '
+        f'design.duration_deg: "{FROM_DURATION_AT}" needs the command line or camopt.load_scene: read the '
         "scene there, or give a number"
     )
 

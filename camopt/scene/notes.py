@@ -59,7 +59,7 @@ CONTACT_AT_UM = 10.0
 """Compression [um] at which the tangent stiffness of a contact law is compared with `STIFF`."""
 
 
-MEANT = "if it is meant, nothing needs doing"
+MEANT = "if this is intended, ignore the note"
 LEAST_SEAT_N = 5.0
 """Force on a closed valve's seat [N] that even the spring of a model engine exceeds."""
 SAME_SEAT_FORCE = 0.2
@@ -190,6 +190,6 @@ def _seat_note(scene: Scene) -> list[str]:
     if stated and abs(force - stated) > SAME_SEAT_FORCE * max(force, stated):
         return [
             f"element.preload_N: at rest the springs press the valve on its seat with {force:.3g} N, and the preload "
-            f"of the seat {scene.seat!r} is {stated:g} N: the two are one force; {MEANT}"
+            f"of the seat {scene.seat!r} is {stated:g} N: both should be the same force; {MEANT}"
         ]
     return []

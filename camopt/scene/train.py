@@ -128,7 +128,9 @@ class Train:
     def require_kinds(self, method: str, kinds: Collection[int], where: str) -> None:
         """Raises InputError if a law's number is not among `kinds`, the laws of the method in the file `where`."""
         if names := self._with_law(lambda kind: kind not in kinds):
-            raise InputError(f"{method} has not the law of {names}: write it in {where}, or ask another method")
+            raise InputError(
+                f"{method} does not implement the law of {names}: add it to {where}, or take another method"
+            )
 
     def _with_law(self, has: Callable[[int], bool]) -> str:
         """Names of the elements for whose law number `has` is true."""

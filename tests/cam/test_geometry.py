@@ -36,7 +36,7 @@ class TestCircleAboutAnotherCentre:
         assert found.figures()["pressure_angle_max_deg"] is None
         narrow = Geometry(follower="flat", base_radius_mm=16, face_width_mm=7.9)
         assert contact(cam_of(eccentric_flat), narrow).faults() == [
-            "the contact needs a face 8.00 mm wide, which has 7.9 mm"
+            "the contact needs a face 8.00 mm wide, but it is 7.9 mm wide"
         ]
 
     def test_pressure_angle_of_a_roller(self):

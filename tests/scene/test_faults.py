@@ -92,7 +92,7 @@ class TestNothingHidesAnother:
         rows = "".join(f'[[mass]]\nname = "m{i}"\nmass_kg = -1.0\n' for i in range(190))
         lines = faults(EXAMPLE + rows)
         assert len(lines) == 101
-        assert lines[-1] == "and 280 faults more"
+        assert lines[-1] == "and 280 more faults"
 
 
 def test_plain_words_instead_of_the_schemas():

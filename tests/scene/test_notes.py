@@ -34,7 +34,7 @@ def test_built_in_scenes_and_the_example_of_the_contract_are_usual(text):
 )  # fmt: skip
 def test_unusual_numbers_are_noted_with_the_unit_that_was_probably_meant(old, new, says):
     (note,) = scene_notes(parse_scene(changed(EXAMPLE, old, new), "mine.toml"))
-    assert all(words in note for words in [*says, "if it is meant, nothing needs doing"])
+    assert all(words in note for words in [*says, "if this is intended, ignore the note"])
 
 
 @pytest.mark.parametrize(
@@ -42,7 +42,7 @@ def test_unusual_numbers_are_noted_with_the_unit_that_was_probably_meant(old, ne
     [
         ("0.0", "at rest the valve is pressed on its seat with only 0.0"),
         ("0.25", "0.25 of 'spring' looks like kN, which would be 250 here"),
-        ("150.0", "its seat with 150 N, and the preload of the seat 'seat' is 250 N: the two are one"),
+        ("150.0", "its seat with 150 N, and the preload of the seat 'seat' is 250 N: both should be the same"),
         ("240.0", None),
     ],
 )

@@ -29,7 +29,7 @@ def test_every_key_of_a_scene():
         for key in model.model_fields:
             assert f"`{key}`" in text or f"`[{key}]`" in text or f"`[[{key}]]`" in text, key
     assert '| `kind` | what it is | `"spring"`, `"contact"`, `"adjuster"`, `"friction"` | required |' in text
-    assert "to angle zero | number | – |" in text and "must get there | true or false | `false` |" in text
+    assert "to angle zero | number | – |" in text and "must reach max_lift_mm | true or false | `false` |" in text
     assert "of the crankshaft | list of numbers | required | 100 to 20000 |" in text
 
 

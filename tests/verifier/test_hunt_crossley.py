@@ -143,7 +143,7 @@ def test_the_exact_gradient_is_that_of_the_motion_on_chords_and_nears_the_closed
 def test_a_judge_refuses_a_law_that_it_has_not_written(method):
     parts = ball()
     later = replace(parts, laws=replace(parts.laws, kind=np.array([max(KINDS.values()) + 1])))
-    with pytest.raises(InputError, match="has not the law of e0: write it in camopt/verifier/methods/"):
+    with pytest.raises(InputError, match="does not implement the law of e0: add it to camopt/verifier/methods/"):
         method.prepare(later, no_lift(), TURNS, 20_000)
 
 

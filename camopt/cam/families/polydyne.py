@@ -117,7 +117,7 @@ def _refusal(why: str, exponents: tuple[float, ...], parameters: dict[str, float
     train = "follows its cam within" if stiff else "lags behind its cam by"
     speeds = "a higher speed_rpm, higher exponents" if stiff else "a lower speed_rpm, lower exponents"
     return (
-        f"polydyne: the dynamic correction leaves the family at exponents {'/'.join(f'{p:g}' for p in exponents)} and "
+        f"polydyne: the dynamic correction gives no valid cam at exponents {'/'.join(f'{p:g}' for p in exponents)} and "
         f"speed_rpm {speed:g}: {why}; the train {train} {follows:.2g} deg, and the highest exponent shapes the ramp's "
         f"end within {shows:.2g} deg; try {speeds}, or the family exponent, which leaves the correction out"
     )

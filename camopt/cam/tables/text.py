@@ -81,7 +81,7 @@ def parsed(path: Path, first_line: int | None = None, columns: Sequence[str | in
     names = _names(path, lines[:begin], rows.shape[1])
     if not names and rows.shape[1] == 4 and all(_TORN.fullmatch(cell) for line in lines for cell in line.text.split()):
         raise InputError(
-            f"{path}: line {lines[begin].number}: commas stand between its columns and in its numbers: part the "
+            f"{path}: line {lines[begin].number}: commas separate columns and are decimal signs too: separate the "
             f"columns by semicolons, or write the numbers with points"
         )
     decimal_commas = any(_decimal_commas(line.text) for line in lines[begin:])
@@ -127,7 +127,7 @@ def _rows(path: Path, lines: list[_Line]) -> np.ndarray:
         if max(map(abs, line.values)) > LARGEST:
             raise InputError(f"{where}: larger than any angle or lift, whatever its unit: correct {shown}")
         if len(line.values) < 2 or len(line.values) != width:
-            raise InputError(f"{where}: {len(line.values)} columns; each row needs angle and lift, all alike")
+            raise InputError(f"{where}: {len(line.values)} columns; every row needs angle and lift in the same columns")
     return np.array([line.values for line in lines])
 
 
@@ -156,7 +156,7 @@ def _chosen(path: Path, table: TableText, columns: Sequence[str | int]) -> Table
             )
     if len(at) != 2 or at[0] == at[1]:
         wanted = excerpt(",".join(map(str, columns)))
-        raise InputError(f"{path}: its columns are to be {wanted}: give that of the angle and that of the lift")
+        raise InputError(f"{path}: columns {wanted}: give one for the angle and one for the lift")
     return replace(table, names=[], rows=table.rows[:, at])
 
 

@@ -115,7 +115,7 @@ SPOILS: dict[str, tuple[Callable[[list[str]], list[str]], str]] = {
         replaced(lambda line: line[: line.rindex(line.split()[-1][-6:])] + " nan"),
         "expected finite|columns",
     ),
-    "a column too few": (replaced(lambda line: line[:1] + "1"), "columns; each row needs"),
+    "a column too few": (replaced(lambda line: line[:1] + "1"), "columns; every row needs"),
     "a huge number": (replaced(lambda line: line + "e300"), "larger than any angle or lift"),
     "text amid the rows": (replaced(lambda line: "Page 2"), "expected finite numbers"),
     "nothing": (lambda lines: [], "holds no numbers"),
@@ -143,7 +143,7 @@ def test_a_spoiled_file_ends_in_one_sentence(tmp_path, name, spoil):
         ((1, 9), r"no column '9' among its 3, named 'Winkel', 'Hub Auslass', 'Hub Einlass': count them from 1"),
         ((0, 3), "no column '0'"),
         (("Winkel", "Hub"), "no column 'Hub'"),
-        ((3, 3), "give that of the angle and that of the lift"),
+        ((3, 3), "give one for the angle and one for the lift"),
     ],
 )
 def test_columns_that_are_not_there(tmp_path, columns, says):

@@ -75,7 +75,7 @@ SPOILS: dict[str, tuple[Callable[[Rows], str], str]] = {
     "two rows missing": (lambda rows: missing(rows, 2), "rows are missing between lines"),
     "forty rows missing": (lambda rows: missing(rows, 40), "refused: the lift would have to be invented"),
     "decimal commas": (lambda rows: text(rows).replace(".", ","), "its commas are read as decimal signs"),
-    "commas everywhere": (torn, "refused: commas stand between its columns and in its numbers"),
+    "commas everywhere": (torn, "refused: commas separate columns and are decimal signs too"),
     "repeated angle": (repeated, "refused: the angle is repeated"),
     "half a lobe": (half, "half a lobe"),
     "wrap-around": (wrapped, "its angles begin anew"),
