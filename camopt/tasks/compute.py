@@ -1,7 +1,7 @@
-"""Computing one task, in whatever process: its state and its outcome as text.
+"""Computation of one task in any process; the result is the task's state and its outcome as text.
 
-A task that cannot be computed ends as "failed" with its sentence. BLAS is held to one thread, and nothing is carried
-from one task to the next but what is the same for every process, so that a row does not depend on who computed it.
+A task that cannot be computed ends as "failed" with the error sentence. BLAS is limited to one thread, and only data
+that are the same in every process are cached between tasks, so that a row does not depend on who computed it.
 """
 
 import json
@@ -23,24 +23,24 @@ from camopt.tasks.task import CallTask, FiledTask, RehearseTask, Task, function_
 
 DONE, FAILED = "done", "failed"
 ON_SCENES = "camopt.study.task_verbs"
-"""Where the verbs stand that need a scene: the one module above this layer, named here and loaded when it is used."""
+"""Module of the verbs that need a scene: the only module above this layer, named here and imported on use."""
 LONGEST_REASON = 600
 
 
 class Outcome(NamedTuple):
-    """How a task ended: its `state`, and as JSON text what it returned, or the reason why it failed."""
+    """How a task ended: its `state`, and as JSON text its result or the reason of its failure."""
 
     state: str
     text: str
 
 
 def failed(reason: str) -> Outcome:
-    """The outcome of a task that failed for a reason."""
+    """The outcome of a task that failed for the given reason."""
     return Outcome(FAILED, json.dumps({"reason": reason[:LONGEST_REASON]}))
 
 
 def compute(filed: FiledTask) -> Outcome:
-    """The outcome of a task, computed in this process with one BLAS thread, whose limits are restored."""
+    """Computes a task in this process with one BLAS thread; the previous thread limits are then restored."""
     task = filed.task()
     with _controller(_place(task)).limit(limits=1):
         try:
@@ -54,18 +54,18 @@ def compute(filed: FiledTask) -> Outcome:
 
 
 def compute_at_worker(filed: FiledTask, made_by: str) -> Outcome:
-    """The same in a worker; raises InputError where camopt is not that of the sender."""
+    """`compute` in a worker; raises InputError where its version of camopt is not the sender's."""
     if (mine := _own_version()) != made_by:
         raise InputError(
             f"sweep: a worker has camopt {mine}, and the tasks are sent by camopt {made_by}; nothing of it was "
             f"recorded: install one version everywhere"
         )
-    _controller(_place(filed.task())).limit(limits=1)  # for good, since other threads may compute here
+    _controller(_place(filed.task())).limit(limits=1)  # permanently, because other threads may compute here
     return compute(filed)
 
 
 def _place(task: Task) -> str:
-    """Where the function of a task stands, "package.module:name"."""
+    """The location of a task's function, "package.module:name"."""
     if isinstance(task, CallTask):
         return task.function
     return f"{__name__}:rehearse" if task.verb == "rehearse" else f"{ON_SCENES}:{task.verb}_task"
@@ -73,7 +73,7 @@ def _place(task: Task) -> str:
 
 @cache
 def _controller(place: str) -> ThreadpoolController:
-    """The thread pools that are there once the module of a function is, with all that it loads."""
+    """The thread pools that exist once the module of a function, and all that it imports, is loaded."""
     import_module(place.partition(":")[0])
     return ThreadpoolController()
 
@@ -82,7 +82,7 @@ _own_version = cache(partial(version, "camopt"))
 
 
 def rehearse(task: RehearseTask) -> dict[str, float]:
-    """The verb "rehearse": waits, then returns a fraction that follows from the number, or ends as it is told."""
+    """The verb "rehearse": waits, then returns a fraction derived from the number, or ends as `end` requires."""
     if task.seconds:
         time.sleep(task.seconds)
     if task.end == "die":

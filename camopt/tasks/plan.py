@@ -1,4 +1,4 @@
-"""Plans: a TOML file that says which tasks a sweep has (docs/sweeps.md shows one), and the tasks, one at a time."""
+"""Plans: a TOML file that lists the tasks of a sweep (docs/sweeps.md shows one), and an iterator over these tasks."""
 
 import hashlib
 import json
@@ -33,14 +33,14 @@ Some = Field(min_length=1, max_length=100_000)
 
 
 class YieldSettings(Table, frozen=True):
-    """How many trains are drawn, and by which seed."""
+    """Number of drawn trains and the seed that draws them."""
 
     trains: Annotated[int, Field(ge=1, le=10_000_000)] = 1000
     seed: Count = 0
 
 
 class RehearseSettings(Table, frozen=True):
-    """How many stand-ins there are, and how long each of them waits."""
+    """Number of dummy tasks and the time [s] that each of them waits."""
 
     tasks: Annotated[int, Field(ge=1, le=10_000_000)] = 200
     seconds: Annotated[float, Field(ge=0, le=3600)] = 0.0
@@ -50,7 +50,7 @@ SETTINGS = {"settled": Table, "simulate": SimulateSettings, "yield": YieldSettin
 
 
 class PlanFile(Table, frozen=True):
-    """What a plan file may say."""
+    """The contents of a plan file."""
 
     format: Literal[1]
     verb: PlanVerb
@@ -81,17 +81,17 @@ class PlanFile(Table, frozen=True):
 
 @dataclass(frozen=True, repr=False)
 class SweepPlan:
-    """The tasks of a plan, one at a time; it has a length, and a `digest` that says whether two are the same."""
+    """The tasks of a plan as an iterable with a length and a `digest`, which is equal for equal plans."""
 
     file: PlanFile
     settings: Table
-    scenes: tuple[str, ...]  # as texts of tasks
+    scenes: tuple[str, ...]  # names or TOML texts, as in tasks
     cams: tuple[tuple[str, ...], ...]  # by scene
     speeds_rpm: tuple[tuple[float, ...], ...]  # by scene
 
     @property
     def digest(self) -> str:
-        """SHA-256 of all that the tasks follow from, the content of scenes and cams included."""
+        """SHA-256 of everything that determines the tasks, including the contents of scenes and cams."""
         said = [self.file.verb, self.settings.model_dump(), self.scenes, self.cams, self.speeds_rpm]
         said += [self.file.combine, self.file.vary]
         return hashlib.sha256(json.dumps(said).encode()).hexdigest()
@@ -106,7 +106,7 @@ class SweepPlan:
         return combinations * sum(len(cams) * (trains or len(speeds)) for cams, speeds in pairs)
 
     def _numbers(self) -> Iterator[dict[str, float]]:
-        """The numbers of the scene, combination by combination."""
+        """The varied values of the scene, one dictionary per combination."""
         vary, together = self.file.vary, product if self.file.combine == "grid" or not self.file.vary else zip
         return (dict(zip(vary, values, strict=True)) for values in together(*vary.values()))
 
@@ -130,12 +130,12 @@ class SweepPlan:
 
 
 def load_plan(path: str | Path) -> SweepPlan:
-    """The plan of a TOML file. Raises InputError with one line per fault, of its scenes and cams too."""
+    """Reads a plan from a TOML file. Raises InputError with a line per fault, also of its scenes and cams."""
     path = usable_path(path, "plan")
     if not path.is_file():
         raise InputError(f"{path}: no such file: name a TOML file, as `camopt sweep --help` shows")
     data = toml_data(read_text(path, MOST_BYTES, "plan"), str(path))
-    if isinstance(vary := data.get("vary"), dict):  # `spring.preload_N = ...` is one key, quoted or not
+    if isinstance(vary := data.get("vary"), dict):  # an unquoted `spring.preload_N` is read as nested tables
         inner = {name: value if isinstance(value, dict) else {"": value} for name, value in vary.items()}
         numbers = ((name, key, one) for name, keys in inner.items() for key, one in keys.items())
         data["vary"] = {f"{name}.{key}" if key else name: one for name, key, one in numbers}
@@ -153,12 +153,12 @@ def load_plan(path: str | Path) -> SweepPlan:
 
 
 def _key(fault: str) -> str:
-    """The key of a fault that is an unknown key, else nothing that any key is like."""
+    """The key of an unknown-key fault; for any other fault an empty text, which resembles no key."""
     return fault.removesuffix(": unknown key").rpartition(".")[2] if fault.endswith(": unknown key") else ""
 
 
 def _filled_in(file: PlanFile, settings: Table, folder: Path) -> SweepPlan:
-    """The plan with its scenes and cams read, and its first combination of numbers tried."""
+    """The plan with its scenes and cams read; its first combination of values is checked on every scene."""
     if file.scenes is None or file.cams is None:
         return SweepPlan(file, settings, (), (), ())
     scenes = tuple(scene_as_text(_beside(name, folder, builtin_scenes())) for name in file.scenes)
@@ -172,5 +172,5 @@ def _filled_in(file: PlanFile, settings: Table, folder: Path) -> SweepPlan:
 
 
 def _beside(name: str, folder: Path, names) -> str | Path:
-    """A file is looked for beside the plan; what is known by name is no file."""
+    """The path of a file relative to the plan; a name of a built-in scene or a family is returned as it is."""
     return name if name.partition(":")[0] in names else folder / name
