@@ -1,4 +1,4 @@
-"""What a command says last, on standard error: what to do next, and after a failure what is left where."""
+"""The last line of a command on standard error: the next step, or after a failure the files that are left."""
 
 import json
 import shlex
@@ -15,8 +15,7 @@ if TYPE_CHECKING:
 
 
 def next_step(args: Namespace, code: int) -> str:
-    """One sentence with a command that can be pasted, which is the `next` of the table of commands where that says one;
-    `code` is the exit code of what was run."""
+    """A sentence with a command to paste: the `next` of the table of commands, if any; `code` is the exit code."""
     if args.next is None:
         return _AFTER[args.command](args, code)
     sentences = {"otherwise": args.next} if isinstance(args.next, str) else args.next
@@ -28,9 +27,9 @@ def next_step(args: Namespace, code: int) -> str:
 
 
 def left_behind(args: Namespace) -> str:
-    """What a command that did not end leaves in its folder and how to go on, to end a sentence with; a folder that is
-    still empty is taken away, so that the same command may be given again."""
-    if hasattr(args, "store"):  # of a sweep, which leaves nothing where it had not begun
+    """The end of an error sentence, which states what a command that failed leaves in its folder and how to resume it.
+    A folder that is still empty is deleted, so that the same command can be repeated."""
+    if hasattr(args, "store"):  # only `sweep` has a store; it leaves nothing before it begins
         again = _camopt("sweep", args.plan, "--store", args.store, "--resume")
         left = f"; {args.store} is left, with a row for each task that ended: {again} goes on"
         return left if getattr(args, "begun", False) else ""
@@ -55,7 +54,7 @@ def _camopt(*words: object) -> str:
 
 
 def _cam_of(args: Namespace) -> list[object]:
-    """Scene and cam as they were given, with what says how a table is read."""
+    """Scene and cam as they were given, with the options for reading a table."""
     named = {"--table-angle": args.table_angle, "--table-lift": args.table_lift, "--table-ratio": args.table_ratio}
     named["--table-probe-mm"] = "flat" if args.table_probe_mm == float("inf") else args.table_probe_mm
     named["--table-columns"] = None if args.table_columns is None else ",".join(args.table_columns)
@@ -65,18 +64,18 @@ def _cam_of(args: Namespace) -> list[object]:
 
 
 def _is_table(args: Namespace) -> bool:
-    """Whether the cam is a lift table already, so that no advice to write one is needed."""
+    """Whether the cam is already a lift table, so that writing one need not be advised."""
     return Path(args.cam).is_file() and Path(args.cam).suffix != ".json"
 
 
 def _lift_table(*cam: object) -> str:
-    """What writes a cam's lift table as a grinder can read it."""
+    """The sentence on the command that writes a cam's lift table for the grinder."""
     command = _camopt("cam", *cam, "--csv", "lift.csv", "--digits", 5)
     return f"{command} writes the cam's lift table for the grinder"
 
 
 def _run_at(folder: object) -> "RunFolder | None":
-    """The run folder that lies there; None where none can be read."""
+    """The run folder at a path; None where it cannot be read or has no verification."""
     from camopt.report.folder import read_run_folder
 
     with suppress(InputError):
@@ -86,7 +85,7 @@ def _run_at(folder: object) -> "RunFolder | None":
 
 
 def _advised(scene: object, folder: object) -> str:
-    """What a run's own folder advises first; empty where none lies there."""
+    """The first advice of the report on the run folder; empty where there is no run folder."""
     from camopt.report.advice import advice
 
     run = _run_at(folder)
@@ -95,7 +94,7 @@ def _advised(scene: object, folder: object) -> str:
 
 
 def _scene_of(scene: object, run: "RunFolder", folder: object) -> str:
-    """The scene as it was given; the one of the folder where the design chose some of its numbers."""
+    """The scene as it was given, or that of the folder where the design chose some of its numbers."""
     return str(Path(str(folder)) / "scene.toml" if run.design.get("free") or scene is None else scene)
 
 
@@ -123,7 +122,7 @@ def _after_verify(args: Namespace, code: int) -> str:
         held = _camopt("yield", *_cam_of(args), "--trains", 200)
         return f"{held} says how many trains as built hold, where the scene says how they differ"
     advised = _advised(args.scene, args.cam)
-    if advised and "`camopt verify" not in advised:  # which has just been done
+    if advised and "`camopt verify" not in advised:  # `verify` has just been run
         return advised
     return _lift_table(*_cam_of(args))
 
@@ -166,7 +165,7 @@ def _after_yield(args: Namespace, code: int) -> str:
 
 
 def _enough(args: Namespace) -> bool:
-    """Whether as many trains hold as the cam's run asked for, or as are advised where it asked for none."""
+    """Whether the yield reaches the share that the cam's run asked for, or the advised one where it asked for none."""
     run, record = _run_at(args.cam), {}
     with suppress(OSError, ValueError):
         record = json.loads((Path(args.folder) / "yield.json").read_text(encoding="utf-8"))
@@ -202,4 +201,4 @@ _AFTER = {
         else f"{_camopt('tradeoff', args.scene or 'kodama')} measures what accuracy costs"
     ),
 }
-"""By command without such a sentence: what to do after it, from its arguments and its exit code."""
+"""By command without a `next` in the table: the next step, from its arguments and its exit code."""

@@ -1,4 +1,4 @@
-"""The verbs of the command line that study a scene: bounds, modes, yields, sweeps and measurements of accuracy."""
+"""The command-line verbs that study a scene: bounds, modes, yields, sweeps and measurements of accuracy."""
 
 import sys
 import tomllib
@@ -33,7 +33,7 @@ def bound(args: Namespace) -> int:
 
 
 def rise(args: Namespace) -> int:
-    """Prints the least peak and the bound, and writes the motion."""
+    """Prints the least peak and its bound, and writes the motion."""
     from camopt.study import rise as study
 
     if args.least and args.jerk_max_mm_per_deg3:
@@ -75,7 +75,7 @@ def yield_(args: Namespace) -> int:
 
 
 def what_if(args: Namespace) -> int:
-    """Prints what a cam comes to before and after the change."""
+    """Prints the verdict, area, speed limits and yield of a cam before and after the change."""
     scene = scene_of(args)
     cam = cam_of(args, scene)
     changes = once_each(args.set, "--set {name}: is given twice: give one value")
@@ -87,7 +87,7 @@ def what_if(args: Namespace) -> int:
 
 
 def sweep(args: Namespace) -> int:
-    """Computes the tasks of a plan and says how they ended; 3 where some failed."""
+    """Computes the tasks of a plan and prints how many ended in each state; returns 3 where some failed."""
     from camopt.tasks.engines import cluster
     from camopt.tasks.plan import load_plan
 
@@ -111,7 +111,7 @@ def sweep(args: Namespace) -> int:
         try:
             rows = sweep_tasks(plan, store, executor, args.workers or threads, **settings)
         except InputError:
-            args.begun = False  # its sentence says what became of the store
+            args.begun = False  # the error sentence states what happened to the store
             raise
     if args.csv:
         rows.write_csv(args.csv)

@@ -1,5 +1,6 @@
-"""The verbs that design, judge and show a cam: each calls one public function and prints the outcome. Everything beyond
-the scene is imported inside the verb, so that bad input is answered before JAX or numba load.
+"""The verbs that design, judge and show a cam: each calls one public function and prints the result.
+
+Everything but the scene is imported inside the verb, so that bad input is reported before JAX or numba are loaded.
 """
 
 import atexit
@@ -31,11 +32,11 @@ if TYPE_CHECKING:
     from camopt.cam.card import CamCard
     from camopt.cam.lift import Lift
 
-atexit.register(gc.freeze)  # what is left goes with the process: to walk through it once more takes a second
+atexit.register(gc.freeze)  # a last collection at exit would take a second for nothing
 GEOMETRY = ("speed", "contour", "dxf")
 """Options of `camopt cam` that need [geometry]."""
 CARD = ("card", "card_csv", "lifts_mm", "centre_deg", "exhaust")
-"""Options of `camopt cam` that call for a cam card."""
+"""Options of `camopt cam` that require a cam card."""
 
 
 def optimize(args: Namespace) -> int:
@@ -50,7 +51,7 @@ def optimize(args: Namespace) -> int:
     def designed(folder: Path) -> None:
         _print_outcome(folder)
         sys.stdout.flush()
-        if args.accuracy != DRAFT:  # whose comparison hardly takes longer than the page
+        if args.accuracy != DRAFT:  # a draft's comparison takes hardly longer than the page
             write_report(folder)
 
     names = ("speeds", "accuracy", "gradient", "seed", "resume", "wanted_yield")
@@ -65,7 +66,7 @@ def optimize(args: Namespace) -> int:
 
 
 def _print_outcome(folder: Path) -> None:
-    """What a run came to, from the files in its folder alone."""
+    """Prints the outcome of a run, from the files in its folder alone."""
     from camopt.report.folder import read_run_folder
     from camopt.report.outcome import outcome_lines
 
@@ -89,7 +90,7 @@ def report(args: Namespace) -> int:
 
 
 def design(args: Namespace) -> int:
-    """Serves the designer's page on this machine and prints its address; an interrupt is its ordinary end."""
+    """Serves the designer's page on this machine and prints its address; a keyboard interrupt ends it normally."""
     scene = load_scene(args.scene, need=SIMULATED)
     from camopt.designer.requests import RequestHandler
     from camopt.designer.server import DesignServer
@@ -104,9 +105,9 @@ def design(args: Namespace) -> int:
             print(SAYING, file=sys.stderr, flush=True)
             compile_programs()
         requests.slow.start()
-        for part in QUICK:  # loads the programs, so that the page's first answers are as quick as all others
+        for part in QUICK:  # loads the programs, so that the first answers are not slower than later ones
             requests.session.answer({}, part)
-        gc.freeze()  # else a collection now and then delays an answer
+        gc.freeze()  # else a garbage collection may delay an answer
         print(f"{scene.name}: open {server.address} in a browser on this machine; Ctrl-C ends it", flush=True)
         server.serve_forever()
     except KeyboardInterrupt:
@@ -169,7 +170,7 @@ def simulate(args: Namespace) -> int:
 def compare(args: Namespace) -> int:
     scene = scene_of(args)
     folder = folder_of(args, scene.name)
-    last = [Path(path).name or path for path in args.design]  # what designs are called; whole paths where two agree
+    last = [Path(path).name or path for path in args.design]  # the names of designs; whole paths where two are equal
     names = [str(Path(path)) if last.count(n) > 1 else n for path, n in zip(args.design, last, strict=True)]
     designs = {name: cam_of(args, scene, Path(path)) for name, path in zip(names, args.design, strict=True)}
     from camopt.optimizer.baselines.comparison import compare as comparison
@@ -186,7 +187,7 @@ def compare(args: Namespace) -> int:
 
 
 def cam(args: Namespace) -> int:
-    """Writes what is asked for and prints the cam against the scene's limits, its contact, its card and its torque."""
+    """Writes the requested files and prints the cam against its limits, its contact, its card and its torque."""
     moving = any(getattr(args, name) is not None for name in ("speed", "lobes_deg", "valve_lift"))
     scene = scene_of(args, SIMULATED if moving else ("operation", "design"))
     _check_cam_options(args, scene)
@@ -232,7 +233,7 @@ def _check_cam_options(args: Namespace, scene: Scene) -> None:
 
 
 def _cards(args: Namespace, scene: Scene, lift: "Lift") -> list["CamCard"]:
-    """The card of the cam, and of the other one where there is one."""
+    """The card of the cam, and that of the exhaust cam if one is given."""
     from camopt.cam.card import LIFTS_MM, CrankTiming, cam_card
 
     per_crank, lifts = scene.required_operation.cam_per_crank, args.lifts_mm or LIFTS_MM
