@@ -16,16 +16,16 @@ from camopt.storage import write_bytes
 from camopt.study.cam_force import settled_revolution
 
 OF_THE_CONTOUR = ("base_radius_mm", "rocker_ratio", *BELONGS, "valve_arm_deg")
-"""Keys of [geometry] that the contour hangs on."""
+"""Keys of [geometry] on which the contour depends."""
 USUAL_DIGITS = 6
-"""Decimals of the lift where none are asked for, in tables that have no more columns to tell it by."""
+"""Default number of decimals of the lift in tables without derivative columns."""
 
 
 def export(scene: Scene, lift: Lift, files: Namespace) -> list[str]:
-    """Writes the files that the arguments of `camopt cam` ask for, and says in a sentence each what they are off by.
+    """Writes the files that the arguments of `camopt cam` name; returns sentences that state their errors.
 
-    Contour, drawing and figure of a rounded table are those of its means (`camopt.measure.rounded`). Raises InputError
-    where no contour gives this lift to the scene's follower, and for steps that divide no turn.
+    Contour, drawing and figure of a rounded table are those of its moving average (`camopt.measure.rounded`). Raises
+    InputError where no contour gives this lift to the scene's follower, and for steps that do not divide a turn.
     """
     said = _table(scene, lift, files) if files.csv else []
     geometry, law = scene.geometry, moving_average(lift)[0]
@@ -54,7 +54,7 @@ def export(scene: Scene, lift: Lift, files: Namespace) -> list[str]:
 
 
 def _valve_lifts(scene: Scene, lift: Lift, files: Namespace, digits: int) -> list[str]:
-    """Writes the valve's static lift, and its lift at a speed, by crank degrees; where their rows begin."""
+    """Writes the valve's static lift, and its lift at a speed, by crank degree; returns where the rows begin."""
     per_crank, lash = scene.required_operation.cam_per_crank, build_train(scene).lash
     crank = exports.crank_rows(lift, lash, per_crank)
     said = []
@@ -66,7 +66,7 @@ def _valve_lifts(scene: Scene, lift: Lift, files: Namespace, digits: int) -> lis
         )
     if files.dynamic_lift:
         motion, method = settled_revolution(scene, lift, files.speed)
-        turn = np.arange(crank[0], 180.0 / per_crank + 1)  # a valve that bounces closes for good after the cam
+        turn = np.arange(crank[0], 180.0 / per_crank + 1)  # a bouncing valve settles later than the cam closes
         there = np.interp(turn * per_crank * DEG, motion.angle, np.maximum(motion.seat_separation(), 0.0))
         rows = int(np.flatnonzero(there)[-1]) + 2
         exports.write_valve_lift(files.dynamic_lift, there[:rows], digits)
@@ -82,7 +82,7 @@ def _crank_degrees(crank: np.ndarray) -> str:
 
 
 def _table(scene: Scene, lift: Lift, files: Namespace) -> list[str]:
-    """Writes the lift table; what it is off by, where it is rounded or in steps of the crank."""
+    """Writes the lift table; returns its error where it is rounded or in steps of the crank angle."""
     assert files.csv and scene.operation, "the verb asks for both"
     digits, step, unit = files.digits, files.step_deg, "cam"
     if files.step_crank_deg is not None:

@@ -1,4 +1,4 @@
-"""A cam as `camopt cam` shows it: against the scene's limits and its follower, with its Hertz stress."""
+"""The text that `camopt cam` prints: a cam against the scene's limits, its contact and its Hertz stress."""
 
 import numpy as np
 
@@ -17,14 +17,14 @@ from camopt.study.cam_force import driven, settled_revolution
 
 STATIC_STEP_DEG = 0.5
 BAND_SPEEDS = 11
-"""Speeds over the band at which the largest Hertz stress is looked for."""
+"""Number of speeds over the band among which the largest Hertz stress is sought."""
 SAME_DURATION_DEG = 1e-3
 SAME_LIFT = 1e-6
-"""Differences in duration, and in lift over the maximum, that rounding of a table leaves."""
+"""Differences in duration, and in lift relative to the maximum, that the rounding of a table explains."""
 MOST_SHOWN = 8
-"""Numbers of one parameter that the first line shows: the exponents and powers of every family."""
+"""Most numbers of one parameter that the first line shows: enough for the exponents and powers of every family."""
 DERIVATIVES = ("lift", "velocity", "acceleration", "jerk")
-"""By the order of the derivative."""
+"""Names by the order of the derivative."""
 LABELS = {
     "smallest_convex_radius_mm": "smallest convex radius",
     "smallest_concave_radius_mm": "smallest concave radius",
@@ -35,12 +35,13 @@ LABELS = {
     "valve_ratio_min": "valve over contact, least",
     "valve_ratio_max": "valve over contact, most",
 }
-"""Figures of a contact, and what they are called; their unit ends the key where they have one."""
+"""Labels of the quantities of a contact; the key of a dimensional quantity ends in its unit."""
 
 
 def sheet(scene: Scene, lift: Lift, speed_rpm: float | None = None) -> list[str]:
-    """Lines of text: limits, durations, and with [geometry] the contact and, at a speed, Hertz stress, velocities and
-    oil film. Derivatives of a rounded table are those of its means (`camopt.measure.rounded`)."""
+    """Lines of text on limits and durations and, with [geometry], the contact; at a speed also the Hertz stress,
+    velocities and oil film. Derivatives of a rounded table are those of its moving average
+    (`camopt.measure.rounded`)."""
     law, told = moving_average(lift)
     lines = _limits(scene, lift, law)
     lines += [f"{told}."] * bool(told)
@@ -55,7 +56,7 @@ def sheet(scene: Scene, lift: Lift, speed_rpm: float | None = None) -> list[str]
 
 
 def _limits(scene: Scene, lift: Lift, law: Lift) -> list[str]:
-    """The cam against the scene's limits; `law` has its derivatives."""
+    """The cam against the scene's limits; the derivatives are those of `law`."""
     design = scene.required_design
     ratio = lift.area_ratio_in(design)
     shown = {k: round(v, 4) if k == "knot_deg" else v for k, v in lift.parameters.items()}
@@ -84,9 +85,9 @@ def _limits(scene: Scene, lift: Lift, law: Lift) -> list[str]:
 
 
 def _steps(law: Lift, design: Design, order: int) -> str:
-    """That a derivative is infinite where one below it jumps, and what it is elsewhere begins; empty where none does.
+    """The statement that a derivative is infinite where a lower one jumps, which precedes its values elsewhere, or "".
 
-    The snap counts between the ramps, at whose ends every cam's jerk steps.
+    The snap is judged between the ramps only, because every cam's jerk jumps at the ramp ends.
     """
     within = law.half_duration if order == len(DERIVATIVES) else np.inf
     for below in range(1, order):
@@ -98,7 +99,7 @@ def _steps(law: Lift, design: Design, order: int) -> str:
 
 
 def _brief(value: object) -> str:
-    """A parameter in few words, without its rounding; long lists of numbers are in the files that the verb writes."""
+    """A parameter without rounding digits; a long list is replaced by its length and a reference to design.json."""
     if isinstance(value, float):
         return f"{value:.12g}"
     if isinstance(value, list | tuple) and len(value) > MOST_SHOWN:
@@ -107,7 +108,7 @@ def _brief(value: object) -> str:
 
 
 def remarks(lift: Lift, design: Design) -> list[str]:
-    """Sentences on what a reader of the figures would not expect: another duration, more lift, lift that was added."""
+    """Remarks on unusual properties: another duration, too much lift, repairs of the lift table, added lift."""
     said = []
     longer = 2 * lift.half_duration / DEG - design.duration_deg
     if abs(longer) > SAME_DURATION_DEG:
@@ -140,7 +141,7 @@ def remarks(lift: Lift, design: Design) -> list[str]:
 
 
 def _contact(lift: Lift, touching: Contact) -> list[str]:
-    """The contact's figures and faults, and the durations at the usual lifts."""
+    """Quantities and faults of the contact, and the durations at the usual lifts."""
     geometry = touching.geometry
     body = "pad" if geometry.roller_radius_mm is None else "roller"
     follower = f"{geometry.follower} " + (f"with a {body}" if geometry.follower in SWINGING else "follower")
@@ -166,7 +167,7 @@ def _contact(lift: Lift, touching: Contact) -> list[str]:
 
 
 def _stress(scene: Scene, lift: Lift, geometry: Geometry, speed_rpm: float) -> list[str]:
-    """The largest Hertz stress in the band, at a speed and standing still, with what the surfaces do at that speed."""
+    """The largest Hertz stress in the band, at a speed and at standstill, with the surface velocities at that speed."""
     width = contact_width(geometry) / MM
     source = "contact_width_mm" if geometry.contact_width_mm else "face_width_mm"
     moving, method = dynamic_stress(scene, lift, speed_rpm)
@@ -187,13 +188,13 @@ def _stress(scene: Scene, lift: Lift, geometry: Geometry, speed_rpm: float) -> l
 
 
 def share_borne(stress_MPa: float, geometry: Geometry) -> str:
-    """How much of what the materials bear a stress is; empty where the scene does not say it."""
+    """A stress as a percentage of the materials' limit; empty where the scene does not state the limit."""
     limit = geometry.hertz_max_MPa
     return "" if limit is None else f"{100 * stress_MPa / limit:.0f} % of {limit:g} MPa"
 
 
 def _surfaces(scene: Scene, lift: Lift, moving: HertzStress, speed_rpm: float) -> list[str]:
-    """Velocities of the two surfaces at their contact, and the oil film where the scene states an oil."""
+    """Velocities of the two surfaces at their contact, and the oil film where the scene has an oil."""
     cam_speed = scene.cam_speed(speed_rpm)
     along = contact(lift, scene.required_geometry, moving.theta)
     entrained = along.entrainment * cam_speed
@@ -214,7 +215,7 @@ def _surfaces(scene: Scene, lift: Lift, moving: HertzStress, speed_rpm: float) -
 
 
 def dynamic_stress(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[HertzStress, str]:
-    """The stress over one cam revolution under way, and the method: event-exact, or rkg where that refuses.
+    """The stress over one cam revolution at a speed, and the method: event-exact, or rkg where event-exact refuses.
 
     Raises InputError as `hertz_stress` and `camopt.study.cam_force.settled_revolution` do.
     """
@@ -223,7 +224,7 @@ def dynamic_stress(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[HertzStr
 
 
 def static_stress(scene: Scene, lift: Lift) -> HertzStress:
-    """The stress where the cam stands still, every `STATIC_STEP_DEG`; InputError as `hertz_stress`."""
+    """The stress at standstill, every `STATIC_STEP_DEG`; raises InputError as `hertz_stress` does."""
     train, element = driven(scene)
     theta = np.arange(-180.0, 180.0, STATIC_STEP_DEG) * DEG
     return hertz_stress(lift, scene.required_geometry, theta, static_forces(train, lift(theta))[:, element])

@@ -1,4 +1,4 @@
-"""What a limit costs: the largest confirmed area over a range of one limit; cam and valve spring designed together."""
+"""The cost of a limit: the largest confirmed area over a range of one limit; joint design of cam and valve spring."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -24,12 +24,12 @@ VALUES = {
     "snap_max_mm_per_deg4": (0.0005, 0.001, 0.002, 0.004),
     "yield": (0.99, 0.95, 0.9, 0.8, 0.5),
 }
-"""Values tried where none are given."""
+"""Default values by limit."""
 
 
 @dataclass(frozen=True)
 class Front:
-    """Area against a limit: `table` with coordinate `limit` (k) and area_ratio, the worst metrics; NaN: no cam."""
+    """Area against a limit: `table` has coordinate `limit` (k), area_ratio and worst metrics; NaN without a cam."""
 
     scene: str
     against: str
@@ -60,12 +60,12 @@ def pareto(
 ) -> Front:
     """Largest area ratio that the event-exact judge confirms, for each value of the design's limit `against`.
 
-    Against "yield" the values are shares of the trains as built that the cam must hold, over the band; then `seed`
-    draws the search's trains. `values` (k) in the limit's own units (default: `VALUES`) are tried from tight to loose:
-    a cam found within a tighter limit counts within a looser one too. `release` names limits to leave out, since a
-    tight jump limit hides what bounce costs. With `out` each point is stored as it is found, and a second call goes on
-    from there. Raises InputError for an unknown limit or accuracy, or an unusable `out`. A value without a confirmed
-    cam is NaN.
+    With `against` "yield" the values are shares of the trains as built in which the cam must hold, over the band;
+    `seed` then draws the trains of the search. `values` (k) in the limit's own units (default: `VALUES`) are tried from
+    tight to loose: a cam found under a tighter limit also counts for a looser one. `release` names limits to leave out,
+    because a tight jump limit hides the cost of bounce. With `out` each point is stored as it is found, and a second
+    call continues from there. Raises InputError for an unknown limit or accuracy, or an unusable `out`. A value without
+    a confirmed cam is NaN.
     """
     design, of_yield = scene.design, against == "yield"
     is_limit = of_yield or (design is not None and against in type(design).model_fields)
@@ -100,7 +100,7 @@ def pareto(
 
 
 def _yield_point(scene: Scene, wanted: float, effort: Accuracy, gradient: str, seed: int) -> dict:
-    """The largest area ratio that this share of the search's drawn trains holds, None without a cam."""
+    """The largest area ratio of a cam that holds in this share of the drawn trains; None without a cam."""
     from camopt.optimizer.as_built.checks import check_wanted
     from camopt.optimizer.as_built.search import yield_search
 
@@ -125,7 +125,7 @@ def _point(scene: Scene, speeds: str, effort: Accuracy, gradient: str) -> dict:
 
 @dataclass(frozen=True)
 class SpringDesign:
-    """Spring and cam found together: factors on rate and preload, the program's area ratios there and as given."""
+    """Spring and cam designed together: factors on rate and preload, the program's area ratios with and without."""
 
     rate: float
     preload: float
@@ -145,8 +145,8 @@ def joint_spring(
     margin_N: float = 0.0,
     evaluations: int = 30,
 ) -> SpringDesign:
-    """The factors on the valve spring's rate and preload, within these ranges, that give the program its largest area
-    (`camopt.optimizer.free_numbers`); `optimize` confirms the cam of the scene that is found."""
+    """The factors on the valve spring's rate and preload, within the given ranges, that maximise the program's area
+    (`camopt.optimizer.free_numbers`); `optimize` confirms the cam of the resulting scene."""
     effort = accuracy_named(accuracy)
     programs = Programs(lambda factors: with_spring(scene, *map(float, factors)), speeds, effort, margin_N)
     best = programs.largest((1.0, 1.0), (rate, preload), evaluations)

@@ -1,5 +1,5 @@
-"""More about the settled motions of a verdict: their energy balance, and whether each is the stable periodic solution,
-for the first method of the verdict, at every listed speed, from the state in which it settled."""
+"""The energy balance of a verdict's settled motions, and whether each is a stable periodic solution: for the first
+method of the verdict, at every listed speed, from the state in which the motion settled."""
 
 import numpy as np
 
@@ -13,11 +13,11 @@ from camopt.verifier.convergence import Converged
 from camopt.verifier.verdict import Verdict, method_named
 
 SAMPLES = 7200
-"""Samples per revolution at least, with which the energy balance of event-exact motion closes to 1e-9."""
+"""Least number of samples per revolution, with which the energy balance of event-exact motion closes to 1e-9."""
 
 
 def settled_motions(lift: Lift, verdict: Verdict, *, with_energy: bool, with_periodic: bool) -> list[dict]:
-    """What verification.json adds to each of its `speeds`: `energy` and `periodic_solution`, those that are asked for;
+    """The additions to each of the `speeds` of verification.json: `energy` and `periodic_solution`, where requested;
     None at a speed at which the method refused the motion."""
     assert verdict.scene is not None, "a verdict knows its scene"
     train, records = build_train(verdict.scene), []
@@ -48,7 +48,7 @@ def energy_record(response: Response, lift: Lift) -> dict[str, float]:
 
 
 def periodic_record(train: Train, revolve: Revolve, answer: Converged) -> dict:
-    """Whether a stable periodic solution lies near a settled motion, how near, and its Floquet multipliers."""
+    """Whether a stable periodic solution lies near a settled motion, its distance, and its Floquet multipliers."""
     assert answer.state is not None
     solution, n = periodic_state(revolve, answer.state, memories=len(train.memory)), len(train.mass)
     apart = float(np.abs(solution.state - answer.state)[:n].max()) if solution.periodic else None
@@ -62,7 +62,7 @@ def periodic_record(train: Train, revolve: Revolve, answer: Converged) -> dict:
 
 
 def settled_lines(verdict: Verdict, records: list[dict]) -> list[str]:
-    """The same for a terminal, a line for each speed and each record."""
+    """The records of `settled_motions` as text, a line for each speed and each record."""
     lines = []
     for speed, more in zip(verdict.speeds, records, strict=True):
         at = f"{speed.speed_rpm:g} r/min"
