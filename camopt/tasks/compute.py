@@ -19,10 +19,10 @@ from threadpoolctl import ThreadpoolController
 
 from camopt.scene.errors import InputError
 from camopt.storage import plain
-from camopt.tasks.task import CallTask, FiledTask, RehearseTask, Task, function_at
+from camopt.tasks.task import CallTask, RehearseTask, StoredTask, Task, function_at
 
 DONE, FAILED = "done", "failed"
-ON_SCENES = "camopt.study.task_verbs"
+SCENE_VERBS = "camopt.study.task_verbs"
 """Module of the verbs that need a scene: the only module above this layer, named here and imported on use."""
 LONGEST_REASON = 600
 
@@ -39,12 +39,12 @@ def failed(reason: str) -> Outcome:
     return Outcome(FAILED, json.dumps({"reason": reason[:LONGEST_REASON]}))
 
 
-def compute(filed: FiledTask) -> Outcome:
+def compute(stored: StoredTask) -> Outcome:
     """Computes a task in this process with one BLAS thread; the previous thread limits are then restored."""
-    task = filed.task()
-    with _controller(_place(task)).limit(limits=1):
+    task = stored.task()
+    with _controller(_function_place(task)).limit(limits=1):
         try:
-            function = function_at(_place(task))
+            function = function_at(_function_place(task))
             returned = function(**task.arguments) if isinstance(task, CallTask) else function(task)
             return Outcome(DONE, json.dumps(plain(returned), separators=(",", ":"), allow_nan=False))
         except InputError as error:
@@ -53,22 +53,22 @@ def compute(filed: FiledTask) -> Outcome:
             return failed(f"{type(error).__name__}: {error}" if str(error) else type(error).__name__)
 
 
-def compute_at_worker(filed: FiledTask, made_by: str) -> Outcome:
+def compute_at_worker(stored: StoredTask, sent_by: str) -> Outcome:
     """`compute` in a worker; raises InputError where its version of camopt is not the sender's."""
-    if (mine := _own_version()) != made_by:
+    if (installed := _own_version()) != sent_by:
         raise InputError(
-            f"sweep: a worker has camopt {mine}, and the tasks are sent by camopt {made_by}; nothing of it was "
+            f"sweep: a worker has camopt {installed}, and the tasks are sent by camopt {sent_by}; nothing of it was "
             f"recorded: install one version everywhere"
         )
-    _controller(_place(filed.task())).limit(limits=1)  # permanently, because other threads may compute here
-    return compute(filed)
+    _controller(_function_place(stored.task())).limit(limits=1)  # permanently, because other threads may compute here
+    return compute(stored)
 
 
-def _place(task: Task) -> str:
+def _function_place(task: Task) -> str:
     """The location of a task's function, "package.module:name"."""
     if isinstance(task, CallTask):
         return task.function
-    return f"{__name__}:rehearse" if task.verb == "rehearse" else f"{ON_SCENES}:{task.verb}_task"
+    return f"{__name__}:rehearse" if task.verb == "rehearse" else f"{SCENE_VERBS}:{task.verb}_task"
 
 
 @cache

@@ -34,13 +34,13 @@ class LocalProcesses(ThreadPoolExecutor):
 
     def __init__(self, workers: int):
         if getattr(multiprocessing.current_process(), "_inheriting", False):
-            raise SystemExit(1)  # this worker is importing the script that sweeps: see `_begun`
+            raise SystemExit(1)  # this worker is importing the script that sweeps: see `_started_process`
         super().__init__(workers)
-        self._own, self._pids, self._stopped = threading.local(), set[int](), False
+        self._local, self._pids, self._stopped = threading.local(), set[int](), False
 
     def submit(self, fn: Callable, /, *args, **kwargs) -> Future:
         """Submits a function that a worker process computes; the future's result is its outcome."""
-        return super().submit(self._computed, fn, *args, **kwargs)
+        return super().submit(self._outcome, fn, *args, **kwargs)
 
     def __exit__(self, kind, *exception) -> None:
         self._stopped = kind is not None
@@ -49,28 +49,28 @@ class LocalProcesses(ThreadPoolExecutor):
             if child.pid in self._pids:
                 child.kill()
 
-    def _computed(self, fn: Callable, *args, **kwargs) -> Outcome:
+    def _outcome(self, fn: Callable, *args, **kwargs) -> Outcome:
         for _ in range(MOST_DEATHS):
             with suppress(BrokenProcessPool):
-                return self._sent(fn, *args, **kwargs).result()
-        return given_up()
+                return self._submitted(fn, *args, **kwargs).result()
+        return died_too_often()
 
-    def _sent(self, fn: Callable, *args, **kwargs) -> Future:
+    def _submitted(self, fn: Callable, *args, **kwargs) -> Future:
         """Submits a task to a living process; a process that has died is replaced first."""
         while True:
-            if not hasattr(self._own, "pool"):
-                self._own.pool = self._begun()
+            if not hasattr(self._local, "pool"):
+                self._local.pool = self._started_process()
             if self._stopped:
                 raise CancelledError
             try:
-                return self._own.pool.submit(fn, *args, **kwargs)
+                return self._local.pool.submit(fn, *args, **kwargs)
             except BrokenProcessPool:
-                del self._own.pool
+                del self._local.pool
 
-    def _begun(self) -> ProcessPoolExecutor:
+    def _started_process(self) -> ProcessPoolExecutor:
         """A pool of one process that has started."""
         for _ in range(MOST_FALSE_STARTS):
-            pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin)
+            pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _initialise)
             with suppress(BrokenProcessPool):
                 self._pids.add(pool.submit(os.getpid).result())
                 return pool
@@ -80,20 +80,20 @@ class LocalProcesses(ThreadPoolExecutor):
         )
 
 
-def _begin() -> None:
+def _initialise() -> None:
     """Initialises a worker process, which ignores keyboard interrupts and ends when its parent ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_the_parent, daemon=True).start()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
-def _end_with_the_parent() -> None:
+def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     assert parent is not None, "a worker is a child"
     parent.join()
     os._exit(1)
 
 
-def given_up() -> Outcome:
+def died_too_often() -> Outcome:
     """The outcome of a task whose worker process died at every attempt."""
     return failed(f"{MOST_DEATHS} workers that computed it died (killed by a signal, or out of memory)")
 
@@ -104,11 +104,11 @@ def outcome_of(future: Future[Outcome]) -> Outcome:
         return future.result()
     except (Exception, CancelledError) as error:
         if type(error).__name__ == "KilledWorker":  # dask raises it for a task whose workers died
-            return given_up()
-        raise cannot_go_on(error) from error
+            return died_too_often()
+        raise executor_error(error) from error
 
 
-def cannot_go_on(error: BaseException) -> InputError:
+def executor_error(error: BaseException) -> InputError:
     """The error for an executor that cannot continue."""
     if isinstance(error, InputError):
         return error

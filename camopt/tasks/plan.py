@@ -29,7 +29,7 @@ from camopt.tasks.task import (
 )
 
 MOST_BYTES = 1_000_000
-Some = Field(min_length=1, max_length=100_000)
+NonEmpty = Field(min_length=1, max_length=100_000)
 
 
 class YieldSettings(Table, frozen=True):
@@ -54,16 +54,16 @@ class PlanFile(Table, frozen=True):
 
     format: Literal[1]
     verb: PlanVerb
-    scenes: Annotated[tuple[str, ...], Some] | None = Field(default=None, validate_default=True)
-    cams: Annotated[tuple[str, ...], Some] | None = Field(default=None, validate_default=True)
-    speeds_rpm: Annotated[tuple[Positive, ...], Some] | None = None
+    scenes: Annotated[tuple[str, ...], NonEmpty] | None = Field(default=None, validate_default=True)
+    cams: Annotated[tuple[str, ...], NonEmpty] | None = Field(default=None, validate_default=True)
+    speeds_rpm: Annotated[tuple[Positive, ...], NonEmpty] | None = None
     combine: Literal["grid", "list"] = "grid"
-    vary: Annotated[dict[str, Annotated[tuple[float, ...], Some]], Field(default_factory=dict)]
+    vary: Annotated[dict[str, Annotated[tuple[float, ...], NonEmpty]], Field(default_factory=dict)]
     settings: Annotated[dict[str, Any], Field(default_factory=dict)]
 
     @field_validator("scenes", "cams")
     @classmethod
-    def _given_where_needed(cls, names, info):
+    def _missing_only_in_rehearsals(cls, names, info):
         rehearsal = info.data.get("verb") == "rehearse"
         if (names is None) != rehearsal:
             raise ValueError('verb "rehearse" has none: leave it out' if rehearsal else "missing")
@@ -71,11 +71,11 @@ class PlanFile(Table, frozen=True):
 
     @field_validator("vary")
     @classmethod
-    def _equally_long_in_a_list(cls, vary, info):
+    def _equal_lengths_in_a_list(cls, vary, info):
         lengths = {name: len(values) for name, values in vary.items()}
         if info.data.get("combine") == "list" and len({*lengths.values()}) > 1:
-            said = ", ".join(f"{name} {length}" for name, length in lengths.items())
-            raise ValueError(f'combine = "list" needs as many values of each, and these are {said}')
+            listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
+            raise ValueError(f'combine = "list" needs as many values of each, and these are {listed}')
         return vary
 
 
@@ -92,9 +92,9 @@ class SweepPlan:
     @property
     def digest(self) -> str:
         """SHA-256 of everything that determines the tasks, including the contents of scenes and cams."""
-        said = [self.file.verb, self.settings.model_dump(), self.scenes, self.cams, self.speeds_rpm]
-        said += [self.file.combine, self.file.vary]
-        return hashlib.sha256(json.dumps(said).encode()).hexdigest()
+        content = [self.file.verb, self.settings.model_dump(), self.scenes, self.cams, self.speeds_rpm]
+        content += [self.file.combine, self.file.vary]
+        return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
     def __len__(self) -> int:
         if isinstance(self.settings, RehearseSettings):
@@ -105,7 +105,7 @@ class SweepPlan:
         pairs = zip(self.cams, self.speeds_rpm, strict=True)
         return combinations * sum(len(cams) * (trains or len(speeds)) for cams, speeds in pairs)
 
-    def _numbers(self) -> Iterator[dict[str, float]]:
+    def _combinations(self) -> Iterator[dict[str, float]]:
         """The varied values of the scene, one dictionary per combination."""
         vary, together = self.file.vary, product if self.file.combine == "grid" or not self.file.vary else zip
         return (dict(zip(vary, values, strict=True)) for values in together(*vary.values()))
@@ -117,13 +117,13 @@ class SweepPlan:
                 yield {"verb": "rehearse", "number": number, "seconds": settings.seconds}
             return
         for scene, cams, speeds in zip(self.scenes, self.cams, self.speeds_rpm, strict=True):
-            for numbers, cam in product(self._numbers(), cams):
-                one = {"verb": self.file.verb, "scene": scene, "cam": cam, "vary": numbers}
+            for numbers, cam in product(self._combinations(), cams):
+                task = {"verb": self.file.verb, "scene": scene, "cam": cam, "vary": numbers}
                 if isinstance(settings, YieldSettings):
-                    drawn = one | {"speeds_rpm": speeds, "seed": settings.seed}
+                    drawn = task | {"speeds_rpm": speeds, "seed": settings.seed}
                     yield from (drawn | {"train": i} for i in range(settings.trains))
                 else:
-                    yield from (one | {"speed_rpm": speed} | settings.model_dump() for speed in speeds)
+                    yield from (task | {"speed_rpm": speed} | settings.model_dump() for speed in speeds)
 
     def __repr__(self) -> str:
         return f"SweepPlan({len(self)} tasks of the verb {self.file.verb})"
@@ -136,9 +136,9 @@ def load_plan(path: str | Path) -> SweepPlan:
         raise InputError(f"{path}: no such file: name a TOML file, as `camopt sweep --help` shows")
     data = toml_data(read_text(path, MOST_BYTES, "plan"), str(path))
     if isinstance(vary := data.get("vary"), dict):  # an unquoted `spring.preload_N` is read as nested tables
-        inner = {name: value if isinstance(value, dict) else {"": value} for name, value in vary.items()}
-        numbers = ((name, key, one) for name, keys in inner.items() for key, one in keys.items())
-        data["vary"] = {f"{name}.{key}" if key else name: one for name, key, one in numbers}
+        tables = {name: value if isinstance(value, dict) else {"": value} for name, value in vary.items()}
+        numbers = ((name, key, values) for name, keys in tables.items() for key, values in keys.items())
+        data["vary"] = {f"{name}.{key}" if key else name: values for name, key, values in numbers}
     try:
         file = PlanFile.model_validate(tuples(data))
         settings = SETTINGS[file.verb].model_validate(file.settings)
@@ -147,7 +147,7 @@ def load_plan(path: str | Path) -> SweepPlan:
         faults = (f"{fault}{did_you_mean(_key(fault), keys - {_key(fault)})}" for fault in task_faults(error))
         raise InputError("\n".join(f"{path}: {fault}" for fault in faults)) from None
     try:
-        return _filled_in(file, settings, path.parent)
+        return _resolved(file, settings, path.parent)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
@@ -157,7 +157,7 @@ def _key(fault: str) -> str:
     return fault.removesuffix(": unknown key").rpartition(".")[2] if fault.endswith(": unknown key") else ""
 
 
-def _filled_in(file: PlanFile, settings: Table, folder: Path) -> SweepPlan:
+def _resolved(file: PlanFile, settings: Table, folder: Path) -> SweepPlan:
     """The plan with its scenes and cams read; its first combination of values is checked on every scene."""
     if file.scenes is None or file.cams is None:
         return SweepPlan(file, settings, (), (), ())
@@ -167,7 +167,7 @@ def _filled_in(file: PlanFile, settings: Table, folder: Path) -> SweepPlan:
     speeds = tuple(file.speeds_rpm or operation.speeds_rpm for operation in operations if operation is not None)
     plan = SweepPlan(file, settings, scenes, cams, speeds)
     for scene in scenes:
-        scene_with(scene_of_text(scene), next(plan._numbers()), "vary", SIMULATED)
+        scene_with(scene_of_text(scene), next(plan._combinations()), "vary", SIMULATED)
     return plan
 
 

@@ -13,7 +13,7 @@ from camopt.scene.errors import InputError
 from camopt.scene.text_file import usable_path
 from camopt.storage import check_file
 from camopt.tasks.compute import FAILED, Outcome
-from camopt.tasks.task import FiledTask
+from camopt.tasks.task import StoredTask
 
 HEADER = b"SQLite format 3\0"
 MARK = 0x63616D6F
@@ -42,7 +42,7 @@ class TaskStore:
             try:
                 self._begin(version, plan)
                 query = "SELECT key FROM row WHERE state = ?"
-                self._again = {key for (key,) in self._db.execute(query, (FAILED,))} if retry_failed else set()
+                self._to_repeat = {key for (key,) in self._db.execute(query, (FAILED,))} if retry_failed else set()
             except BaseException:
                 self._db.close()
                 raise
@@ -67,7 +67,7 @@ class TaskStore:
             self._check(version, plan)
         else:
             self._db.execute("PRAGMA journal_mode = WAL")
-            with self._writing():
+            with self._transaction():
                 for table in TABLES:
                     self._db.execute(table)
                 self._db.execute(f"PRAGMA application_id = {MARK}")
@@ -90,7 +90,7 @@ class TaskStore:
                 f"{self.path}: belongs to another plan, and nothing in it was changed: name another store for this one"
             )
 
-    def _writing(self):
+    def _transaction(self):
         """Begins a transaction, which takes effect completely or not at all."""
         self._db.execute("BEGIN IMMEDIATE")
         return self._db
@@ -103,19 +103,19 @@ class TaskStore:
                 f"{self.path}: belongs to other tasks: its row {number} is not task {number} of this plan; nothing in "
                 f"it was changed: name another store"
             )
-        if key in self._again:
-            self._again.discard(key)
+        if key in self._to_repeat:
+            self._to_repeat.discard(key)
             return False
         return bool(rows)
 
-    def record(self, ended: Iterable[tuple[int, FiledTask, Outcome]]) -> None:
+    def record(self, finished: Iterable[tuple[int, StoredTask, Outcome]]) -> None:
         """Writes the rows of finished tasks, and the texts that they refer to, in one transaction. An existing row
         stays, except that a failed one takes the new outcome."""
-        ended = list(ended)
-        with self._writing() as db:
-            parts = {name: text for _, task, _ in ended for name, text in task.parts.items()}
+        finished = list(finished)
+        with self._transaction() as db:
+            parts = {name: text for _, task, _ in finished for name, text in task.parts.items()}
             db.executemany("INSERT OR IGNORE INTO part VALUES (?, ?)", parts.items())
-            rows = ((number, task.key, task.text, *outcome) for number, task, outcome in ended)
+            rows = ((number, task.key, task.text, *outcome) for number, task, outcome in finished)
             db.executemany(
                 "INSERT INTO row VALUES (?, ?, ?, ?, ?) ON CONFLICT DO UPDATE "
                 f"SET state = excluded.state, outcome = excluded.outcome WHERE row.state = '{FAILED}'",

@@ -16,9 +16,9 @@ from tqdm import tqdm
 from camopt.scene.errors import InputError
 from camopt.storage import write_csv_rows
 from camopt.tasks.compute import FAILED, Outcome, compute, compute_at_worker
-from camopt.tasks.engines import LocalProcesses, cannot_go_on, outcome_of
+from camopt.tasks.engines import LocalProcesses, executor_error, outcome_of
 from camopt.tasks.store import TaskStore
-from camopt.tasks.task import PART, FiledTask, filed
+from camopt.tasks.task import PART, StoredTask, stored_task
 
 MOST_WORKERS = 1000
 AHEAD = 4
@@ -88,8 +88,8 @@ class SweptTasks:
     def lines(self) -> list[str]:
         """A line with the number of tasks by state."""
         counts = self.counts
-        said = ", ".join(f"{count} {state}" for state, count in counts.items()) or "none"
-        return [f"{sum(counts.values())} tasks: {said}"]
+        by_state = ", ".join(f"{count} {state}" for state, count in counts.items()) or "none"
+        return [f"{sum(counts.values())} tasks: {by_state}"]
 
     def __repr__(self) -> str:
         return f"SweptTasks({self.store}, {'; '.join(self.lines())})"
@@ -139,10 +139,10 @@ def sweep(
     """
     if workers is not None and not 0 <= workers <= MOST_WORKERS:
         raise InputError(f"sweep: workers {workers}: expected a number from 0 to {MOST_WORKERS}")
-    made_by, total = version("camopt"), len(tasks) if isinstance(tasks, Sized) else None
+    installed, total = version("camopt"), len(tasks) if isinstance(tasks, Sized) else None
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     count = cores if workers is None else workers
-    with TaskStore(store, made_by, getattr(tasks, "digest", ""), retry_failed=retry_failed) as rows:
+    with TaskStore(store, installed, getattr(tasks, "digest", ""), retry_failed=retry_failed) as rows:
         if total is not None:
             rows.check_count(total)
         if executor is not None:
@@ -150,21 +150,21 @@ def sweep(
         else:
             computing = LocalProcesses(count) if count else nullcontext()
         with computing as engine, tqdm(total=total, disable=None if progress else True) as bar:
-            taken = _run(tasks, rows, engine, AHEAD * count, bar, made_by)
-        rows.check_count(taken)
+            task_count = _run(tasks, rows, engine, AHEAD * count, bar, installed)
+        rows.check_count(task_count)
     return SweptTasks(Path(store))
 
 
 def _run(
-    tasks: Iterable[Mapping[str, Any]], rows: TaskStore, engine: Executor | None, most: int, bar: tqdm, made_by: str
+    tasks: Iterable[Mapping[str, Any]], rows: TaskStore, engine: Executor | None, most: int, bar: tqdm, installed: str
 ) -> int:
     """Computes the tasks without a row, at most `most` at a time, and records them; returns the number of all tasks."""
-    running: dict[Future[Outcome], tuple[int, FiledTask]] = {}
+    running: dict[Future[Outcome], tuple[int, StoredTask]] = {}
     done: SimpleQueue[Future[Outcome]] = SimpleQueue()
 
-    def record(ended: list[tuple[int, FiledTask, Outcome]]) -> None:
-        rows.record(ended)
-        bar.update(len(ended))
+    def record(finished: list[tuple[int, StoredTask, Outcome]]) -> None:
+        rows.record(finished)
+        bar.update(len(finished))
 
     def collect() -> None:
         futures = [done.get(), *(done.get() for _ in range(done.qsize()))]
@@ -172,9 +172,9 @@ def _run(
 
     number = -1
     try:
-        for number, plain in enumerate(tasks):
-            task = filed(plain, made_by, f"task {number}")
-            if rows.holds(number, task.key) or any(task.key == other.key for _, other in running.values()):
+        for number, data in enumerate(tasks):
+            task = stored_task(data, installed, f"task {number}")
+            if rows.holds(number, task.key) or any(task.key == pending.key for _, pending in running.values()):
                 bar.update(1)
             elif engine is None:
                 record([(number, task, compute(task))])
@@ -182,9 +182,9 @@ def _run(
                 while len(running) >= most:
                     collect()
                 try:
-                    future = engine.submit(compute_at_worker, task, made_by)
+                    future = engine.submit(compute_at_worker, task, installed)
                 except Exception as error:
-                    raise cannot_go_on(error) from error
+                    raise executor_error(error) from error
                 running[future] = number, task
                 future.add_done_callback(done.put)
         while running:

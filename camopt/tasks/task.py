@@ -23,7 +23,7 @@ from camopt.scene.table import Positive, Table
 from camopt.scene.text_file import excerpt, scene_toml
 from camopt.storage import plain
 
-LONGEST_HERE = 200
+LONGEST_INLINE = 200
 """Longest scene or cam [characters] that a task holds itself; a longer one is stored separately under its digest."""
 PART = "sha256:"
 Count = Annotated[int, Field(ge=0)]
@@ -94,7 +94,7 @@ _TASKS: TypeAdapter[Task] = TypeAdapter(Annotated[Task, Field(discriminator="ver
 
 
 @dataclass(frozen=True)
-class FiledTask:
+class StoredTask:
     """A task as it is stored and sent: its `key`, its canonical JSON, and by name the long texts that it refers to."""
 
     key: str
@@ -109,7 +109,7 @@ class FiledTask:
         )
 
 
-def filed(task: Mapping[str, Any], version: str, where: str = "task") -> FiledTask:
+def stored_task(task: Mapping[str, Any], version: str, where: str = "task") -> StoredTask:
     """Checks a task and returns its plain form; `where` begins error sentences.
 
     Its key is the SHA-256 of camopt's version and of its canonical JSON, in which a long scene or cam is replaced by
@@ -132,11 +132,11 @@ def filed(task: Mapping[str, Any], version: str, where: str = "task") -> FiledTa
         _check_call(checked, where)
     data, parts = checked.model_dump(exclude_defaults=True), {}
     for name in ("scene", "cam"):
-        if len(text := data.get(name, "")) > LONGEST_HERE:
+        if len(text := data.get(name, "")) > LONGEST_INLINE:
             data[name] = PART + _digest(text)
             parts[data[name]] = text
     text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return FiledTask(_digest(f"{version}\n{text}"), text, parts)
+    return StoredTask(_digest(f"{version}\n{text}"), text, parts)
 
 
 def function_at(place: str) -> Callable[..., dict]:
