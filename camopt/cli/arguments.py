@@ -61,7 +61,7 @@ def folder_of(args: Namespace, name: str) -> Path:
     return folder
 
 
-def once_each(pairs: Sequence[tuple[str, Any]], sentence: str) -> dict[str, Any]:
+def unique_values(pairs: Sequence[tuple[str, Any]], sentence: str) -> dict[str, Any]:
     """Values by name; raises InputError with `sentence`, which contains `{name}`, for a name that occurs twice."""
     values = dict(pairs)
     if len(values) < len(pairs):
@@ -86,7 +86,7 @@ def print_area_words(lift: "Lift", scene: Scene, whose: str = "") -> None:
         print(f"note: {whose}{sentence}")
 
 
-def tell(args: Namespace, content: Mapping[str, Any], lines: Iterable[object]) -> int:
+def write_result(args: Namespace, content: Mapping[str, Any], lines: Iterable[object]) -> int:
     """Writes a result to the JSON file, if one was named, and prints its lines; returns the exit code 0."""
     if args.json:
         write_json(args.json, content)

@@ -178,13 +178,13 @@ class SuggestingParser(argparse.ArgumentParser):
             if word == "--":
                 break
             if word.startswith("--"):
-                known = self._option_string_actions
-                if name not in known:
-                    self.error(f"no option {excerpt(name)}{did_you_mean(name, known)}")
+                options = self._option_string_actions
+                if name not in options:
+                    self.error(f"no option {excerpt(name)}{did_you_mean(name, options)}")
             elif self.verbs and not word.startswith("-"):
                 if word not in self.verbs:
-                    meant = did_you_mean(word, self.verbs) or f": expected one of {', '.join(self.verbs)}"
-                    self.error(f"no command {excerpt(word)}{meant}")
+                    expected = did_you_mean(word, self.verbs) or f": expected one of {', '.join(self.verbs)}"
+                    self.error(f"no command {excerpt(word)}{expected}")
                 break
         return super().parse_known_args(args, namespace)
 

@@ -9,7 +9,7 @@ from camopt.scene.table import LARGEST, SMALLEST
 from camopt.scene.text_file import excerpt
 from camopt.verifier import ACCURACY_NAMES
 
-STANDING = ("opening", "closing", "tdc-lift")
+PHASES = ("opening", "closing", "tdc-lift")
 """The ways to state a cam's phase on the crank, beside the angle of its centre."""
 MOST_SPEEDS = 10_000
 MOST_DEG = 720
@@ -73,18 +73,18 @@ def angle(text: str) -> float:
     return value
 
 
-def standing(text: str) -> tuple[str, float]:
+def crank_phase(text: str) -> tuple[str, float]:
     """The phase of a cam on the crank: the angle of its centre, or opening=DEG, closing=DEG or tdc-lift=MM."""
-    by, equals, said = text.rpartition("=")
-    if equals and by not in STANDING:
+    phase, equals, value = text.rpartition("=")
+    if equals and phase not in PHASES:
         expected = "expected an angle, or opening=-22, closing=40 or tdc-lift=2.1"
         raise argparse.ArgumentTypeError(f"{excerpt(text)}: {expected}")
-    return (by, positive(said) if by == "tdc-lift" else angle(said)) if equals else ("centre", angle(text))
+    return (phase, positive(value) if phase == "tdc-lift" else angle(value)) if equals else ("centre", angle(text))
 
 
-def list_of(one: Callable[[str], float]) -> Callable[[str], tuple[float, ...]]:
-    """The type of a comma-separated list whose items have the type `one`."""
-    return lambda text: tuple(one(word) for word in text.split(","))
+def list_of(item: Callable[[str], float]) -> Callable[[str], tuple[float, ...]]:
+    """The type of a comma-separated list whose items have the type `item`."""
+    return lambda text: tuple(item(word) for word in text.split(","))
 
 
 lifts, angles = list_of(positive), list_of(angle)
@@ -105,13 +105,13 @@ def named_range(text: str) -> tuple[str, tuple[float, float]]:
 
 def change(text: str) -> tuple[str, tuple[bool, float]]:
     """NAME=VALUE or NAME=*FACTOR as the name, whether the number is a factor, and the number."""
-    name, _, said = text.rpartition("=")
-    value = number(said.strip().removeprefix("*"))
+    name, _, number_text = text.rpartition("=")
+    value = number(number_text.strip().removeprefix("*"))
     if not name or not (math.isfinite(value) and abs(value) <= LARGEST):
         raise argparse.ArgumentTypeError(
             f"{excerpt(text)}: expected NAME.KEY=VALUE, or NAME.KEY=*FACTOR such as spring.stiffness_N_per_m=*1.1"
         )
-    return name.strip(), (said.strip().startswith("*"), value)
+    return name.strip(), (number_text.strip().startswith("*"), value)
 
 
 def picture_file(text: str) -> str:

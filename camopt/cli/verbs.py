@@ -14,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 from camopt.cli.arguments import (
     cam_of,
     folder_of,
-    once_each,
     print_area_words,
     run_named,
     say_compilation,
     scene_of,
-    tell,
+    unique_values,
+    write_result,
 )
 from camopt.cli.studies import bound, extremes, gradient, modes, reduce, rise, scenes, sweep, tradeoff, what_if, yield_  # noqa: F401
 from camopt.optimizer.program.chosen_duration import load_scene
@@ -55,11 +55,11 @@ def optimize(args: Namespace) -> int:
             write_report(folder)
 
     names = ("speeds", "accuracy", "gradient", "seed", "resume", "wanted_yield")
-    asked: dict[str, Any] = {name: getattr(args, name) for name in names}
-    asked["free"] = once_each(args.free, "free {name} is given twice: give one range")
-    asked["start"] = None if args.start is None else read_cam(args.start, scene)
-    asked["compare"] = not args.no_compare
-    result = run(scene, out=folder, progress=not args.quiet, designed=designed, **asked)
+    settings: dict[str, Any] = {name: getattr(args, name) for name in names}
+    settings["free"] = unique_values(args.free, "free {name} is given twice: give one range")
+    settings["start"] = None if args.start is None else read_cam(args.start, scene)
+    settings["compare"] = not args.no_compare
+    result = run(scene, out=folder, progress=not args.quiet, designed=designed, **settings)
     page = write_report(result.folder)
     print(f"run folder: {result.folder}, report: {page}")
     return result.exit_code
@@ -139,7 +139,7 @@ def verify(args: Namespace) -> int:
         record["speeds"] = [entry | more for entry, more in zip(record["speeds"], settled, strict=True)]
         lines = settled_lines(verdict, settled)
     print_area_words(lift, scene)
-    tell(args, record, [verdict, *lines])
+    write_result(args, record, [verdict, *lines])
     if verdict.outside and run:
         from camopt.report import write_report
 
@@ -170,8 +170,8 @@ def simulate(args: Namespace) -> int:
 def compare(args: Namespace) -> int:
     scene = scene_of(args)
     folder = folder_of(args, scene.name)
-    last = [Path(path).name or path for path in args.design]  # the names of designs; whole paths where two are equal
-    names = [str(Path(path)) if last.count(n) > 1 else n for path, n in zip(args.design, last, strict=True)]
+    short = [Path(path).name or path for path in args.design]  # the names of designs; whole paths where two are equal
+    names = [str(Path(path)) if short.count(n) > 1 else n for path, n in zip(args.design, short, strict=True)]
     designs = {name: cam_of(args, scene, Path(path)) for name, path in zip(names, args.design, strict=True)}
     from camopt.optimizer.baselines.comparison import compare as comparison
     from camopt.report.tables import comparison_lines
@@ -188,16 +188,16 @@ def compare(args: Namespace) -> int:
 
 def cam(args: Namespace) -> int:
     """Writes the requested files and prints the cam against its limits, its contact, its card and its torque."""
-    moving = any(getattr(args, name) is not None for name in ("speed", "lobes_deg", "valve_lift"))
-    scene = scene_of(args, SIMULATED if moving else ("operation", "design"))
+    needs_motion = any(getattr(args, name) is not None for name in ("speed", "lobes_deg", "valve_lift"))
+    scene = scene_of(args, SIMULATED if needs_motion else ("operation", "design"))
     _check_cam_options(args, scene)
     lift = cam_of(args, scene)
     from camopt.study.cam_exports import export
     from camopt.study.cam_sheet import sheet
 
-    said = export(scene, lift, args)
+    sentences = export(scene, lift, args)
     speed = args.speed if scene.geometry is not None else None
-    print("\n".join([*sheet(scene, lift, speed), *said]))
+    print("\n".join([*sheet(scene, lift, speed), *sentences]))
     if any(getattr(args, name) for name in CARD):
         from camopt.cam.card import COLUMNS
 
@@ -237,12 +237,12 @@ def _cards(args: Namespace, scene: Scene, lift: "Lift") -> list["CamCard"]:
     from camopt.cam.card import LIFTS_MM, CrankTiming, cam_card
 
     per_crank, lifts = scene.required_operation.cam_per_crank, args.lifts_mm or LIFTS_MM
-    how = {"at_mm": lifts[0], "cam_per_crank": per_crank}
-    timing = None if args.centre_deg is None else CrankTiming.of(lift, *args.centre_deg, **how)
+    settings = {"at_mm": lifts[0], "cam_per_crank": per_crank}
+    timing = None if args.centre_deg is None else CrankTiming.of(lift, *args.centre_deg, **settings)
     if args.exhaust is None:
         return [cam_card(lift, lifts, timing=timing)]
-    other = cam_of(args, scene, args.exhaust)
+    exhaust = cam_of(args, scene, args.exhaust)
     closing = args.exhaust_centre_deg[0] == "tdc-lift"
-    other_timing = CrankTiming.of(other, *args.exhaust_centre_deg, closing=closing, **how)
-    its = cam_card(other, lifts, name=f"exhaust, {other.family}", timing=other_timing)
-    return [cam_card(lift, lifts, name=f"intake, {lift.family}", timing=timing, other=its), its]
+    exhaust_timing = CrankTiming.of(exhaust, *args.exhaust_centre_deg, closing=closing, **settings)
+    exhaust_card = cam_card(exhaust, lifts, name=f"exhaust, {exhaust.family}", timing=exhaust_timing)
+    return [cam_card(lift, lifts, name=f"intake, {lift.family}", timing=timing, other=exhaust_card), exhaust_card]
