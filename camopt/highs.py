@@ -30,9 +30,9 @@ OPTIONS = {
     "small_matrix_value": SMALLEST,
     "simplex_iteration_limit": 5000,  # ordinary programs take hundreds; nearly infeasible ones may cycle
 }
-WAY = {"solver": "simplex", "random_seed": 0, "simplex_scale_strategy": 2}
+SIMPLEX = {"solver": "simplex", "random_seed": 0, "simplex_scale_strategy": 2}
 ATTEMPTS = ({}, {}, {"random_seed": 1}, {"simplex_scale_strategy": 0}, {"solver": "ipx"})
-"""Changes of WAY, tried in turn until a run decides: from the basis, without it, perturbed in another way as HiGHS'
+"""Changes of SIMPLEX, tried in turn until a run decides: from the basis, without it, perturbed in another way as HiGHS'
 authors advise (ERGO-Code/HiGHS issue 1607), with unscaled rows and columns, by interior points."""
 LARGE = {
     "presolve": "on",
@@ -42,7 +42,7 @@ LARGE = {
 }
 """Options that differ for large sparse programs. Their tolerances are HiGHS' defaults, because rounding in thousands of
 coupled equations exceeds FEASIBILITY; the bound that is computed from the answer holds for any multipliers."""
-INTERIOR = ({"solver": "ipx"}, {}, {"simplex_scale_strategy": 0})
+LARGE_ATTEMPTS = ({"solver": "ipx"}, {}, {"simplex_scale_strategy": 0})
 """The ATTEMPTS for large programs, on which the simplex method is slow."""
 
 WATCH: ContextVar[Callable[[], None]] = ContextVar("WATCH", default=lambda: None)
@@ -68,7 +68,7 @@ class Solver:
     def decide(self, attempts: Sequence[dict] = ATTEMPTS) -> highspy.HighsSolution:
         """Solves the model. Raises Infeasible, Unbounded, or ArithmeticError where no attempt decides."""
         for attempt in attempts:
-            for name, value in (WAY | attempt).items():
+            for name, value in (SIMPLEX | attempt).items():
                 succeeds(self.highs.setOptionValue(name, value))
             WATCH.get()()
             self.highs.run()
@@ -81,8 +81,8 @@ class Solver:
             if status == HighsModelStatus.kUnbounded:
                 raise Unbounded("the linear program is unbounded")
             succeeds(self.highs.clearSolver())
-        says = self.highs.modelStatusToString(status)
-        raise ArithmeticError(f"the linear program of {self.highs.getNumRow()} rows was not solved: {says}")
+        outcome = self.highs.modelStatusToString(status)
+        raise ArithmeticError(f"the linear program of {self.highs.getNumRow()} rows was not solved: {outcome}")
 
 
 def succeeds(status: HighsStatus) -> None:
@@ -132,6 +132,6 @@ def minimise(cost: np.ndarray, rows: Any, low: Any, high: Any, bounds: np.ndarra
     model.a_matrix_.format_ = highspy.MatrixFormat.kRowwise
     model.a_matrix_.start_, model.a_matrix_.index_, model.a_matrix_.value_ = entries
     succeeds(solver.highs.passModel(model))  # this discards the previous model
-    found = solver.decide(INTERIOR if large else ATTEMPTS)
-    x = np.array(found.col_value)
-    return Minimum(x, float(np.dot(cost, x)), np.array(found.row_dual), np.array(found.col_dual))
+    solution = solver.decide(LARGE_ATTEMPTS if large else ATTEMPTS)
+    x = np.array(solution.col_value)
+    return Minimum(x, float(np.dot(cost, x)), np.array(solution.row_dual), np.array(solution.col_dual))

@@ -55,7 +55,7 @@ def compiled(function: Callable | None = None, **options: Any) -> Any:
     try:
         program: Any = numba.njit(**options)(function)
         if program is not function:  # else numba is set to compile nothing
-            program._cache = KeptPrograms(function)  # `cache=True` does the same with numba's own class
+            program._cache = CachedPrograms(function)  # `cache=True` does the same with numba's own class
         return program
     finally:
         settings.CACHE_LOCATOR_CLASSES = before
@@ -136,7 +136,7 @@ class InnerCompiler(ProgramCompiler):
     library = InnerCode
 
 
-class KeptPrograms(FunctionCache):
+class CachedPrograms(FunctionCache):
     """The programs of one function on disk. numba fails on files that are damaged or cannot be written; here the
     program is compiled again, and stored if possible."""
 
@@ -189,8 +189,8 @@ def sources(file: Path) -> list[Path]:
 
 def kept(folder: str) -> bool | None:
     """Whether any program of a folder of `TOGETHER` is cached for its sources; None where there is no cache folder."""
-    kept_in = _folder(PACKAGE / folder / "__init__.py")
-    return None if kept_in is None else any(kept_in.glob("*.nbi"))
+    programs = _folder(PACKAGE / folder / "__init__.py")
+    return None if programs is None else any(programs.glob("*.nbi"))
 
 
 @cache
@@ -222,16 +222,16 @@ def _folder(file: Path) -> Path | None:
 
 
 class ByAddress(types.Type):
-    """The type of a pointer to a named tuple of type `held`."""
+    """The type of a pointer to a named tuple of type `record`."""
 
-    def __init__(self, held: types.NamedTuple) -> None:
-        self.held = held
-        super().__init__(f"ByAddress({held})")
+    def __init__(self, record: types.NamedTuple) -> None:
+        self.record = record
+        super().__init__(f"ByAddress({record})")
 
     @property
     def key(self) -> types.NamedTuple:
         """The type of the tuple, which identifies this type."""
-        return self.held
+        return self.record
 
 
 def pass_by_pointer(record: type[T]) -> type[T]:
@@ -254,7 +254,7 @@ def pass_by_pointer(record: type[T]) -> type[T]:
 @register_model(ByAddress)
 class _Pointer(PrimitiveModel):
     def __init__(self, models: Any, pointer: ByAddress) -> None:
-        super().__init__(models, pointer, models.lookup(pointer.held).get_value_type().as_pointer())
+        super().__init__(models, pointer, models.lookup(pointer.record).get_value_type().as_pointer())
 
 
 @infer_getattr
@@ -263,26 +263,26 @@ class _Fields(AttributeTemplate):
 
     def generic_resolve(self, pointer: ByAddress, name: str) -> types.Type | None:
         """The type of a field; None where there is no such field."""
-        fields = pointer.held.fields
-        return pointer.held[fields.index(name)] if name in fields else None
+        fields = pointer.record.fields
+        return pointer.record[fields.index(name)] if name in fields else None
 
 
 @lower_getattr_generic(ByAddress)
-def _field(context: Any, builder: Any, pointer: ByAddress, value: Any, name: str) -> Any:
-    at = pointer.held.fields.index(name)
-    found = builder.load(cgutils.gep_inbounds(builder, value, 0, at))
-    return imputils.impl_ret_borrowed(context, builder, pointer.held[at], found)
+def _load_field(context: Any, builder: Any, pointer: ByAddress, value: Any, name: str) -> Any:
+    at = pointer.record.fields.index(name)
+    loaded = builder.load(cgutils.gep_inbounds(builder, value, 0, at))
+    return imputils.impl_ret_borrowed(context, builder, pointer.record[at], loaded)
 
 
 @unbox(ByAddress)
-def _laid_out(pointer: ByAddress, record: Any, c: Any) -> NativeValue:
-    by_value = c.unbox(pointer.held, record)
+def _unbox_by_address(pointer: ByAddress, record: Any, c: Any) -> NativeValue:
+    by_value = c.unbox(pointer.record, record)
     address = cgutils.alloca_once_value(c.builder, by_value.value)
 
     def cleanup() -> None:  # numba does this for a tuple by value, but not for a pointer
         if by_value.cleanup is not None:
             by_value.cleanup()
         if c.context.enable_nrt:
-            c.context.nrt.decref(c.builder, pointer.held, c.builder.load(address))
+            c.context.nrt.decref(c.builder, pointer.record, c.builder.load(address))
 
     return NativeValue(address, cleanup=cleanup, is_error=by_value.is_error)

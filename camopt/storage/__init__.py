@@ -43,7 +43,7 @@ def _whole_file(path: str | Path) -> Iterator[BinaryIO]:
             return
         if path.is_dir():
             raise IsADirectoryError("it is a folder")
-        with _replacing(path.resolve()) as file:
+        with _temporary_file(path.resolve()) as file:
             yield file
     except InputError:
         raise
@@ -76,17 +76,17 @@ def _refusal_below(folder: Path) -> str:
     return ""
 
 
-LEFT_BEHIND = 3600.0
+ABANDONED = 3600.0
 """Age [s] beyond which a temporary file belongs to a process that was killed: writing takes seconds."""
 
 
 @contextmanager
-def _replacing(path: Path) -> Iterator[BinaryIO]:
+def _temporary_file(path: Path) -> Iterator[BinaryIO]:
     """A temporary file in the same folder (a rename across file systems is not atomic), which is then renamed to
     `path`. Temporary files left there by killed processes are deleted."""
     for old in path.parent.glob(".camopt-????????????????.tmp"):
         with suppress(OSError):
-            if time.time() - old.stat().st_mtime > LEFT_BEHIND:
+            if time.time() - old.stat().st_mtime > ABANDONED:
                 old.unlink()
     temporary = path.with_name(f".camopt-{secrets.token_hex(8)}.tmp")
     try:
@@ -163,8 +163,8 @@ def check_run_folder(folder: str | Path, resume: bool = False) -> None:
     if os.path.lexists(folder) and not folder.is_dir():
         raise InputError(f"{folder}: is not a folder: give another --out")
     if not folder.is_dir() or resume:
-        whole = folder.absolute()
-        if reason := _refusal_below(next(p for p in (whole, *whole.parents) if os.path.lexists(p))):
+        absolute = folder.absolute()
+        if reason := _refusal_below(next(p for p in (absolute, *absolute.parents) if os.path.lexists(p))):
             raise InputError(f"{folder}: the folder cannot be written to ({reason}); give a writable place as --out")
         return
     started = _read_run(folder)
@@ -200,7 +200,7 @@ def run_folder(
     """
     folder = Path(folder)
     check_run_folder(folder, resume)
-    if made := not (resume and folder.is_dir()):  # another process may have created it since the check
+    if created := not (resume and folder.is_dir()):  # another process may have created it since the check
         create_run_folder(folder)
     else:
         _same_run(folder, plain(identity))
@@ -213,7 +213,7 @@ def run_folder(
             raise InputError(
                 f"{folder}: was taken away while the run wrote to it: run again in a folder that stays"
             ) from error
-        if made and not any((folder / name).exists() for name in worth):
+        if created and not any((folder / name).exists() for name in worth):
             shutil.rmtree(folder)
         else:
             write_json(folder / RUN_FILE, record | {"state": "failed", "sentence": str(error) or type(error).__name__})
@@ -235,11 +235,11 @@ def _same_run(folder: Path, identity: dict) -> None:
         differ = "differ" if key == "settings" else "differs"
         raise InputError(
             f"{folder}: belongs to another run, and nothing in it was changed: its {key} {differ}"
-            f"{_difference(stored, now)}; --resume with what it was begun with, or give another --out"
+            f"{_differences(stored, now)}; --resume with what it was begun with, or give another --out"
         )
 
 
-def _difference(stored: Any, now: Any) -> str:
+def _differences(stored: Any, now: Any) -> str:
     """The difference, in brackets: the names of settings or scenes, with their values unless these are dictionaries."""
     if not isinstance(stored, dict) or not isinstance(now, dict):
         return f" ({stored} there, {now} now)"

@@ -106,10 +106,10 @@ class StepFiles:
         path = self._path(step)
         if path is None or not path.exists():
             return None
-        with np.load(path, allow_pickle=False) as found:
-            arrays = dict(found)
-        known = {"z", *names} <= set(arrays) and arrays["z"].shape == z.shape
-        if not (known and np.allclose(arrays["z"], z, rtol=0, atol=1e-9)):
+        with np.load(path, allow_pickle=False) as file:
+            arrays = dict(file)
+        complete = {"z", *names} <= set(arrays) and arrays["z"].shape == z.shape
+        if not (complete and np.allclose(arrays["z"], z, rtol=0, atol=1e-9)):
             raise InputError(
                 f"{path}: belongs to another search: resume with the scene, the options and the seed of the "
                 f"interrupted run, or choose another --out"
