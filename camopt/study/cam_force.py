@@ -39,7 +39,7 @@ def settled_revolution(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[Resp
     return replace(motion, angle=angle, **last), method
 
 
-def driven(scene: Scene) -> tuple[Train, int]:
+def driven_element(scene: Scene) -> tuple[Train, int]:
     """The train and the index of its cam-driven element; raises InputError where it has none."""
     train = build_train(scene)
     if not np.any(train.cam_driven):
@@ -77,13 +77,13 @@ def camshaft_torque(
     """
     if not 0 < len(phases_deg) <= MOST_LOBES:
         raise InputError(f"camshaft: {len(phases_deg)} lobes: from 1 to {MOST_LOBES} are needed")
-    train, element = driven(scene)
+    train, element = driven_element(scene)
     theta = np.linspace(-180.0, 180.0, round(360 / STEP_DEG) + 1) * DEG
     if speed_rpm is None:
         force = static_forces(train, cam(theta))[:, element]
     else:
         motion, _ = settled_revolution(scene, cam, speed_rpm)
         force = np.interp(theta, motion.angle, motion.force[:, element], period=2 * np.pi)
-    own = force * cam(theta, 1)
-    total = sum(np.interp(theta - phase * DEG, theta, own, period=2 * np.pi) for phase in phases_deg)
+    lobe = force * cam(theta, 1)
+    total = sum(np.interp(theta - phase * DEG, theta, lobe, period=2 * np.pi) for phase in phases_deg)
     return CamshaftTorque(theta, np.asarray(total), len(phases_deg), speed_rpm)

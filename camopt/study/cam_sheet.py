@@ -13,7 +13,7 @@ from camopt.scene.design import Design
 from camopt.scene.geometry import SWINGING, Geometry
 from camopt.scene.rest import static_forces
 from camopt.scene.units import DEG, MM
-from camopt.study.cam_force import driven, settled_revolution
+from camopt.study.cam_force import driven_element, settled_revolution
 
 STATIC_STEP_DEG = 0.5
 BAND_SPEEDS = 11
@@ -42,13 +42,13 @@ def sheet(scene: Scene, lift: Lift, speed_rpm: float | None = None) -> list[str]
     """Lines of text on limits and durations and, with [geometry], the contact; at a speed also the Hertz stress,
     velocities and oil film. Derivatives of a rounded table are those of its moving average
     (`camopt.measure.rounded`)."""
-    law, told = moving_average(lift)
+    law, rounding = moving_average(lift)
     lines = _limits(scene, lift, law)
-    lines += [f"{told}."] * bool(told)
+    lines += [f"{rounding}."] * bool(rounding)
     if scene.geometry is not None:
-        touching = contact(law, scene.geometry)
-        lines += _contact(lift, touching)
-        if speed_rpm is not None and touching.contour_fault is not None:
+        follower_contact = contact(law, scene.geometry)
+        lines += _contact(lift, follower_contact)
+        if speed_rpm is not None and follower_contact.contour_fault is not None:
             lines.append("Hertz stress: none without a contour that gives the follower this lift")
         elif speed_rpm is not None:
             lines += _stress(scene, law, scene.geometry, speed_rpm)
@@ -59,9 +59,9 @@ def _limits(scene: Scene, lift: Lift, law: Lift) -> list[str]:
     """The cam against the scene's limits; the derivatives are those of `law`."""
     design = scene.required_design
     ratio = lift.area_ratio_in(design)
-    shown = {k: round(v, 4) if k == "knot_deg" else v for k, v in lift.parameters.items()}
+    parameters = {k: round(v, 4) if k == "knot_deg" else v for k, v in lift.parameters.items()}
     lines = [
-        f"{lift.family}: " + ", ".join(f"{k} = {_brief(v)}" for k, v in shown.items() if k != "mended"),
+        f"{lift.family}: " + ", ".join(f"{k} = {_brief(v)}" for k, v in parameters.items() if k != "mended"),
         f"duration       {2 * lift.half_duration / DEG:.4f} deg (scene: {design.duration_deg:g})",
         f"maximum lift   {lift.max_lift / MM:.6f} mm (limit {design.max_lift_mm:g})",
         f"area           {lift.area / MM / DEG:.4f} mm deg, area ratio {ratio:.6f}",
@@ -109,40 +109,40 @@ def _brief(value: object) -> str:
 
 def remarks(lift: Lift, design: Design) -> list[str]:
     """Remarks on unusual properties: another duration, too much lift, repairs of the lift table, added lift."""
-    said = []
+    sentences = []
     longer = 2 * lift.half_duration / DEG - design.duration_deg
     if abs(longer) > SAME_DURATION_DEG:
-        said.append(
+        sentences.append(
             f"The cam is {abs(longer):.4g} deg {'longer' if longer > 0 else 'shorter'} between its ramp tops than the "
             f"scene's duration_deg of {design.duration_deg:g}: its area ratio does not compare with the scene's cams."
         )
     if lift.max_lift > design.max_lift_mm * MM * (1 + SAME_LIFT):
-        said.append(
+        sentences.append(
             f"Its lift exceeds the scene's max_lift_mm of {design.max_lift_mm:g}, by which the area ratio is divided: "
             f"the ratio may pass one."
         )
-    said += [f"Of its table: {sentence}." for sentence in lift.parameters.get("mended", [])]
+    sentences += [f"Of its table: {sentence}." for sentence in lift.parameters.get("mended", [])]
     if lift.parameters.get("outlier_lines"):
         lines = ", ".join(map(str, lift.parameters["outlier_lines"]))
-        said.append(f"Of its table: rows that stand out from their neighbours were set aside: lines {lines}.")
-    added = lift.parameters.get("added_lift_mm")
-    if added is not None:
-        said.append(
+        sentences.append(f"Of its table: rows that stand out from their neighbours were set aside: lines {lines}.")
+    added_mm = lift.parameters.get("added_lift_mm")
+    if added_mm is not None:
+        sentences.append(
             f"The table ends above the base circle: the scene's ramp was added on {lift.parameters['cut_ramps']} "
-            f"flank(s), {lift.parameters['added_deg']:g} deg and up to {added:g} mm of lift that were not measured."
+            f"flank(s), {lift.parameters['added_deg']:g} deg and up to {added_mm:g} mm of lift that were not measured."
         )
     if "acceleration_error_percent" in lift.parameters:
-        said.append(
+        sentences.append(
             f"With 95 % confidence the acceleration is within {lift.parameters['acceleration_error_percent']:g} % of "
             f"its largest value (root mean square over the event), its extremes within "
             f"{lift.parameters['peak_error_percent']:g} %."
         )
-    return said
+    return sentences
 
 
-def _contact(lift: Lift, touching: Contact) -> list[str]:
+def _contact(lift: Lift, follower_contact: Contact) -> list[str]:
     """Quantities and faults of the contact, and the durations at the usual lifts."""
-    geometry = touching.geometry
+    geometry = follower_contact.geometry
     body = "pad" if geometry.roller_radius_mm is None else "roller"
     follower = f"{geometry.follower} " + (f"with a {body}" if geometry.follower in SWINGING else "follower")
     if (radius := geometry.contact_radius_mm) is not None:
@@ -150,7 +150,7 @@ def _contact(lift: Lift, touching: Contact) -> list[str]:
     lines = [f"{follower} on a base circle of radius {geometry.base_radius_mm:g} mm"]
     if geometry.assumed:
         lines.append(f"  assumed: {', '.join(geometry.assumed)}")
-    for key, value in touching.figures().items():
+    for key, value in follower_contact.figures().items():
         unit = key.rpartition("_")[2] if key.endswith(("_mm", "_deg")) else ""
         if value is not None:
             lines.append(f"  {LABELS[key]:<24} {value:10.4f} {unit}".rstrip())
@@ -163,7 +163,7 @@ def _contact(lift: Lift, touching: Contact) -> list[str]:
             continue
         opening, closing = (angle / DEG for angle in crossing(lift, height * MM))
         lines.append(f"  {label:<24} {opening:10.4f} to {closing:.4f} deg, {closing - opening:.4f} deg long")
-    return lines + [f"  fault: {sentence}" for sentence in touching.faults()]
+    return lines + [f"  fault: {sentence}" for sentence in follower_contact.faults()]
 
 
 def _stress(scene: Scene, lift: Lift, geometry: Geometry, speed_rpm: float) -> list[str]:
@@ -171,18 +171,18 @@ def _stress(scene: Scene, lift: Lift, geometry: Geometry, speed_rpm: float) -> l
     width = contact_width(geometry) / MM
     source = "contact_width_mm" if geometry.contact_width_mm else "face_width_mm"
     moving, method = dynamic_stress(scene, lift, speed_rpm)
-    standing = static_stress(scene, lift)
+    at_rest = static_stress(scene, lift)
     band = [float(speed) for speed in np.linspace(*scene.required_operation.band_rpm, BAND_SPEEDS)]
-    found = [(moving, speed_rpm), *((dynamic_stress(scene, lift, speed)[0], speed) for speed in band)]
-    worst, at_rpm = max(found, key=lambda one: one[0].largest[0])
+    stresses = [(moving, speed_rpm), *((dynamic_stress(scene, lift, speed)[0], speed) for speed in band)]
+    worst, at_rpm = max(stresses, key=lambda entry: entry[0].largest[0])
     within = f"most in band, {at_rpm:.0f} r/min"
     lines = [*_surfaces(scene, lift, moving, speed_rpm), f"Hertz stress over a line of {width:g} mm ({source})"]
-    for name, stress in ((within, worst), (f"at {speed_rpm:g} r/min ({method})", moving), ("standing still", standing)):
-        f = stress.figures()
-        borne = share_borne(f["hertz_stress_MPa"], geometry)
+    for name, stress in ((within, worst), (f"at {speed_rpm:g} r/min ({method})", moving), ("standing still", at_rest)):
+        largest = stress.figures()
+        share = share_borne(largest["hertz_stress_MPa"], geometry)
         lines.append(
-            f"  {name:<24} {f['hertz_stress_MPa']:10.1f} MPa at {f['cam_angle_deg']:.1f} deg, "
-            f"normal force {f['normal_force_N']:.1f} N{', ' * bool(borne)}{borne}"
+            f"  {name:<24} {largest['hertz_stress_MPa']:10.1f} MPa at {largest['cam_angle_deg']:.1f} deg, "
+            f"normal force {largest['normal_force_N']:.1f} N{', ' * bool(share)}{share}"
         )
     return lines
 
@@ -220,11 +220,11 @@ def dynamic_stress(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[HertzStr
     Raises InputError as `hertz_stress` and `camopt.study.cam_force.settled_revolution` do.
     """
     motion, method = settled_revolution(scene, lift, speed_rpm)
-    return hertz_stress(lift, scene.required_geometry, motion.angle, motion.force[:, driven(scene)[1]]), method
+    return hertz_stress(lift, scene.required_geometry, motion.angle, motion.force[:, driven_element(scene)[1]]), method
 
 
 def static_stress(scene: Scene, lift: Lift) -> HertzStress:
     """The stress at standstill, every `STATIC_STEP_DEG`; raises InputError as `hertz_stress` does."""
-    train, element = driven(scene)
+    train, element = driven_element(scene)
     theta = np.arange(-180.0, 180.0, STATIC_STEP_DEG) * DEG
     return hertz_stress(lift, scene.required_geometry, theta, static_forces(train, lift(theta))[:, element])

@@ -67,31 +67,31 @@ def pareto(
     call continues from there. Raises InputError for an unknown limit or accuracy, or an unusable `out`. A value without
     a confirmed cam is NaN.
     """
-    design, of_yield = scene.design, against == "yield"
-    is_limit = of_yield or (design is not None and against in type(design).model_fields)
+    design, is_yield = scene.design, against == "yield"
+    is_limit = is_yield or (design is not None and against in type(design).model_fields)
     if design is None or not is_limit or not (values or against in VALUES):
         raise InputError(f"pareto: {against!r}: expected a limit of [design] such as {', '.join(VALUES)}, with values")
-    left_out = None if of_yield else AS_BUILT
+    left_out = None if is_yield else AS_BUILT
     plain = scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True, exclude=left_out)
     identity = {"against": against, "release": sorted(release), "speeds": speeds, "accuracy": accuracy}
-    identity |= {"gradient": gradient, "scene": plain} | ({"seed": seed} if of_yield else {})
+    identity |= {"gradient": gradient, "scene": plain} | ({"seed": seed} if is_yield else {})
     if out is not None:
         check_file(out)
     points = Records(out, "limit", identity=identity)
     rows, effort, best = [], accuracy_named(accuracy), {"area_ratio": None}
-    carried = of_yield or "_max" in against or "_min" in against
-    tight_first = sorted(values or VALUES[against], key=lambda value: -value if of_yield else abs(value))
+    nested = is_yield or "_max" in against or "_min" in against
+    tight_first = sorted(values or VALUES[against], key=lambda value: -value if is_yield else abs(value))
     for value in tqdm(tight_first, disable=None if progress else True, desc=against):
         if (point := points.get(float(value))) is None:
-            limits = dict.fromkeys(release) | ({} if of_yield else {against: value})
+            limits = dict.fromkeys(release) | ({} if is_yield else {against: value})
             changed = scene.model_copy(update={"design": design.model_copy(update=limits)})
-            if of_yield:
+            if is_yield:
                 outcome = _yield_point(changed, value, effort, gradient, seed)
             else:
                 outcome = _point(changed, speeds, effort, gradient)
             point = {"limit": float(value)} | outcome
             points.add(point)
-        if not carried or (point["area_ratio"] or 0.0) > (best["area_ratio"] or 0.0):
+        if not nested or (point["area_ratio"] or 0.0) > (best["area_ratio"] or 0.0):
             best = point
         rows.append(best | {"limit": float(value)})
     names = dict.fromkeys(name for row in rows for name in row if name != "limit")

@@ -35,8 +35,8 @@ def measured(journal: Records, work: Sequence[Measurement], progress: bool = Fal
 def aligned(cells: Sequence[Sequence[str]], sides: str) -> list[str]:
     """The lines of a table whose columns are aligned to the left (<) or to the right (>)."""
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    how = list(zip(sides, widths, strict=True))
-    lines = ("  ".join(f"{text:{side}{width}}" for text, (side, width) in zip(row, how, strict=True)) for row in cells)
+    spec = list(zip(sides, widths, strict=True))
+    lines = ("  ".join(f"{text:{side}{width}}" for text, (side, width) in zip(row, spec, strict=True)) for row in cells)
     return [line.rstrip() for line in lines]
 
 

@@ -47,14 +47,14 @@ def least_peak(order: int) -> DwellRise:
     ends = np.stack([-np.diff(left ** (order - k)) / factorial(order - k) for k in range(order)])
     size = ends.max(axis=1)
     rows = ends[1:] / size[1:, None]
-    found = minimise(-ends[0] / size[0], rows, 0.0, 0.0, np.tile([-1.0, 1.0], (PEAK_INTERVALS, 1)))
-    multipliers = np.append(1.0, found.row_duals * size[0] / size[1:])
+    optimum = minimise(-ends[0] / size[0], rows, 0.0, 0.0, np.tile([-1.0, 1.0], (PEAK_INTERVALS, 1)))
+    multipliers = np.append(1.0, optimum.row_duals * size[0] / size[1:])
     left = np.polynomial.Polynomial([1.0, -1.0])
     terms = (m * left ** (order - 1 - k) / factorial(order - 1 - k) for k, m in enumerate(multipliers))
     p = sum(terms, start=np.polynomial.Polynomial([0.0]))
     highest = absolute_integral(PPoly(p.coef[::-1, None], [0.0, 1.0]))
-    rise = -found.value * size[0]
-    return DwellRise(1 / rise, 1 / highest, found.x / rise)
+    rise = -optimum.value * size[0]
+    return DwellRise(1 / rise, 1 / highest, optimum.x / rise)
 
 
 def least_acceleration(jerk: float, intervals: int = JERK_INTERVALS) -> DwellRise:
@@ -81,10 +81,10 @@ def least_acceleration(jerk: float, intervals: int = JERK_INTERVALS) -> DwellRis
     low = np.append(level[:2], np.full(len(level) - 2, -np.inf))
     bounds = np.array([(0.0, 0.0), *[(-np.inf, np.inf)] * (n - 1), (0.0, 0.0), (0.0, np.inf)])
     rows, cost = vstack([csr_array(ends), *sides]), np.append(np.zeros(n + 1), 1.0)
-    found = minimise(cost, rows, low, level, bounds, large=True)
-    masses = -found.row_duals[2:][: 2 * (n + 1)]
-    bound = _acceleration_bound(jerk, found.row_duals[:2], masses[: n + 1] - masses[n + 1 :], t)
-    return DwellRise(found.value, bound, found.x[:-1])
+    optimum = minimise(cost, rows, low, level, bounds, large=True)
+    masses = -optimum.row_duals[2:][: 2 * (n + 1)]
+    bound = _acceleration_bound(jerk, optimum.row_duals[:2], masses[: n + 1] - masses[n + 1 :], t)
+    return DwellRise(optimum.value, bound, optimum.x[:-1])
 
 
 def _acceleration_bound(jerk: float, ends: np.ndarray, mass: np.ndarray, t: np.ndarray) -> float:

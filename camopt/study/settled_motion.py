@@ -25,12 +25,12 @@ def settled_motions(lift: Lift, verdict: Verdict, *, with_energy: bool, with_per
         name, answer = next(iter(speed.methods.items()))
         prepare, steps = method_named(name), max(answer.steps_per_revolution, SAMPLES)
         revolve = prepare(train, lift, verdict.scene.cam_speed(speed.speed_rpm), steps)
-        more = {}
+        record = {}
         if with_energy:
-            more["energy"] = None if answer.state is None else energy_record(revolve(answer.state), lift)
+            record["energy"] = None if answer.state is None else energy_record(revolve(answer.state), lift)
         if with_periodic:
-            more["periodic_solution"] = None if answer.state is None else periodic_record(train, revolve, answer)
-        records.append(more)
+            record["periodic_solution"] = None if answer.state is None else periodic_record(train, revolve, answer)
+        records.append(record)
     return records
 
 
@@ -51,11 +51,11 @@ def periodic_record(train: Train, revolve: Revolve, answer: Converged) -> dict:
     """Whether a stable periodic solution lies near a settled motion, its distance, and its Floquet multipliers."""
     assert answer.state is not None
     solution, n = periodic_state(revolve, answer.state, memories=len(train.memory)), len(train.mass)
-    apart = float(np.abs(solution.state - answer.state)[:n].max()) if solution.periodic else None
+    distance = float(np.abs(solution.state - answer.state)[:n].max()) if solution.periodic else None
     multipliers = sorted(solution.multipliers, key=abs, reverse=True)
     return {
         "stable": solution.periodic,
-        "distance_um": None if apart is None else apart / UM,
+        "distance_um": None if distance is None else distance / UM,
         "largest_multiplier": solution.radius if len(multipliers) else None,
         "multipliers": [[float(m.real), float(m.imag)] for m in multipliers],
     }
@@ -64,15 +64,15 @@ def periodic_record(train: Train, revolve: Revolve, answer: Converged) -> dict:
 def settled_lines(verdict: Verdict, records: list[dict]) -> list[str]:
     """The records of `settled_motions` as text, a line for each speed and each record."""
     lines = []
-    for speed, more in zip(verdict.speeds, records, strict=True):
+    for speed, record in zip(verdict.speeds, records, strict=True):
         at = f"{speed.speed_rpm:g} r/min"
-        if balance := more.get("energy"):
+        if balance := record.get("energy"):
             lines.append(
                 f"{at}: {balance['put_in_J']:.4g} J put in, {balance['dissipated_J']:.4g} J dissipated, "
                 f"{balance['left_in_contacts_J']:.4g} J left in opened contacts; "
                 f"the balance closes to {abs(balance['residual_relative']):.1e} of the largest stored energy"
             )
-        if solution := more.get("periodic_solution"):
+        if solution := record.get("periodic_solution"):
             near = f"{solution['distance_um']:.2g} um from the settled motion" if solution["stable"] else "not stable"
             largest = solution["largest_multiplier"]
             size = "no periodic solution found" if largest is None else f"largest Floquet multiplier {largest:.4f}"

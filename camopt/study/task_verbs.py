@@ -50,8 +50,8 @@ def simulate_task(task: SimulateTask) -> dict:
 def yield_task(task: YieldTask) -> dict:
     """The usage of each limit by one drawn train at each speed (`used_<limit>`), the `worst`, and whether it holds."""
     scene, _ = scene_and_cam(task)
-    (one,) = trains_as_built(scene, 1, seed=task.seed, first=task.train)
-    (used,) = _track(task.scene, _varied(task), task.cam, task.speeds_rpm).used([one])
+    (train,) = trains_as_built(scene, 1, seed=task.seed, first=task.train)
+    (used,) = _track(task.scene, _varied(task), task.cam, task.speeds_rpm).used([train])
     by_limit = dict(zip(motion_limits(scene.design), used, strict=True))
     worst = float(used.max()) if len(by_limit) else 0.0
     return {**{f"used_{limit}": shares for limit, shares in by_limit.items()}, "worst": worst, "holds": worst <= 1.0}

@@ -28,14 +28,14 @@ def tied_motion(train: Train, lift: Lift, cam_speed: float, revolutions: int, sm
         states.append(motions.revolution(samples, states[-1][-1]).states)
         forces.append(driven.forces(path_angles(steps), states[-1]))
     if not bool(jnp.all(jnp.isfinite(states[-1]))):
-        raise _without_bound(cam_speed, "or another speed")
+        raise _unbounded(cam_speed, "or another speed")
     y, n = np.asarray(jnp.concatenate(states))[..., 0], len(train.mass)
     force = np.asarray(jnp.concatenate([forces[-1][-1:], *forces]))[..., 0]  # first row: force at the end
     angle = np.linspace(-np.pi, (2 * revolutions - 1) * np.pi, revolutions * steps + 1)
     return Response(train, cam_speed, angle, lift(angle), y[:, 0, :n], y[:, 1, :n], force, y[:, 0, n:])
 
 
-def _without_bound(cam_speed: float, remedies: str) -> MotionRefused:
+def _unbounded(cam_speed: float, remedies: str) -> MotionRefused:
     return MotionRefused(
         f"the smoothed motion with tied contacts grows without bound at {cam_speed / RPM:g} r/min of the camshaft: "
         f"give a larger width_um, {remedies}"
@@ -54,7 +54,7 @@ def smooth_paths(
         start, paths = motions.settled(samples)
         moved = np.abs(np.asarray(paths.end - start))[0].max(axis=0)
         if not np.all(np.isfinite(moved)):
-            raise _without_bound(cam_speeds[~np.isfinite(moved)][0], "another speed, or more damping_N_s_per_m")
+            raise _unbounded(cam_speeds[~np.isfinite(moved)][0], "another speed, or more damping_N_s_per_m")
         along = _with_numbers(basis, case, motions.tied, steps) if len(case.steps) else Directions(basis)
         slopes = motions.slopes(samples, paths, along)
         values = paths.force, paths.gap, paths.seat_gap

@@ -47,21 +47,21 @@ def what_if(
             chosen = largest_confirmed(after, search.confirmed, "band", effort, family_cams(after))
             content["redesigned"] = outcome(after, chosen.cam.lift, trains)
         except InputError as error:
-            none = {"cam": "none", "verdict": "none holds", "says": str(error)}
-            content["redesigned"] = dict.fromkeys(key for _, key, _ in ROWS) | none
+            no_cam = {"cam": "none", "verdict": "none holds", "says": str(error)}
+            content["redesigned"] = dict.fromkeys(key for _, key, _ in ROWS) | no_cam
     return content
 
 
 def what_if_lines(content: dict) -> list[str]:
     """The changed numbers, then a table with a column for each cam, then the reason where there is no cam."""
-    cams = {name.replace("_", " "): one for name, one in content.items() if name != "changed"}
-    lines = [f"{name}: {one['from']:.6g} -> {one['to']:.6g}" for name, one in content["changed"].items()]
+    cams = {name.replace("_", " "): entry for name, entry in content.items() if name != "changed"}
+    lines = [f"{name}: {entry['from']:.6g} -> {entry['to']:.6g}" for name, entry in content["changed"].items()]
     width = max(len(label) for label, _, _ in ROWS)
     lines.append(f"{'':<{width}}" + "".join(f"  {name:>15}" for name in cams))
     for label, key, digits in ROWS:
-        cells = ["–" if one[key] is None else format(one[key], digits) for one in cams.values()]
+        cells = ["–" if entry[key] is None else format(entry[key], digits) for entry in cams.values()]
         lines.append(f"{label:<{width}}" + "".join(f"  {cell:>15}" for cell in cells))
-    return [*lines, *(f"{name}: {one['says']}" for name, one in cams.items() if one["says"])]
+    return [*lines, *(f"{name}: {entry['says']}" for name, entry in cams.items() if entry["says"])]
 
 
 def changed_scene(

@@ -120,16 +120,16 @@ def manufacturing_yield(
             f"yield: [design] of {scene.name} limits nothing of the motion, so every train would hold: give it "
             f"bounce_max_mm or another limit on the motion"
         )
-    given = np.linspace(*scene.required_operation.band_rpm, SPEEDS).tolist() if speeds_rpm is None else speeds_rpm
-    speeds = sorted(map(float, given))
+    chosen = np.linspace(*scene.required_operation.band_rpm, SPEEDS).tolist() if speeds_rpm is None else speeds_rpm
+    speeds = sorted(map(float, chosen))
     scatter = plain(scene.model_dump(mode="json", include=AS_BUILT))
     identity = run_identity("yield", scene, seed=seed, speeds_rpm=speeds, cam=cam_digest(cam), as_built=scatter)
     with run_folder(out, identity, resume, [JOURNAL]) if out is not None else nullcontext() as folder:
-        journal, way = trains_journal(folder and folder / JOURNAL), track(scene, cam, speeds)
+        journal, cam_track = trains_journal(folder and folder / JOURNAL), track(scene, cam, speeds)
         labels = scatter_labels(scene) if halve else ()  # halving changes no draw: draws depend on a tolerance's label
         scenes = {"": scene} | {label: with_scatter(scene, {label: 0.5}) for label in labels}
-        by_halved = {name: _measured(one, way, trains, journal, seed, name, progress) for name, one in scenes.items()}
-        used = UsedLimits(tuple(way.limits), np.array(speeds), by_halved.pop(""))
+        by_halved = {name: _measured(s, cam_track, trains, journal, seed, name, progress) for name, s in scenes.items()}
+        used = UsedLimits(tuple(cam_track.limits), np.array(speeds), by_halved.pop(""))
         result = _summary(scene, cam, seed, used, by_halved)
         if price:
             result = replace(result, prices=_prices(scene, cam, result.share, seed, progress))
@@ -144,13 +144,13 @@ def manufacturing_yield(
 
 
 def _measured(
-    scene: Scene, way: Track, trains: int, journal: Records, seed: int, halved: str, progress: bool
+    scene: Scene, cam_track: Track, trains: int, journal: Records, seed: int, halved: str, progress: bool
 ) -> np.ndarray:
     """The limit usage (t, l, s) of this many trains, with a progress bar."""
-    stored = trains - len(missing_trains(journal, cam_digest(way.lift), halved, trains))
+    stored = trains - len(missing_trains(journal, cam_digest(cam_track.lift), halved, trains))
     name = f"{halved} halved" if halved else "trains"
     with tqdm(total=trains, initial=stored, disable=None if progress else True, desc=name) as bar:
-        return measure_trains(scene, way, trains, journal, seed=seed, halved=halved, advance=bar.update)
+        return measure_trains(scene, cam_track, trains, journal, seed=seed, halved=halved, advance=bar.update)
 
 
 def _prices(scene: Scene, cam: Lift, share: Share, seed: int, progress: bool) -> PriceList:
@@ -176,14 +176,14 @@ def yield_lines(result: Yield) -> list[str]:
     return lines
 
 
-def _summary(scene: Scene, cam: Lift, seed: int, used: UsedLimits, others: dict[str, np.ndarray]) -> Yield:
+def _summary(scene: Scene, cam: Lift, seed: int, used: UsedLimits, by_halved: dict[str, np.ndarray]) -> Yield:
     holds, count = used.holds, len(used.used)
     draws = draws_of_trains(scene, count, seed=seed)
     halved = {}
-    for label, theirs in others.items():
-        now = UsedLimits(used.limits, used.speeds_rpm, theirs).holds
-        share = share_of(now)
+    for label, used_halved in by_halved.items():
+        holds_halved = UsedLimits(used.limits, used.speeds_rpm, used_halved).holds
+        share = share_of(holds_halved)
         halved[label] = {"share": share.share, "low": share.low, "high": share.high}
-        halved[label] |= {"gained": int((now & ~holds).sum()), "lost": int((holds & ~now).sum())}
-    to_blame, shape = rank_correlation_shares(draws, used.worst), tuple(broken_by_shape(cam, scene.design))
-    return Yield(scene.name, cam.family, seed, used, share_of(holds), counted(used), to_blame, halved, shape)
+        halved[label] |= {"gained": int((holds_halved & ~holds).sum()), "lost": int((holds & ~holds_halved).sum())}
+    blame, shape = rank_correlation_shares(draws, used.worst), tuple(broken_by_shape(cam, scene.design))
+    return Yield(scene.name, cam.family, seed, used, share_of(holds), counted(used), blame, halved, shape)

@@ -41,8 +41,8 @@ def speed(scene: Scene, speed_rpm: float) -> Scene:
 def clearance(scene: Scene, gap_mm: float) -> Scene:
     """Puts all clearance between cam and valve into one contact: that with the largest gap, or else the cam's."""
     train = build_train(scene)
-    holds = max(train.cam_side, key=lambda e: (train.gap[e], -train.cam_side.index(e)))
-    gaps = {SceneNumber("element", e, "gap_mm"): gap_mm if e == holds else 0.0 for e in train.cam_side}
+    holder = max(train.cam_side, key=lambda e: (train.gap[e], -train.cam_side.index(e)))
+    gaps = {SceneNumber("element", e, "gap_mm"): gap_mm if e == holder else 0.0 for e in train.cam_side}
     return with_numbers(scene, gaps)
 
 
@@ -113,9 +113,9 @@ OF_ELEMENTS: dict[str, Changes] = {
 def cases(scene: Scene) -> Iterator[tuple[str, Scene]]:
     """Named scenes: the scene as it is, then with each single change, and for COMBINED with each pair of changes."""
     yield AS_IT_IS, scene
-    has = [key for key in OF_ELEMENTS if any(getattr(one, key, None) for one in (scene, *scene.element))]
+    has = [key for key in OF_ELEMENTS if any(getattr(part, key, None) for part in (scene, *scene.element))]
     for changes in (*CHANGES.values(), *(OF_ELEMENTS[key] for key in has)):
         yield from ((name, change(scene)) for name, change in changes.items())
     if scene.name == COMBINED:
-        for one, other in combinations(CHANGES.values(), 2):
-            yield from ((f"{a} + {b}", other[b](one[a](scene))) for a, b in product(one, other))
+        for first, second in combinations(CHANGES.values(), 2):
+            yield from ((f"{a} + {b}", second[b](first[a](scene))) for a, b in product(first, second))

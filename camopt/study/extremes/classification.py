@@ -25,7 +25,7 @@ from camopt.verifier.convergence import (
 
 TOLERANCE_UM = 2.0
 """Tolerance of bounce and jump [um], as at `standard`; `camopt.verifier.convergence.ABSOLUTE` holds the others."""
-DISTURBANCE, DISTURBED = 1e-9, 2
+DISTURBANCE, DISTURBANCES = 1e-9, 2
 """Disturbance of the start [m], which shows how the motion amplifies errors, and the number of random disturbances."""
 SENSITIVE = 0.1
 """Share of the tolerance above which the effect of the disturbance makes a metric sensitive. An error of 1e-8 m at the
@@ -77,7 +77,7 @@ def truth(prepare: Prepare, train: Train, lift: Lift, cam_speed: float) -> Truth
     figures = {name: answer.worst[name] for name in absolute}
     still = first_revolution(revolve, start).metrics(lift)
     spread = dict.fromkeys(figures, 0.0)
-    for _ in range(DISTURBED):
+    for _ in range(DISTURBANCES):
         moved = start.copy()
         moved[:n] += DISTURBANCE * rng.choice([-1.0, 1.0], n)
         moved = first_revolution(revolve, moved).metrics(lift)
@@ -107,17 +107,17 @@ def judge(answer: Converged, true: Truth) -> tuple[str, str, float]:
     """
     if answer.state is None:
         return REFUSED, "", np.nan
-    off = {name: apart(answer.worst[name], true.figures[name]) for name in true.figures}
-    excess = {name: off[name] / true.allowed[name] for name in off}
+    error = {name: apart(answer.worst[name], true.figures[name]) for name in true.figures}
+    excess = {name: error[name] / true.allowed[name] for name in error}
     name = max(excess, key=lambda q: excess[q])
     if excess[name] <= 1.0:
-        return WITHIN, name, off[name]
-    astray = [q for q in off if excess[q] > 1.0 and not true.sensitive(q)]
-    if not astray:
-        return RANGE, name, off[name]
-    said = {q: true.allowed[q] + answer.error[q] for q in astray}
-    untold = [q for q in astray if not off[q] <= said[q]]
-    if not answer.converged or not untold:
-        return NOT_CONVERGED, name, off[name]
-    worst = max(untold, key=lambda q: off[q] / said[q])
-    return WRONG, worst, off[worst]
+        return WITHIN, name, error[name]
+    outside = [q for q in error if excess[q] > 1.0 and not true.sensitive(q)]
+    if not outside:
+        return RANGE, name, error[name]
+    declared = {q: true.allowed[q] + answer.error[q] for q in outside}
+    undeclared = [q for q in outside if not error[q] <= declared[q]]
+    if not answer.converged or not undeclared:
+        return NOT_CONVERGED, name, error[name]
+    worst = max(undeclared, key=lambda q: error[q] / declared[q])
+    return WRONG, worst, error[worst]

@@ -94,7 +94,7 @@ def smooth_float32(train: Train, lift: Lift, cam_speed: float, dial: int) -> Rev
 
 SMOOTH: dict[str, Prepare] = {"smooth": smooth, "smooth-float32": smooth_float32}
 
-PAST = 32
+UNSTABLE = 32
 """Divisor that puts the first steps beyond every explicit method's stability limit, also after two halvings."""
 NARROWER = {"eps 2e-13 m": 1e4, "eps 2e-18 m": 1e9, "eps zero": float("inf")}
 """Divisors of the width of the smooth contact layer, by label, for widths that tend to zero."""
@@ -115,11 +115,11 @@ def extremes(
     With `named` only the cases of these names are run; with `resume` stored measurements are not repeated. Raises
     InputError for a folder that exists without `resume` or cannot be written.
     """
-    with run_folder(folder, run_identity("extremes", scenes), resume, [LINES]) as begun:
+    with run_folder(folder, run_identity("extremes", scenes), resume, [LINES]) as run:
         chosen = [(s, *case) for s in scenes for case in cases(s) if named is None or case[0] in named]
-        work = [one for case in chosen for one in _measurements(*case)]
-        rows = measured(Records(begun / LINES, "case", "method"), work, progress)
-        write_csv(begun / "extremes.csv", {name: [row[name] for row in rows] for name in COLUMNS})
+        work = [measurement for case in chosen for measurement in _measurements(*case)]
+        rows = measured(Records(run / LINES, "case", "method"), work, progress)
+        write_csv(run / "extremes.csv", {name: [row[name] for row in rows] for name in COLUMNS})
     return rows
 
 
@@ -147,17 +147,17 @@ def _measurements(scene: Scene, case: str, changed: Scene) -> Iterator[Measureme
             prepare, *dial = arguments or (None,)
             answer = reference.answer if prepare is None else first_answer(prepare, *motion, *dial)
         except InputError as refusal:
-            named = {"setting": str(refusal), "error": None, "error_of": "", "seconds": 0.0}
-            return named | {"converged": False, "verdict": REFUSED}
+            record = {"setting": str(refusal), "error": None, "error_of": "", "seconds": 0.0}
+            return record | {"converged": False, "verdict": REFUSED}
         verdict, name, error = judge(answer, reference)
         if prepare is None:  # the reference is judged by its own error estimate
             name, share = doubtful_figure(reference)
             verdict = WITHIN if share <= 1.0 else RANGE if reference.sensitive(name) else NOT_CONVERGED
             error = answer.error[name]
-        told = error if np.isfinite(error) else None if np.isnan(error) else str(error)
+        stated = error if np.isfinite(error) else None if np.isnan(error) else str(error)
         setting, seconds = f"{answer.steps_per_revolution} {unit}", round(time.perf_counter() - begin, 3)
-        named = {"setting": setting, "error": told, "error_of": name, "seconds": seconds}
-        return named | {"converged": answer.converged, "verdict": verdict}
+        record = {"setting": setting, "error": stated, "error_of": name, "seconds": seconds}
+        return record | {"converged": answer.converged, "verdict": verdict}
 
     if train.straight:
         yield (f"{scene.name}: {case}", REFERENCE), partial(row, "samples", None)
@@ -179,7 +179,7 @@ def methods(case: str, train: Train, cam_speed: float) -> Iterator[tuple]:
     if " + " not in case:
         yield from ((case, *method, 2, DIAL) for method in SMOOTH.items())
     if case == AS_IT_IS:
-        yield from (("steps past the limit", *method, 2, -(-first // PAST)) for method in STEP_METHODS.items())
+        yield from (("steps past the limit", *method, 2, -(-first // UNSTABLE)) for method in STEP_METHODS.items())
         yield from ((label, "smooth", partial(smooth, narrower=by), 2, DIAL) for label, by in NARROWER.items())
 
 
@@ -191,4 +191,4 @@ def defects(rows: list[dict]) -> list[dict]:
 def counts(rows: list[dict]) -> dict[str, dict[str, int]]:
     """Number of rows by method and verdict."""
     by_method = {m: [r["verdict"] for r in rows if r["method"] == m] for m in dict.fromkeys(r["method"] for r in rows)}
-    return {m: {v: found.count(v) for v in VERDICTS if v in found} for m, found in by_method.items()}
+    return {m: {v: verdicts.count(v) for v in VERDICTS if v in verdicts} for m, verdicts in by_method.items()}

@@ -135,7 +135,7 @@ def exact_gradients(p: Problem) -> tuple[PathGradients, Gradient]:
 
     Times are processor times of one thread, which other work on the machine does not affect.
     """
-    together, gradients = _by_bumps(p, p.start)
+    together, gradients = _bump_gradients(p, p.start)
     ratio = []
     for name in METRICS:
         motion = partial(TracedMotion, p.train, p.lift, p.cam_speed, p.start, REVOLUTIONS)
@@ -146,7 +146,7 @@ def exact_gradients(p: Problem) -> tuple[PathGradients, Gradient]:
     return PathGradients(together.values, gradients, np.array(ratio)), together
 
 
-def _by_bumps(p: Problem, start: np.ndarray) -> tuple[Gradient, np.ndarray]:
+def _bump_gradients(p: Problem, start: np.ndarray) -> tuple[Gradient, np.ndarray]:
     """The exact gradient of METRICS from a state, and its components along the bumps (l, m)."""
     together = value_and_gradient(p.train, p.lift, p.cam_speed, METRICS, start, revolutions=REVOLUTIONS)
     return together, np.einsum("lpq,mpq->lm", together.by_coefficients, p.directions)
@@ -194,7 +194,7 @@ def repeated_cosines(p: Problem, gradients: np.ndarray) -> np.ndarray:
     start, least = p.start, np.full(len(METRICS), np.inf)
     for _ in range(FOLLOWING):
         start = prepare_event(p.train, p.lift, p.cam_speed).advance(start)
-        _, slopes = _by_bumps(p, start)
+        _, slopes = _bump_gradients(p, start)
         least = np.minimum(least, [cosine(a, b) for a, b in zip(gradients, slopes, strict=True)])
     return least
 

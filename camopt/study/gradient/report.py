@@ -103,22 +103,22 @@ def judge(
     (h) [m]; `repeated` is as in `verdict`."""
     still = truth == 0.0 and bool(np.all(np.abs(differences[0]) * heights[0] < STILL))
     agreement = disagreement(differences)
-    rough = still or not agreement <= MOST_DISAGREEMENT
+    unusable = still or not agreement <= MOST_DISAGREEMENT
 
     def errors(path: paths.PathGradients) -> np.ndarray:
         return relative_errors(path.gradients[i], differences)
 
     def judged(path: paths.PathGradients) -> dict:
-        error, turn, value = np.nan, np.nan, path.values[i]
-        if np.any(np.isfinite(errors(path))) and not still:
-            best = int(np.nanargmin(errors(path)))
-            error, turn = errors(path)[best], paths.cosine(path.gradients[i], differences[best])
+        error, cosine, value, at_heights = np.nan, np.nan, path.values[i], errors(path)
+        if np.any(np.isfinite(at_heights)) and not still:
+            best = int(np.nanargmin(at_heights))
+            error, cosine = at_heights[best], paths.cosine(path.gradients[i], differences[best])
         return {
             "value_bias": abs(value / truth - 1.0) if truth != 0.0 else 0.0 if value == 0.0 else np.nan,
             "relative_error": error,
-            "cosine": turn,
+            "cosine": cosine,
             "cost_ratio": path.cost_ratio[i],
-            "verdict": "none" if rough else verdict(error, turn, repeated),
+            "verdict": "none" if unusable else verdict(error, cosine, repeated),
         }
 
     by_exact = judged(exact)
@@ -171,13 +171,13 @@ def _reason(truth: float, still: bool, agreement: float, repeated: float | None)
 
 def report_lines(report: dict) -> list[str]:
     """The report as lines of text."""
-    heights, near = ", ".join(f"{h:.0e}" for h in report["heights_m"]), report["grazing"]
+    heights, grazing = ", ".join(f"{h:.0e}" for h in report["heights_m"]), report["grazing"]
     lines = [
         f"against central differences of {report['truth']}",
         f"by {report['bumps']} bumps of {heights} m on the lift",
         f"trust: error <= {MOST_ERROR:g} in a motion that repeats itself; direction only: cosine >= {LEAST_COSINE:g}",
         "the motion repeats itself" if report["settled"] else "the motion does not repeat itself",
-        f"nearest grazing: closing at {near['approach_m_per_s']:.2g} m/s, missed by {near['gap_m']:.2g} m",
+        f"nearest grazing: closing at {grazing['approach_m_per_s']:.2g} m/s, missed by {grazing['gap_m']:.2g} m",
         f"spectral radius of the cycle map: {report['spectral_radius']:.3g}",
     ]
     for name, metric in report["metrics"].items():
@@ -186,10 +186,10 @@ def report_lines(report: dict) -> list[str]:
         if reason.startswith(("no value", "zero")):
             continue
         lines += [f"  {'path':<16} {'value bias':>10} {'relative error':>14} {'cosine':>8} {'cost':>5}  verdict"]
-        for one in (metric["exact"], *metric["smooth"]):
-            label = f"smooth {one['eps_m']:.0e} m" if "eps_m" in one else "exact"
-            numbers = f"{one['relative_error']:14.1e} {one['cosine']:8.4f} {one['cost_ratio']:5.2f}"
-            lines += [f"  {label:<16} {one['value_bias']:10.1e} {numbers}  {one['verdict']}"]
+        for judged in (metric["exact"], *metric["smooth"]):
+            label = f"smooth {judged['eps_m']:.0e} m" if "eps_m" in judged else "exact"
+            numbers = f"{judged['relative_error']:14.1e} {judged['cosine']:8.4f} {judged['cost_ratio']:5.2f}"
+            lines += [f"  {label:<16} {judged['value_bias']:10.1e} {numbers}  {judged['verdict']}"]
         for path, errors in metric["relative_error_at_heights"].items():
             label = path if path == "exact" else f"smooth {EPS:.0e} m"
             lines += [f"  {label} at each height: {' '.join(f'{e:.1e}' for e in errors)}"]

@@ -114,11 +114,11 @@ def identify(
     fits = fits_from_starts(fit, largest_residual(*noise, count) ** 2 * count)
     jacobian = fit.jacobian(fits[0].logs)
     estimate = _Estimate(fits[0].residual, jacobian, count, confidence)
-    residuals = tuple(part / UM for part in np.split(fits[0].residual, fit.borders))
+    residuals = tuple(piece / UM for piece in np.split(fits[0].residual, fit.borders))
     # distance between the differences' Jacobian and the adjoint's, along one random combination of samples
     bar = np.random.default_rng(0).standard_normal(len(fits[0].residual))
-    apart = np.abs(fit.pulled_back(fits[0].logs, fits[0].motions, bar) - jacobian.T @ bar).max()
-    error = float(apart / (np.linalg.norm(jacobian, axis=0).max() * np.linalg.norm(bar)))
+    distance = np.abs(fit.pulled_back(fits[0].logs, fits[0].motions, bar) - jacobian.T @ bar).max()
+    error = float(distance / (np.linalg.norm(jacobian, axis=0).max() * np.linalg.norm(bar)))
     remarks = tuple(_remarks(fits, residuals, *noise, estimate, error))
     return Identification(
         scene=parameters.moved_scene(fits[0].logs),
@@ -164,8 +164,8 @@ def measured_noise(series: Sequence[Series]) -> float:
     73), by their median, which impacts do not change. Motion that the samples are too coarse to resolve counts as
     noise."""
     differences = []
-    for one in (one for one in series if len(one.angle) >= 4):
-        at, valve = np.lib.stride_tricks.sliding_window_view(np.stack([one.angle, one.valve]), 4, axis=1)
+    for samples in (samples for samples in series if len(samples.angle) >= 4):
+        at, valve = np.lib.stride_tricks.sliding_window_view(np.stack([samples.angle, samples.valve]), 4, axis=1)
         weights = 1 / np.prod(at[:, :, None] - at[:, None, :] + np.eye(4), axis=2)
         weights /= np.linalg.norm(weights, axis=1, keepdims=True)
         differences.append(abs(np.sum(weights * valve, axis=1)))
@@ -228,11 +228,12 @@ def _remarks(fits: Sequence[Fitted], residuals, noise: float, estimated: bool, e
             f"{whose}: the model misses something, or the start is too far off"
         )
     count, identified = len(best.logs), estimate.half_width <= WIDEST
-    near = best.squares + count * fisher.ppf(0.99, count, estimate.freedom) * estimate.noise**2  # the F test at 99 %
-    apart = [
-        np.abs(other.logs - best.logs) > SURPRISING * estimate.error for other in fits[1:] if other.squares <= near
+    # the F test at 99 %
+    comparable = best.squares + count * fisher.ppf(0.99, count, estimate.freedom) * estimate.noise**2
+    differs = [
+        np.abs(fit.logs - best.logs) > SURPRISING * estimate.error for fit in fits[1:] if fit.squares <= comparable
     ]
-    if np.any([one[identified] for one in apart]):
+    if np.any([different[identified] for different in differs]):
         yield "another start leads to other values that fit as well: measure at more speeds, or free fewer parameters"
     # von Neumann's ratio of mean square difference to variance is 2 for white noise, with variance 4 / samples
     squares = sum(float(r @ r) for r in residuals)

@@ -31,9 +31,9 @@ DIFFERENCE = 1e-4
 """Step of the Jacobian's differences in a logarithm: truncation and rounding stay below 1e-6 of a column."""
 LONGEST_STEP = 0.5
 """Longest step in the logarithms of the factors."""
-STANDING = 1e-4
+CONVERGED = 1e-4
 """Predicted decrease of the squares, in noise variances, at which the fit has converged: 0.01 standard errors."""
-DISAPPOINTING, SHORTENED, ACCEPTED = 0.8, 0.25, 0.1
+RENEWED, SHORTENED, REJECTED = 0.8, 0.25, 0.1
 """Ratios of actual to predicted decrease below which the Jacobian is renewed, the next step cut, this one rejected."""
 ROUNDING_M = 1e-12
 """Residual [m] that counts as zero."""
@@ -110,9 +110,9 @@ class LiftFit:
     def until(self, share: float) -> "LiftFit":
         """The fit to only the first samples, this share of every series."""
         parts = []
-        for one in self.series:
-            count = max(2, int(np.ceil(share * len(one.angle))))
-            parts.append(one._replace(angle=one.angle[:count], valve=one.valve[:count]))
+        for series in self.series:
+            count = max(2, int(np.ceil(share * len(series.angle))))
+            parts.append(series._replace(angle=series.angle[:count], valve=series.valve[:count]))
         return LiftFit(self.parameters, self.lift, parts, self.zero_known)
 
     def motions(self, train: Train) -> list[TracedMotion]:
@@ -128,7 +128,7 @@ class LiftFit:
         valve = self.parameters.train.valve
         return self._centred([m.at(s.angle).x[:, valve] - s.valve for m, s in zip(motions, self.series, strict=True)])
 
-    def tried(self, logs: np.ndarray) -> tuple[list[TracedMotion], np.ndarray]:
+    def trial(self, logs: np.ndarray) -> tuple[list[TracedMotion], np.ndarray]:
         """Motions and residual at a trial point; the residual is infinite where it has no motion or is too far away."""
         if np.abs(logs).max() > FARTHEST:
             return [], np.full(1, np.inf)
@@ -199,28 +199,28 @@ def descend(fit: LiftFit, logs: np.ndarray, most_steps: int = MOST_FIT_STEPS, ce
     for steps in range(most_steps):
         noise = certain * max(float(np.sqrt(np.mean(residual**2))), ROUNDING_M)
         gradient = fit.pulled_back(logs, motions, residual)
-        s, directions = told_apart(jacobian, noise)
-        if float(np.sum((directions @ gradient / s) ** 2)) <= STANDING * noise**2:  # a full step would gain nothing
+        s, directions = resolved_directions(jacobian, noise)
+        if float(np.sum((directions @ gradient / s) ** 2)) <= CONVERGED * noise**2:  # a full step would gain nothing
             if fresh:
                 return Fitted(logs, residual, motions, steps, True)
             jacobian, fresh = fit.slopes(logs, residual), True
             continue
         step = limited_step(s, directions, gradient, radius)
-        promised = -2 * gradient @ step - float(np.sum((jacobian @ step) ** 2))
-        trial, new_residual = fit.tried(logs + step)
-        gained = (residual @ residual - new_residual @ new_residual) / promised
-        if gained > ACCEPTED:
-            logs, residual, motions, fresh = logs + step, new_residual, trial, False
-        if gained < DISAPPOINTING and not fresh:
+        predicted = -2 * gradient @ step - float(np.sum((jacobian @ step) ** 2))
+        trial_motions, new_residual = fit.trial(logs + step)
+        ratio = (residual @ residual - new_residual @ new_residual) / predicted
+        if ratio > REJECTED:
+            logs, residual, motions, fresh = logs + step, new_residual, trial_motions, False
+        if ratio < RENEWED and not fresh:
             jacobian, fresh = fit.slopes(logs, residual), True
-        if gained < SHORTENED:
+        if ratio < SHORTENED:
             radius = float(np.linalg.norm(step)) / 4
-        elif gained > DISAPPOINTING:
+        elif ratio > RENEWED:
             radius = min(LONGEST_STEP, 2 * radius)
     return Fitted(logs, residual, motions, most_steps, False)
 
 
-def told_apart(jacobian: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
+def resolved_directions(jacobian: np.ndarray, noise: float) -> tuple[np.ndarray, np.ndarray]:
     """Singular values (k) [m] above the noise [m], and their directions (k, p)."""
     _, s, directions = np.linalg.svd(jacobian, full_matrices=False)
     return s[s > noise], directions[s > noise]
@@ -243,7 +243,7 @@ def limited_step(s: np.ndarray, directions: np.ndarray, gradient: np.ndarray, ra
 
 SHARES = np.arange(3, 12) / 12
 """Shares of the samples that are fitted in succession before all samples."""
-STAGE_STEPS, CERTAIN = 12, 20.0
+STAGE_STEPS, STAGE_CERTAINTY = 12, 20.0
 """Most steps for one of these shares, and `certain` of `descend` there."""
 BOX = 0.2
 """Half-width, in the logarithms, of the box around the start values from which other starts are drawn."""
@@ -257,7 +257,7 @@ def homotopy(fit: LiftFit, logs: np.ndarray) -> Fitted:
     for share in SHARES:
         first_samples = fit.until(share)
         if sum(len(s.angle) for s in first_samples.series) > 2 * len(logs):
-            fitted = descend(first_samples, logs, STAGE_STEPS, CERTAIN)
+            fitted = descend(first_samples, logs, STAGE_STEPS, STAGE_CERTAINTY)
             logs, steps = fitted.logs, steps + fitted.steps
     fitted = descend(fit, logs)
     return replace(fitted, steps=steps + fitted.steps)
@@ -273,8 +273,8 @@ def fits_from_starts(fit: LiftFit, good_enough: float) -> list[Fitted]:
     random, count = np.random.default_rng(0), len(fit.parameters.tied)
     fits: list[Fitted] = []
     good = False
-    for tried in range(MOST_STARTS):
-        logs = random.uniform(-BOX, BOX, count) if tried else np.zeros(count)
+    for start in range(MOST_STARTS):
+        logs = random.uniform(-BOX, BOX, count) if start else np.zeros(count)
         try:
             for fitted in (descend, homotopy):
                 fits = sorted([*fits, fitted(fit, logs)], key=lambda f: f.squares)
@@ -282,8 +282,8 @@ def fits_from_starts(fit: LiftFit, good_enough: float) -> list[Fitted]:
                 if good:
                     break
         except (MotionRefused, InputError):  # a drawn start without a motion is skipped
-            if not tried:
+            if not start:
                 raise
-        if tried + 1 >= FEWEST_STARTS and good:
+        if start + 1 >= FEWEST_STARTS and good:
             break
     return fits

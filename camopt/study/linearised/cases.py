@@ -66,17 +66,17 @@ def cases_of(
     if not trains:
         return [_case(scene, cam, z, numbers, lambda lift: lift)], numbers
     built = trains_as_built(scene, trains, seed=seed)
-    return [_case(one.scene, cam, z, numbers, one.cam) for one in built], numbers
+    return [_case(train.scene, cam, z, numbers, train.cam) for train in built], numbers
 
 
 def _case(scene: Scene, cam: Lift, z: np.ndarray, numbers: Sequence[FreeNumber], ground) -> LinearisedCase:
     def built(moved: Scene) -> TrainAndCam:
         return build_train(moved), ground(free_cam_of(moved.required_design, cam)[0].lift(z))
 
-    at = [number.of(scene) for number in numbers]
-    steps = np.array([STEP * (abs(value) or 1.0) for value in at])
+    values = [number.of(scene) for number in numbers]
+    steps = np.array([STEP * (abs(value) or 1.0) for value in values])
     sides = [
         (built(number.put(scene, value - step)), built(number.put(scene, value + step)))
-        for number, value, step in zip(numbers, at, steps, strict=True)
+        for number, value, step in zip(numbers, values, steps, strict=True)
     ]
     return LinearisedCase((build_train(scene), ground(cam)), steps, sides)

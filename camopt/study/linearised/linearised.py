@@ -32,7 +32,7 @@ LABELS = {
     "gap_mm": ("mm", "gap between cam and valve"),
     "seat_gap_mm": ("mm", "gap at the seat"),
 }
-WHAT = "linearised with source 'exact'"
+EXACT = "linearised with source 'exact'"
 SETTLING = 40
 """Event-exact revolutions from rest up to the motion whose switching angles the derivatives keep constant."""
 
@@ -100,9 +100,9 @@ def linearised(
     train, _ = cases[0].nominal
     contacts = [train.element_names[e] for e in train.cam_side]
     coords = {"speed_rpm": list(speeds), "cam_angle_deg": angle / DEG, "contact": contacts}
-    said = {"scene": scene.name, "source": source, "trains": trains}
-    said |= {"tie": float(tie), "width_um": float(width_um)} if source == "smooth" else {"tie": 1.0}
-    dataset = _dataset(paths, len(z), [number.name for number in numbers], coords).assign_attrs(said)
+    attributes = {"scene": scene.name, "source": source, "trains": trains}
+    attributes |= {"tie": float(tie), "width_um": float(width_um)} if source == "smooth" else {"tie": 1.0}
+    dataset = _dataset(paths, len(z), [number.name for number in numbers], coords).assign_attrs(attributes)
     dataset["z"] = ("coefficient", z, {"units": "mm/deg^2"})
     dataset["number_value"] = ("number", [number.of(scene) for number in numbers])
     return dataset if trains else dataset.isel(train=0, drop=True)
@@ -152,16 +152,16 @@ def exact_paths(
     by_train = []
     for case in cases:
         train, _ = case.nominal
-        train.require_straight(WHAT, "ask for source='smooth'")
+        train.require_straight(EXACT, "ask for source='smooth'")
         if train.laws is not None and np.any(train.laws.kind == FRICTION):
             raise InputError(
-                f"{WHAT} holds the place where friction sticks, which moves with the cam, and derivatives would be "
+                f"{EXACT} holds the place where friction sticks, which moves with the cam, and derivatives would be "
                 f"wrong: ask for source='smooth'"
             )
         if case.beside and not is_linear(train):
             raise InputError(
-                f"{WHAT} and free numbers needs a train whose laws are all linear and without forces by the cam angle: "
-                f"ask for source='smooth', or leave free out"
+                f"{EXACT} and free numbers needs a train whose laws are all linear and without forces by the cam "
+                f"angle: ask for source='smooth', or leave free out"
             )
         at_speeds = [_at_speed(case, cam, speed, angle) for speed in cam_speeds]
         by_train.append(LinearPaths(*map(np.stack, zip(*at_speeds, strict=True))))
@@ -173,20 +173,20 @@ def _at_speed(case: LinearisedCase, cam: FreeCam, cam_speed: float, angle: np.nd
         angles = located_angles(settled_revolution(*case.nominal, cam_speed, SETTLING))
     except NoLoadTransfer as missing:
         raise InputError(
-            f"{WHAT} at {cam_speed / RPM:g} r/min of the camshaft: {missing}, which leaves the "
+            f"{EXACT} at {cam_speed / RPM:g} r/min of the camshaft: {missing}, which leaves the "
             f"closed response no phases: ask for source='smooth', or for another speed"
         ) from None
     columns = [_read(case.nominal, cam, cam_speed, angles, angle)]
-    for step, built in zip(case.steps, case.beside, strict=True):
-        below, above = (_read(one, cam, cam_speed, angles, angle) for one in built)
+    for step, sides in zip(case.steps, case.beside, strict=True):
+        below, above = (_read(side, cam, cam_speed, angles, angle) for side in sides)
         columns.append([(b - a)[..., :1] / (2 * step) for a, b in zip(below, above, strict=True)])
     joined = (np.concatenate(parts, axis=-1) for parts in zip(*columns, strict=True))
     return LinearPaths(*joined, moved=np.zeros(()))
 
 
-def _read(built: TrainAndCam, cam: FreeCam, cam_speed: float, angles: Angles, angle: np.ndarray) -> list[np.ndarray]:
+def _read(pair: TrainAndCam, cam: FreeCam, cam_speed: float, angles: Angles, angle: np.ndarray) -> list[np.ndarray]:
     """Force and gap (k, c, 1 + m) of the contacts between cam and valve, and gap (k, 1 + m) at the seat."""
-    train, lift = built
+    train, lift = pair
     samples = sample_cam(cam, angles, SAMPLE, about=lift)
     response = damped_response(train, samples, cam_speed, angles)
     at = np.searchsorted(samples.edges, angle - 1e-9)

@@ -65,10 +65,10 @@ class LeftOut:
 
 def idle_contacts(responses: Sequence[Response]) -> tuple[frozenset[str], frozenset[str]]:
     """Names of the contacts that carry no force in any of the records, and of those that always carry some."""
-    t, force = responses[0].train, np.concatenate([response.force for response in responses])
-    other = [e for e in np.flatnonzero(t.contact) if e != t.seat and e not in t.cam_side]
-    never = frozenset(t.element_names[e] for e in other if force[:, e].max() <= 0.0)
-    always = frozenset(t.element_names[e] for e in other if force[:, e].min() > 0.0)
+    train, force = responses[0].train, np.concatenate([response.force for response in responses])
+    candidates = [e for e in np.flatnonzero(train.contact) if e != train.seat and e not in train.cam_side]
+    never = frozenset(train.element_names[e] for e in candidates if force[:, e].max() <= 0.0)
+    always = frozenset(train.element_names[e] for e in candidates if force[:, e].min() > 0.0)
     return never, always
 
 

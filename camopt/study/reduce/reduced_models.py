@@ -28,7 +28,7 @@ springs, each oriented from the head to the ground."""
 
 
 @dataclass(frozen=True)
-class Smaller:
+class SmallerModel:
     """A smaller model as an ordinary scene, and the reductions that led to it."""
 
     scene: Scene
@@ -42,7 +42,7 @@ class Smaller:
         return f"{self.surge_masses} {'mass' if self.surge_masses == 1 else 'masses'} of the spring; {merged}"
 
 
-def smaller_models(scene: Scene, keep: frozenset[str] = frozenset()) -> list[Smaller]:
+def smaller_models(scene: Scene, keep: frozenset[str] = frozenset()) -> list[SmallerModel]:
     """Every combination of fewer spring masses and condensed masses, with the scene itself first.
 
     Masses named in `keep` are not changed. Masses are condensed by descending frequency of the mass between its two
@@ -64,12 +64,12 @@ def smaller_models(scene: Scene, keep: frozenset[str] = frozenset()) -> list[Sma
     return models
 
 
-def _named(full: Scene, scene: Scene, surge: int, condensed: tuple[str, ...]) -> Smaller:
+def _named(full: Scene, scene: Scene, surge: int, condensed: tuple[str, ...]) -> SmallerModel:
     if scene is full:
-        return Smaller(full, surge, condensed)
+        return SmallerModel(full, surge, condensed)
     name = f"{full.name[:48]}-{len(scene.mass)}m-{surge}s"
     named = scene.model_copy(update={"name": name, "tolerance": ()})  # tolerances may name numbers that no longer exist
-    return Smaller(parse_scene(scene_toml(named), named.name), surge, condensed)
+    return SmallerModel(parse_scene(scene_toml(named), named.name), surge, condensed)
 
 
 def chains(scene: Scene, keep: frozenset[str] = frozenset()) -> list[Chain]:
@@ -181,14 +181,14 @@ def condense(scene: Scene, name: str) -> Scene:
 def _shared(scene: Scene, name: str, first: Element, second: Element) -> tuple[Mass, ...]:
     """The other masses, with their shares of the condensed one."""
     springs = [(e, e.between[i]) for e, i in ((first, 0), (second, 1)) if e.kind == "spring"]
-    rides_on = second.between[1] if first.cam_driven else first.between[0]  # the lift lies between the mass and the cam
-    ends = [(end, _stiffness(e)) for e, end in springs] or [(rides_on, 1.0)]
+    carrier = second.between[1] if first.cam_driven else first.between[0]  # the lift lies between the mass and the cam
+    ends = [(end, _stiffness(e)) for e, end in springs] or [(carrier, 1.0)]
     total = sum(weight for _, weight in ends)
     share = {end: weight / total for end, weight in ends}
-    (gone,) = (m for m in scene.mass if m.name == name)
+    (condensed,) = (m for m in scene.mass if m.name == name)
     keys = KEYS["mass"]
     return tuple(
-        m.model_copy(update={key: getattr(m, key) + share.get(m.name, 0.0) * getattr(gone, key) for key in keys})
+        m.model_copy(update={key: getattr(m, key) + share.get(m.name, 0.0) * getattr(condensed, key) for key in keys})
         for m in scene.mass
         if m.name != name
     )

@@ -18,7 +18,7 @@ from camopt.scene.text_file import scene_toml
 from camopt.scene.units import DEG, MM
 from camopt.study.measurements import fastest
 from camopt.study.reduce.idle_contacts import LeftOut, idle_contacts, leave_out
-from camopt.study.reduce.reduced_models import Smaller, smaller_models
+from camopt.study.reduce.reduced_models import SmallerModel, smaller_models
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import rkg, tmm
 
@@ -36,7 +36,7 @@ REPEATS = 5
 class Candidate:
     """A smaller model against the full one: its largest error over the speeds, and the cost of a revolution."""
 
-    smaller: Smaller
+    smaller: SmallerModel
     model: LeftOut
     error: dict[str, float]  # COMPARED and lift_mm; NaN where one of the two motions never seats
     refusal: str  # reason why the model was refused, or ""
@@ -148,10 +148,10 @@ def reduction_lines(reduction: Reduction) -> list[str]:
         f"counted operations and measured ms per revolution",
         f"{'model':<24}" + "".join(f"{h:>12}" for h in heads),
     ]
-    for c in reduction.candidates:
-        values = [*(c.error[k] for k in (*WITHIN, *COMPARED[2:])), c.operations, *c.ms.values()]
-        told = f"  refused: {c.refusal}" if c.refusal else "".join(f"{v:12.4g}" for v in values)
-        lines.append(f"{c.smaller.scene.name:<24}{told}" + " <" * (c is reduction.proposed))
+    for candidate in reduction.candidates:
+        values = [*(candidate.error[k] for k in (*WITHIN, *COMPARED[2:])), candidate.operations, *candidate.ms.values()]
+        cells = f"  refused: {candidate.refusal}" if candidate.refusal else "".join(f"{v:12.4g}" for v in values)
+        lines.append(f"{candidate.smaller.scene.name:<24}{cells}" + " <" * (candidate is reduction.proposed))
     for speed, (low, high) in reduction.aperiodic_rpm.items():
         lines.append(
             f"at {speed:g} r/min the full model itself does not repeat (bounce {low:.4f} to {high:.4f} mm): its errors "
@@ -160,14 +160,14 @@ def reduction_lines(reduction: Reduction) -> list[str]:
     best = reduction.proposed
     if not best.within(reduction.tolerance_mm) or not best.ms:
         return [*lines, f"no model is within {reduction.tolerance_mm:g} mm: the full one is needed"]
-    saved = ", ".join(f"{path} {reduction.full_ms[path] / ms:.2f}" for path, ms in best.ms.items())
+    speedups = ", ".join(f"{path} {reduction.full_ms[path] / ms:.2f}" for path, ms in best.ms.items())
     lines.append(f"proposed: {best.smaller.scene.name} ({best.smaller.done}), within {reduction.tolerance_mm:g} mm")
-    lines.append(f"times as fast as the full model: {saved}")
-    left = [*(f"{n} (never closes)" for n in best.model.open), *(f"{n} (never opens)" for n in best.model.closed)]
-    return [*lines, f"left out and watched: {', '.join(left)}"] if left else lines
+    lines.append(f"times as fast as the full model: {speedups}")
+    omitted = [*(f"{n} (never closes)" for n in best.model.open), *(f"{n} (never opens)" for n in best.model.closed)]
+    return [*lines, f"left out and watched: {', '.join(omitted)}"] if omitted else lines
 
 
-def _candidate(smaller: Smaller, idle, cam: Lift, speeds, truth: list[Settled], workers: int) -> Candidate:
+def _candidate(smaller: SmallerModel, idle, cam: Lift, speeds, truth: list[Settled], workers: int) -> Candidate:
     model = leave_out(smaller.scene, *idle)
     train, cam_speed = build_train(model.scene), model.scene.cam_speed(max(speeds))
     # a step costs (2n)^2 multiplications for the propagator and two per element
@@ -177,9 +177,9 @@ def _candidate(smaller: Smaller, idle, cam: Lift, speeds, truth: list[Settled], 
         ms = path_times(model, train, cam, cam_speed)
     except MotionRefused as refusal:
         return Candidate(smaller, model, dict.fromkeys((*COMPARED, "lift_mm"), np.nan), str(refusal), operations, {})
-    metrics = [(one.metrics(cam), true.metrics(cam)) for one, true in pairs]
+    metrics = [(motion.metrics(cam), reference.metrics(cam)) for motion, reference in pairs]
     error = {name: float(np.max([abs(a.worst(name) - b.worst(name)) for a, b in metrics])) for name in COMPARED}
-    error["lift_mm"] = max(float(np.abs(_lift(one) - _lift(true)).max()) for one, true in pairs) / MM
+    error["lift_mm"] = max(float(np.abs(_lift(motion) - _lift(reference)).max()) for motion, reference in pairs) / MM
     return Candidate(smaller, model, error, "", operations, ms)
 
 

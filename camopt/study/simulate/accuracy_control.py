@@ -41,39 +41,40 @@ class Delivered:
     """A motion with its requested accuracy and its estimated error."""
 
     response: Response
-    asked: str | float
-    asked_um: float
+    requested: str | float
+    requested_um: float
     estimate_um: np.ndarray  # (revolutions), largest error of the valve's position
     setting: float  # of the dial
     budget: int  # largest number of settings of the dial
 
     @property
     def reached(self) -> bool:
-        return bool(self.estimate_um.max() <= self.asked_um)
+        return bool(self.estimate_um.max() <= self.requested_um)
 
     def sentence(self) -> str:
         """A sentence on the requested and the estimated error."""
-        asked = f"accuracy asked: {self.asked_um:g} um" + (f" ({self.asked})" if isinstance(self.asked, str) else "")
+        name = f" ({self.requested})" if isinstance(self.requested, str) else ""
+        requested = f"accuracy asked: {self.requested_um:g} um{name}"
         if self.reached:
-            return f"{asked}; {error_said(self.estimate_um)[0]}"
-        tried = f"{asked}; not reached within the budget of {self.budget} settings"
+            return f"{requested}; {error_text(self.estimate_um)[0]}"
+        missed = f"{requested}; not reached within the budget of {self.budget} settings"
         if not np.isfinite(self.estimate_um).all():
-            return f"{tried}, too few of which gave a motion: the error is not known"
+            return f"{missed}, too few of which gave a motion: the error is not known"
         ranges = ", ".join(f"+-{e:.2g} um in revolution {i}" for i, e in enumerate(self.estimate_um, 1))
-        return f"{tried}: the valve's position is known to a range only, at best {ranges}"
+        return f"{missed}: the valve's position is known to a range only, at best {ranges}"
 
     def attributes(self) -> dict:
         """The accuracy as attributes of a dataset."""
         return {
             "accuracy_statement": self.sentence(),
-            "accuracy_asked": self.asked,
-            "accuracy_asked_um": self.asked_um,
-            **error_said(self.estimate_um)[1],
+            "accuracy_asked": self.requested,
+            "accuracy_asked_um": self.requested_um,
+            **error_text(self.estimate_um)[1],
             "accuracy_reached": int(self.reached),  # netCDF has no booleans
         }
 
 
-def error_said(estimate_um: np.ndarray) -> tuple[str, dict]:
+def error_text(estimate_um: np.ndarray) -> tuple[str, dict]:
     """Estimated errors (revolutions) [um] as a sentence, and as attributes of a dataset."""
     largest = float(estimate_um.max())
     attributes = {"accuracy_estimated_um": largest, "accuracy_estimated_by_revolution_um": estimate_um}
@@ -95,27 +96,27 @@ def deliver(
     unknown accuracy, MotionRefused where no setting gives a motion.
     """
     effort = effort_of(accuracy)
-    asked_um = effort.tolerances.tolerance_um if isinstance(accuracy, str) else float(accuracy)
+    target_um = effort.tolerances.tolerance_um if isinstance(accuracy, str) else float(accuracy)
     coarser = ESTIMATES.get(method, STEPPING)[0]
     curve = stored_curves()["event" if method == CHORDS_DIAL else method]
-    first = 2 ** (coarser - 2) * max(curve.coarsest(asked_um, typical=True), 4 * least)
+    first = 2 ** (coarser - 2) * max(curve.coarsest(target_um, typical=True), 4 * least)
     budget = 1 + int(np.log2(first / least) + 1e-9)
     answers: list[np.ndarray] = []
     best, refusal = None, None
-    with tqdm(total=2**budget - 1, disable=None if progress else True, desc=f"{asked_um:g} um", unit="") as bar:
-        for tried in range(budget):
-            setting = first / 2**tried
+    with tqdm(total=2**budget - 1, disable=None if progress else True, desc=f"{target_um:g} um", unit="") as bar:
+        for attempt in range(budget):
+            setting = first / 2**attempt
             try:
-                done = run(setting)
+                motion = run(setting)
             except MotionRefused as error:
                 refusal, answers = error, []
-                bar.update(2**tried)
+                bar.update(2**attempt)
                 continue
-            answers.append(valve_position(done, revolutions))
-            answer = Delivered(done, accuracy, asked_um, estimate_um(answers, method, revolutions), setting, budget)
+            answers.append(valve_position(motion, revolutions))
+            answer = Delivered(motion, accuracy, target_um, estimate_um(answers, method, revolutions), setting, budget)
             best = answer if best is None or answer.estimate_um.max() <= best.estimate_um.max() else best
-            bar.update(2**tried)
-            bar.set_postfix_str(f"setting {tried + 1} of {budget}, error {best.estimate_um.max():.2g} um")
+            bar.update(2**attempt)
+            bar.set_postfix_str(f"setting {attempt + 1} of {budget}, error {best.estimate_um.max():.2g} um")
             if best.reached or best.estimate_um.max() <= FINEST_UM:
                 break
     if best is None:

@@ -75,7 +75,7 @@ def simulate(
 
     Raises InputError for unusable arguments, a motion that the method refuses, or a record that would be too large.
     """
-    train, cam_speed, known_speed, steps, finer = _planned(scene, speed_rpm, method, revolutions, step_deg)
+    train, cam_speed, known_speed, steps, finer = _checked_settings(scene, speed_rpm, method, revolutions, step_deg)
     how = _smoothing(method, width_um, tie, steps_per_revolution, parameters, accuracy)
     if parameters is not None:
         _check_parameters(scene, cam, method, parameters)
@@ -83,21 +83,21 @@ def simulate(
         layer = {} if width_um is None else {"eps": how.width}
         shown, metrics = rule(train, cam, parameters, cam_speed, revolutions, steps, known_speed, **layer)
         return motion_dataset(scene, cam, speed_rpm, method, shown, metrics)
-    said: dict[str, Any] = {}
+    attributes: dict[str, Any] = {}
     if accuracy is not None:
-        done = delivered(train, cam, cam_speed, method, revolutions, accuracy, progress=progress)
-        response, said = done.response, done.attributes()
+        motion = delivered(train, cam, cam_speed, method, revolutions, accuracy, progress=progress)
+        response, attributes = motion.response, motion.attributes()
     elif tie is not None or steps_per_revolution is not None:
-        tied = import_module("camopt.study.tied_motions")
-        response = tied.tied_motion(train, cam, cam_speed, revolutions, how)
+        module = import_module("camopt.study.tied_motions")
+        response = module.tied_motion(train, cam, cam_speed, revolutions, how)
     elif width_um is not None:
         response = dialled(train, cam, cam_speed, method, revolutions)(how.width)
     else:
         response = _motion(train, cam, cam_speed, method, revolutions, steps * finer)
         if method == "event" and not train.straight:
-            said = _error_of_chords(train, cam, cam_speed, response, steps * finer)
+            attributes = _chord_error(train, cam, cam_speed, response, steps * finer)
     shown, metrics = resampled(response, steps * revolutions), recorded_metrics(response, cam)
-    return motion_dataset(scene, cam, speed_rpm, method, shown, metrics).assign_attrs(said)
+    return motion_dataset(scene, cam, speed_rpm, method, shown, metrics).assign_attrs(attributes)
 
 
 def _smoothing(method: str, width_um, tie, steps, parameters, accuracy) -> Smoothing:
@@ -113,11 +113,11 @@ def _smoothing(method: str, width_um, tie, steps, parameters, accuracy) -> Smoot
 
 def recorded(scene: Scene, cam: Lift, speed_rpm: float, method: str, *, revolutions: int) -> Response:
     """The motion of `simulate` with its default settings, as plain arrays; raises InputError as `simulate` does."""
-    train, cam_speed, _, steps, finer = _planned(scene, speed_rpm, method, revolutions, 0.1)
+    train, cam_speed, _, steps, finer = _checked_settings(scene, speed_rpm, method, revolutions, 0.1)
     return resampled(_motion(train, cam, cam_speed, method, revolutions, steps * finer), steps * revolutions)
 
 
-def _planned(scene: Scene, speed_rpm, method, revolutions, step_deg) -> tuple[Train, Any, float, int, int]:
+def _checked_settings(scene: Scene, speed_rpm, method, revolutions, step_deg) -> tuple[Train, Any, float, int, int]:
     """Train, cam speed [rad/s], a known cam speed (the lowest that the scene names where JAX traces the speed), steps
     of the result per revolution, and steps of the method in each of these; numbers and choices are checked."""
     methods = *verdict_methods(), "smooth"
@@ -140,12 +140,12 @@ def _planned(scene: Scene, speed_rpm, method, revolutions, step_deg) -> tuple[Tr
         number = min(*scene.operation.speeds_rpm, *scene.operation.band_rpm)
     train, known_speed = build_train(scene), scene.cam_speed(number)
     finer = max(1, int(np.ceil(highest_rate(train) * step_deg * DEG / known_speed / LARGEST_PHASE)))
-    kept, each = steps * finer * revolutions, 2 + 2 * len(train.mass) + len(train.a)
-    if kept * each > MOST_VALUES:
+    rows, each = steps * finer * revolutions, 2 + 2 * len(train.mass) + len(train.a)
+    if rows * each > MOST_VALUES:
         raise InputError(
             f"simulate at {speed_rpm} r/min: the train's highest mode of {highest_rate(train) / 2e3 / np.pi:.3g} kHz "
-            f"turns so often in these revolutions that {kept / 1e6:.3g} million steps of {each} numbers would have to "
-            f"be kept ({8e-9 * kept * each:.2g} GB), and {8e-9 * MOST_VALUES:.2g} GB are allowed: raise the speed, ask "
+            f"turns so often in these revolutions that {rows / 1e6:.3g} million steps of {each} numbers would have to "
+            f"be kept ({8e-9 * rows * each:.2g} GB), and {8e-9 * MOST_VALUES:.2g} GB are allowed: raise the speed, ask "
             f"for fewer revolutions, or take a smaller model (camopt reduce)"
         )
     return train, scene.cam_speed(speed_rpm), known_speed, steps, finer
@@ -186,17 +186,17 @@ def dialled(train: Train, cam: Lift, cam_speed: float, method: str, revolutions:
     return run
 
 
-def _error_of_chords(train: Train, cam: Lift, cam_speed: float, response: Response, steps: int) -> dict:
+def _chord_error(train: Train, cam: Lift, cam_speed: float, response: Response, steps: int) -> dict:
     """The attributes on the error of chords in an event-exact motion with this number of steps: the error is estimated,
     as with an accuracy, from motions with the smaller numbers of chords of the coarser settings."""
-    from camopt.study.simulate.accuracy_control import CHORDS_DIAL, ESTIMATES, error_said, estimate_um, valve_position
+    from camopt.study.simulate.accuracy_control import CHORDS_DIAL, ESTIMATES, error_text, estimate_um, valve_position
 
     chords, revolutions = min(MOST_CHORDS, chords_at(train, cam_speed, steps)), response.revolutions
     fewer = [round(chords * 0.5 ** (k / 2)) for k in range(ESTIMATES[CHORDS_DIAL][0], 0, -1)]
     coarser = [_motion(train, cam, cam_speed, "event", revolutions, steps, count) for count in fewer]
     answers = [valve_position(motion, revolutions) for motion in (*coarser, response)]
-    error, said = error_said(estimate_um(answers, CHORDS_DIAL, revolutions))
-    return {"accuracy_statement": f"{error}, from {chords} chords in place of curved laws", **said}
+    error, attributes = error_text(estimate_um(answers, CHORDS_DIAL, revolutions))
+    return {"accuracy_statement": f"{error}, from {chords} chords in place of curved laws", **attributes}
 
 
 def motion_parameters(scene: Scene, cam: Lift) -> dict[str, np.ndarray]:

@@ -144,11 +144,16 @@ def job_work(scene: Scene, cam: Lift, size: str, folder: Path) -> Iterator[Measu
     yield from _dial("perturbation samples", "event-exact, highest speed", "{:g} samples", perturbed, SAMPLES[size])
     yield from _masses(scene, cam, size)
     if size == "full":
-        designed, designs = partial(_designed, scene), folder / "designs"
-        knots = lambda deg: designed("nominal", replace(ACCURACIES[DRAFT], knot_deg=deg), designs)  # noqa: E731
-        yield from _dial("knots", "search, listed speeds", "{:g} deg", knots, KNOTS_DEG)
-        effort = lambda name: designed("band", ACCURACIES[name], designs)  # noqa: E731
-        yield from _dial("search effort", "search, band", "{}", effort, ACCURACY_NAMES)
+        designs = folder / "designs"
+
+        def by_knots(deg: float) -> dict:
+            return _designed(scene, "nominal", replace(ACCURACIES[DRAFT], knot_deg=deg), designs)
+
+        def by_effort(name: str) -> dict:
+            return _designed(scene, "band", ACCURACIES[name], designs)
+
+        yield from _dial("knots", "search, listed speeds", "{:g} deg", by_knots, KNOTS_DEG)
+        yield from _dial("search effort", "search, band", "{}", by_effort, ACCURACY_NAMES)
 
 
 def _dial(dial: str, method: str, shown: str, run: Callable, settings: Sequence) -> Iterator[Measurement]:
@@ -206,8 +211,8 @@ def _masses(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:
 
     @cache
     def candidates() -> dict[str, Candidate]:
-        found = reduce(scene, cam, speeds).candidates
-        return {c.smaller.scene.name: c for c in found}
+        models = reduce(scene, cam, speeds).candidates
+        return {c.smaller.scene.name: c for c in models}
 
     def compared(name: str) -> dict:
         c = candidates()[name]

@@ -89,9 +89,9 @@ def tradeoff(
         return Tradeoff(folder, rows, by_method[-1] if by_method else [])
 
 
-def or_failure(one: Measurement) -> Measurement:
+def or_failure(measurement: Measurement) -> Measurement:
     """A measurement whose failure is recorded in the table with its reason."""
-    key, run = one
+    key, run = measurement
 
     def tried() -> dict:
         try:
@@ -149,8 +149,8 @@ def tables_of(rows: Sequence[dict]) -> dict[str, list[str]]:
     """The lines of a table by case of the rows of tradeoff.csv: costs by method, or by setting of a dial."""
     answered, tables = [r for r in rows if r["converged"] and r["seconds"] is not None], {}
     for case in dict.fromkeys(r["case"] for r in answered):
-        here = [r for r in answered if r["case"] == case]
-        tables[case] = _by_setting(case, here) if case.startswith(JOB) else _by_method(case, here)
+        rows_of_case = [r for r in answered if r["case"] == case]
+        tables[case] = _by_setting(case, rows_of_case) if case.startswith(JOB) else _by_method(case, rows_of_case)
     return {case: lines for case, lines in tables.items() if lines}
 
 
@@ -161,20 +161,20 @@ def _by_method(case: str, rows: Sequence[dict]) -> list[str]:
         if row["error_of"] == "lift_mm" and row["method"] != REFERENCE:
             um, ms, method = 1e3 * row["error"], 1e3 * row["seconds"], row["method"]
             beyond = um > TARGET_UM
-            one = beyond, um if beyond else ms, ms, (method, row["setting"], f"{ms:.3g}", f"{um:.2g}")
-            best[method] = min(best.get(method, one), one)
-    order = sorted(best.values(), key=lambda one: (one[0], one[2]))
+            entry = beyond, um if beyond else ms, ms, (method, row["setting"], f"{ms:.3g}", f"{um:.2g}")
+            best[method] = min(best.get(method, entry), entry)
+    order = sorted(best.values(), key=lambda entry: (entry[0], entry[2]))
     cells = [("*" * (i == 0 and not beyond), *words) for i, (beyond, _, _, words) in enumerate(order)]
-    said = f"A {case}, the valve's lift within {TARGET_UM:g} um, or as near as a method came; * is recommended:"
-    return [said, *aligned([("", "method", "setting", "time ms", "error um"), *cells], "<<<>>")] if cells else []
+    heading = f"A {case}, the valve's lift within {TARGET_UM:g} um, or as near as a method came; * is recommended:"
+    return [heading, *aligned([("", "method", "setting", "time ms", "error um"), *cells], "<<<>>")] if cells else []
 
 
 def _by_setting(case: str, rows: Sequence[dict]) -> list[str]:
     """Every setting of a dial with its time, its errors, and the verdict on its cam."""
     cells = [("setting", "time s", "bounce um off", "area mm deg off", "verdict")]
-    for setting, one in {r["setting"]: r for r in rows}.items():
+    for setting, row in {r["setting"]: r for r in rows}.items():
         errors = {r["error_of"]: r["error"] for r in rows if r["setting"] == setting}
         bounce = f"{1e3 * errors['bounce_mm']:.2g}" if "bounce_mm" in errors else ""
         area = f"{errors['area_mm_deg']:.2g}" if "area_mm_deg" in errors else ""
-        cells.append((setting, f"{one['seconds']:.3g}", bounce, area, one["verdict"]))
+        cells.append((setting, f"{row['seconds']:.3g}", bounce, area, row["verdict"]))
     return [f"{case.removeprefix(JOB).capitalize()}, against the finest:", *aligned(cells, "<>>>>")]
