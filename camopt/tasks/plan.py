@@ -13,7 +13,6 @@ from pydantic import Field, ValidationError, field_validator
 
 from camopt.cam.families.registry import FAMILIES
 from camopt.scene import InputError, builtin_scenes
-from camopt.scene.errors import did_you_mean
 from camopt.scene.load import scene_with, tuples
 from camopt.scene.schema import SIMULATED
 from camopt.scene.table import Positive, Table
@@ -144,17 +143,11 @@ def load_plan(path: str | Path) -> SweepPlan:
         settings = SETTINGS[file.verb].model_validate(file.settings)
     except ValidationError as error:
         keys = {*PlanFile.model_fields, *(key for table in SETTINGS.values() for key in table.model_fields)}
-        faults = (f"{fault}{did_you_mean(_key(fault), keys - {_key(fault)})}" for fault in task_faults(error))
-        raise InputError("\n".join(f"{path}: {fault}" for fault in faults)) from None
+        raise InputError("\n".join(f"{path}: {fault}" for fault in task_faults(error, keys))) from None
     try:
         return _resolved(file, settings, path.parent)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
-
-
-def _key(fault: str) -> str:
-    """The key of an unknown-key fault; for any other fault an empty text, which resembles no key."""
-    return fault.removesuffix(": unknown key").rpartition(".")[2] if fault.endswith(": unknown key") else ""
 
 
 def _resolved(file: PlanFile, settings: Table, folder: Path) -> SweepPlan:

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Set
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import import_module
@@ -17,6 +17,7 @@ from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
 from camopt.optimizer.program.chosen_duration import chosen_duration_deg, load_scene
 from camopt.scene import InputError, Scene, builtin_scenes, parse_scene, scene_text
+from camopt.scene.errors import did_you_mean
 from camopt.scene.load import tuples
 from camopt.scene.schema import SIMULATED
 from camopt.scene.table import Positive, Table
@@ -114,8 +115,7 @@ def stored_task(task: Mapping[str, Any], version: str, where: str = "task") -> S
 
     Its key is the SHA-256 of camopt's version and of its canonical JSON, in which a long scene or cam is replaced by
     its SHA-256: two tasks have the same key if they are the same computation. A cam given as a lift law or a file is
-    stored as the text of its `design.json`. Raises InputError for an invalid task, and for a scene or a cam that cannot
-    be read.
+    stored as the text of its `design.json`. Raises InputError for an invalid task, and for an unreadable scene or cam.
     """
     raw = dict(task)
     try:
@@ -158,12 +158,13 @@ def _check_call(task: CallTask, where: str) -> None:
         raise InputError(f"{where}: arguments: expected numbers, texts, lists and dictionaries ({error})") from None
 
 
-def task_faults(error: ValidationError) -> Iterable[str]:
-    """The faults of invalid data, one sentence each, beginning with the key."""
+def task_faults(error: ValidationError, keys: Set[str] = frozenset()) -> Iterable[str]:
+    """The faults of invalid data, one sentence each, beginning with the key; `keys` are suggested for unknown keys."""
     for fault in error.errors(include_url=False):
         key = ".".join(str(part) for part in fault["loc"] if part not in VERBS)
         if fault["type"] == "extra_forbidden":
-            yield f"{key}: unknown key"
+            unknown = str(fault["loc"][-1])
+            yield f"{key}: unknown key{did_you_mean(unknown, keys - {unknown})}"
         elif fault["type"] in ("union_tag_invalid", "union_tag_not_found"):
             yield f"verb: expected one of {', '.join(VERBS)}"
         else:
