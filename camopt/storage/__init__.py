@@ -48,10 +48,7 @@ def _whole_file(path: str | Path) -> Iterator[BinaryIO]:
     except InputError:
         raise
     except (OSError, ValueError) as error:  # ValueError: the name contains a NUL
-        reason = error.strerror or error if isinstance(error, OSError) else error
-        raise InputError(
-            f"{path}: cannot be written ({reason}); name a file in an existing, writable folder"
-        ) from error
+        raise _unwritable(path, error.strerror or error if isinstance(error, OSError) else error) from error
 
 
 def check_file(path: str | Path) -> None:
@@ -62,7 +59,11 @@ def check_file(path: str | Path) -> None:
     if not reason and (path.is_file() or not path.exists()):
         reason = _refusal_below(path.resolve().parent)
     if reason:
-        raise InputError(f"{path}: cannot be written ({reason}); name a file in an existing, writable folder")
+        raise _unwritable(path, reason)
+
+
+def _unwritable(path: Path, reason: object) -> InputError:
+    return InputError(f"{path}: cannot be written ({reason}); name a file in an existing, writable folder")
 
 
 def _refusal_below(folder: Path) -> str:
@@ -195,8 +196,7 @@ def run_folder(
     `identity` is `run_identity`'s. It is stored before anything else, and with `resume` it is compared before anything
     is written. A run that ends without an error is marked as finished, an interrupted one stays marked as running. A
     run that fails is marked as failed with its error sentence; if the run created the folder and none of the files in
-    `worth` exists, the folder is deleted. Raises InputError as `check_run_folder` does, and where the folder belongs to
-    another run.
+    `worth` exists, the folder is deleted. Raises InputError as `check_run_folder`, and for the folder of another run.
     """
     folder = Path(folder)
     check_run_folder(folder, resume)
@@ -262,8 +262,8 @@ def _read_run(folder: Path) -> dict | None:
 
 
 def create_run_folder(folder: str | Path) -> Path:
-    """Creates a new folder and its parents. Raises InputError as `check_run_folder` does, and where another process has
-    created the folder in the meantime."""
+    """Creates a folder and its parents. Raises InputError as `check_run_folder`, and where another process was
+    faster."""
     folder = Path(folder)
     check_run_folder(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)

@@ -118,8 +118,7 @@ class StepFiles:
 
     def store(self, step: int, z: np.ndarray, arrays: dict[str, np.ndarray]) -> None:
         """Stores the arrays of a step with its cam z (m)."""
-        path = self._path(step)
-        if path is not None:
+        if (path := self._path(step)) is not None:
             content = io.BytesIO()
             np.savez(content, allow_pickle=False, z=z, **arrays)
             write_bytes(path, content.getvalue())
