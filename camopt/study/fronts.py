@@ -9,6 +9,7 @@ import xarray as xr
 from tqdm import tqdm
 
 from camopt.optimizer.accuracy import Accuracy, accuracy_named
+from camopt.optimizer.as_built.checks import check_wanted
 from camopt.optimizer.free_numbers import Programs
 from camopt.optimizer.search.search import find_cam
 from camopt.scene import InputError, Scene
@@ -64,8 +65,8 @@ def pareto(
     `seed` then draws the trains of the search. `values` (k) in the limit's own units (default: `VALUES`) are tried from
     tight to loose: a cam found under a tighter limit also counts for a looser one. `release` names limits to leave out,
     because a tight jump limit hides the cost of bounce. With `out` each point is stored as it is found, and a second
-    call continues from there. Raises InputError for an unknown limit or accuracy, or an unusable `out`. A value without
-    a confirmed cam is NaN.
+    call continues from there. A value without a confirmed cam is NaN. Raises InputError for an unknown limit or
+    accuracy, or an unusable `out`.
     """
     design, is_yield = scene.design, against == "yield"
     is_limit = is_yield or (design is not None and against in type(design).model_fields)
@@ -86,9 +87,14 @@ def pareto(
             limits = dict.fromkeys(release) | ({} if is_yield else {against: value})
             changed = scene.model_copy(update={"design": design.model_copy(update=limits)})
             if is_yield:
-                outcome = _yield_point(changed, value, effort, gradient, seed)
-            else:
-                outcome = _point(changed, speeds, effort, gradient)
+                check_wanted(changed, value, "band")
+            try:
+                if is_yield:
+                    outcome = _yield_point(changed, value, effort, gradient, seed)
+                else:
+                    outcome = _point(changed, speeds, effort, gradient)
+            except InputError:
+                outcome = {"area_ratio": None}
             point = {"limit": float(value)} | outcome
             points.add(point)
         if not nested or (point["area_ratio"] or 0.0) > (best["area_ratio"] or 0.0):
@@ -100,23 +106,16 @@ def pareto(
 
 
 def _yield_point(scene: Scene, wanted: float, effort: Accuracy, gradient: str, seed: int) -> dict:
-    """The largest area ratio of a cam that holds in this share of the drawn trains; None without a cam."""
-    from camopt.optimizer.as_built.checks import check_wanted
+    """The largest area ratio of a cam that holds in this share of the drawn trains; raises InputError without a cam."""
     from camopt.optimizer.as_built.search import yield_search
 
-    check_wanted(scene, wanted, "band")
-    try:
-        search = yield_search(scene, wanted, effort, gradient=gradient, seed=seed)
-    except InputError:
-        return {"area_ratio": None}
+    search = yield_search(scene, wanted, effort, gradient=gradient, seed=seed)
     return {"area_ratio": search.held[-1].area_ratio, "trains": search.trains_drawn, "cams": search.steps}
 
 
 def _point(scene: Scene, speeds: str, effort: Accuracy, gradient: str) -> dict:
-    try:
-        search = find_cam(scene, speeds, effort, gradient)
-    except InputError:
-        return {"area_ratio": None}
+    """The largest area ratio within the limits, with its worst metrics; raises InputError without a cam."""
+    search = find_cam(scene, speeds, effort, gradient)
     best, first = search.confirmed[-1], search.first
     assert first is not None, "a search with a cam has ended its first stage"
     worst = {f"worst_{name}": best.judged.worst(name) for name in ("bounce_mm", *best.judged.limited)}
