@@ -129,7 +129,6 @@ def prepared_methods(case: RevolutionCase, size: str) -> Iterator[tuple[str, str
             yield name, f"{steps} steps", partial(prepare, case.train, *motion, steps)
     for steps in DOP853_STEPS[size]:
         yield LOCATED, f"{steps} samples", partial(dop853.prepare, case.train, *motion, steps)
-
     for eps in SMOOTH_EPS[size]:
         dials = {"eps": eps, "tolerance": eps * TOLERANCE_OF_WIDTH}
         prepare = import_module("camopt.smooth.simulate").prepare
@@ -172,12 +171,10 @@ def _bounce(run: Callable, setting: float) -> dict:
 
 def _settled(scene: Scene, cam: Lift, um: float) -> np.ndarray:
     """Bounce at each listed speed after settling to `um`."""
-    train, bounces = build_train(scene), []
-    for speed in scene.required_operation.speeds_rpm:
-        revolve = engine.prepare(train, cam, scene.cam_speed(speed))
-        settled = settle(revolve, state_at_rest(train), most=80, position=um * UM)
-        bounces.append(settled.metrics(cam).worst("bounce_mm"))
-    return np.array(bounces)
+    train = build_train(scene)
+    revolves = (engine.prepare(train, cam, scene.cam_speed(s)) for s in scene.required_operation.speeds_rpm)
+    settled = (settle(revolve, state_at_rest(train), most=80, position=um * UM) for revolve in revolves)
+    return np.array([motion.metrics(cam).worst("bounce_mm") for motion in settled])
 
 
 def _band(scene: Scene, cam: Lift, step: float) -> float:
@@ -211,8 +208,7 @@ def _masses(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:
 
     @cache
     def candidates() -> dict[str, Candidate]:
-        models = reduce(scene, cam, speeds).candidates
-        return {c.smaller.scene.name: c for c in models}
+        return {c.smaller.scene.name: c for c in reduce(scene, cam, speeds).candidates}
 
     def compared(name: str) -> dict:
         c = candidates()[name]
