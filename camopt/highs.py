@@ -112,9 +112,9 @@ def entries_of(rows: Any) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         matrix.data = np.where(np.abs(matrix.data) > SMALLEST, matrix.data, 0.0)
         matrix.eliminate_zeros()
         return matrix.indptr.astype(np.int32), matrix.indices.astype(np.int32), matrix.data
-    kept = np.abs(rows) > SMALLEST
-    row, column = np.nonzero(kept)
-    return np.searchsorted(row, np.arange(len(rows) + 1)).astype(np.int32), column.astype(np.int32), rows[kept]
+    large = np.abs(rows) > SMALLEST
+    row, column = np.nonzero(large)
+    return np.searchsorted(row, np.arange(len(rows) + 1)).astype(np.int32), column.astype(np.int32), rows[large]
 
 
 def minimise(cost: np.ndarray, rows: Any, low: Any, high: Any, bounds: np.ndarray, *, large: bool = False) -> Minimum:

@@ -6,9 +6,8 @@ from functools import cache
 
 MALLOPT = {"M_TRIM_THRESHOLD": (-1, 1 << 26), "M_MMAP_THRESHOLD": (-3, 1 << 22)}
 """Parameters of glibc's mallopt(3), with their numbers in <malloc.h>: free memory at the end of the heap is returned to
-the system from 64 MiB on, and arrays from 4 MiB on have pages of their own, which are returned when they are freed. By
-default glibc keeps freed arrays of up to 32 MiB in one heap per thread: a third of the memory of `kodama`, and more
-under nonlinear laws."""
+the system from 64 MiB on, and arrays from 4 MiB on have pages of their own, which are returned with them. By default
+glibc keeps freed arrays of up to 32 MiB in one heap per thread: a third of the memory of `kodama`, or more."""
 ONE_HEAP = (-8, 1)
 """M_ARENA_MAX: all threads share one heap."""
 

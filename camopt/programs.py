@@ -35,8 +35,7 @@ TOGETHER = ("exact", "verifier/methods")
 CONSTANTS = (PACKAGE / "scene/units.py", PACKAGE / "scene/settled.py", PACKAGE / "programs.py")
 """Files outside these folders whose constants, rules and types are compiled into the programs."""
 OPTIONS = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
-"""Options of every compilation: divisions follow NumPy, so that infinities end in a refused motion, and there is no
-entry point for C."""
+"""Options of every compilation: divisions follow NumPy (their infinities end in a refused motion); no entry for C."""
 KEPT_DAYS = 60
 """Days after which the programs of other versions are deleted."""
 
@@ -106,7 +105,7 @@ class ProgramCode(JITCodeLibrary):
         libraries = self._linking_libraries  # the loop appends to this list
         for library in libraries:
             if isinstance(library, InnerCode):
-                libraries.extend(one for one in library._linking_libraries if one not in libraries)
+                libraries.extend(needed for needed in library._linking_libraries if needed not in libraries)
         super().finalize()
 
     def _finalize_specific(self) -> None:

@@ -16,8 +16,7 @@ MOST_DEG = 720
 
 
 def speeds(text: str) -> tuple[float, ...]:
-    """Crankshaft speeds [r/min], ascending, from `5000,6000` or `first:last:step` (last included if a step meets
-    it)."""
+    """Crankshaft speeds [r/min], ascending, from `5000,6000` or `first:last:step` (last included if a step hits it)."""
     parts = text.split(":")
     if len(parts) == 1:
         listed = sorted({positive(part) for part in text.split(",")})

@@ -27,44 +27,41 @@ def export(scene: Scene, lift: Lift, files: Namespace) -> list[str]:
     Contour, drawing and figure of a rounded table are those of its moving average (`camopt.measure.rounded`). Raises
     InputError where no contour gives this lift to the scene's follower, and for steps that do not divide a turn.
     """
-    sentences = _table(scene, lift, files) if files.csv else []
+    lines = _table(scene, lift, files) if files.csv else []
     geometry, law = scene.geometry, moving_average(lift)[0]
     digits = DEFAULT_DIGITS if files.digits is None else files.digits
     if files.contour:
         geometry = scene.required_geometry
         exports.write_contour(files.contour, law, geometry, files.step_deg, digits)
-        sentences.append(
+        lines.append(
             f"contour: for a {geometry.follower} follower on a base circle of radius {geometry.base_radius_mm:g} mm; "
             "with x to the right and y up the cam turns clockwise, its opening flank below: for the other sense of "
             "rotation change the sign of y"
         )
     if files.dxf:
-        arcs, deviation = exports.write_dxf(files.dxf, law, scene.required_geometry, files.dxf_tolerance_um * UM)
-        sentences.append(
-            f"drawing: {arcs} arcs without a corner, which the contour misses by at most {deviation / UM:.2g} um"
-        )
+        arcs, miss = exports.write_dxf(files.dxf, law, scene.required_geometry, files.dxf_tolerance_um * UM)
+        lines.append(f"drawing: {arcs} arcs without a corner, which the contour misses by at most {miss / UM:.2g} um")
     assumed = [key for key in geometry.assumed if key in CONTOUR_KEYS] if geometry else []
     if assumed and (files.contour or files.dxf):
-        keys = ", ".join(assumed)
-        sentences.append(f"note: the outline stands on assumed numbers: measure {keys} before it is ground")
+        lines.append(f"note: the outline stands on assumed numbers: measure {', '.join(assumed)} before it is ground")
     if files.figure:
         from camopt.plots.style import picture
 
         write_bytes(files.figure, picture(law.plot(scene.design), Path(files.figure).suffix[1:].lower()))
     if files.valve_lift or files.dynamic_lift:
-        sentences += _valve_lifts(scene, lift, files, digits)
-    return sentences
+        lines += _valve_lifts(scene, lift, files, digits)
+    return lines
 
 
 def _valve_lifts(scene: Scene, lift: Lift, files: Namespace, digits: int) -> list[str]:
     """Writes the valve's static lift, and its lift at a speed, by crank degree; returns where the rows begin."""
     per_crank, lash = scene.required_operation.cam_per_crank, build_train(scene).lash
     crank = exports.crank_rows(lift, lash, per_crank)
-    sentences = []
+    lines = []
     if files.valve_lift:
         static = np.maximum(lift(crank * per_crank * DEG) - lash, 0.0)
         exports.write_valve_lift(files.valve_lift, static, digits)
-        sentences.append(
+        lines.append(
             f"valve lift: {_crank_degrees(crank)}; it is the cam's lift less the lash of {lash / MM:g} mm, in mm"
         )
     if files.dynamic_lift:
@@ -73,11 +70,11 @@ def _valve_lifts(scene: Scene, lift: Lift, files: Namespace, digits: int) -> lis
         valve = np.interp(turn * per_crank * DEG, motion.angle, np.maximum(motion.seat_separation(), 0.0))
         rows = int(np.flatnonzero(valve)[-1]) + 2
         exports.write_valve_lift(files.dynamic_lift, valve[:rows], digits)
-        sentences.append(
+        lines.append(
             f"valve lift at {files.speed:g} r/min: {_crank_degrees(turn[:rows])}; it is the valve's way from its "
             f"seat in a settled revolution, by {method}, in mm"
         )
-    return sentences
+    return lines
 
 
 def _crank_degrees(crank: np.ndarray) -> str:

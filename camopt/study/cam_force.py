@@ -71,9 +71,8 @@ def camshaft_torque(
 ) -> CamshaftTorque:
     """The torque of a shaft with equal lobes, which lag the first lobe by these cam angles.
 
-    At a crankshaft speed the force is taken from the sixth revolution of the motion from rest; without a speed it is
-    that of the train at rest at each lift. Raises InputError for more than `MOST_LOBES` lobes, and as the simulation
-    does.
+    At a crankshaft speed the force is that of the sixth revolution from rest; without one it is that of the train at
+    rest at each lift. Raises InputError for more than `MOST_LOBES` lobes, and as the simulation does.
     """
     if not 0 < len(phases_deg) <= MOST_LOBES:
         raise InputError(f"camshaft: {len(phases_deg)} lobes: from 1 to {MOST_LOBES} are needed")

@@ -39,9 +39,8 @@ LABELS = {
 
 
 def sheet(scene: Scene, lift: Lift, speed_rpm: float | None = None) -> list[str]:
-    """Lines of text on limits and durations and, with [geometry], the contact; at a speed also the Hertz stress,
-    velocities and oil film. Derivatives of a rounded table are those of its moving average
-    (`camopt.measure.rounded`)."""
+    """Lines of text on limits and durations and, with [geometry], the contact; at a speed also Hertz stress, velocities
+    and oil film. Derivatives of a rounded table are those of its moving average (`camopt.measure.rounded`)."""
     law, rounding = moving_average(lift)
     lines = _limits(scene, lift, law)
     lines += [f"{rounding}."] * bool(rounding)

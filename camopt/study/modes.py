@@ -44,9 +44,9 @@ class Modes:
 def modes(scene: Scene, state: State = "lifted") -> Modes:
     """Modes of a scene with the valve lifted off its seat or seated (`camopt.scene.vibration.acting_elements`).
 
-    With damping they are the modes of the damped train: frequency |lambda| / (2 pi), damping ratio
-    -Re(lambda) / |lambda|, shape in the phase in which it is largest; overdamped pairs are left out. Raises InputError
-    for an unknown state.
+    With damping they are the modes of the damped train: frequency |lambda| / (2 pi), damping ratio -Re(lambda) /
+    |lambda|, shape in the phase in which it is largest; overdamped pairs are left out. Raises InputError for an unknown
+    state.
     """
     if state not in ("lifted", "seated"):
         raise InputError(f"modes: state {state!r}: expected 'lifted' or 'seated'")

@@ -43,14 +43,14 @@ def least_peak(order: int) -> DwellRise:
     """
     if order < 2:
         raise InputError(f"order {order}: 2, which is the acceleration, or more is needed")
-    left = 1.0 - np.linspace(0.0, 1.0, PEAK_INTERVALS + 1)  # remaining time
-    ends = np.stack([-np.diff(left ** (order - k)) / factorial(order - k) for k in range(order)])
+    remaining = 1.0 - np.linspace(0.0, 1.0, PEAK_INTERVALS + 1)
+    ends = np.stack([-np.diff(remaining ** (order - k)) / factorial(order - k) for k in range(order)])
     size = ends.max(axis=1)
     rows = ends[1:] / size[1:, None]
     optimum = minimise(-ends[0] / size[0], rows, 0.0, 0.0, np.tile([-1.0, 1.0], (PEAK_INTERVALS, 1)))
     multipliers = np.append(1.0, optimum.row_duals * size[0] / size[1:])
-    left = np.polynomial.Polynomial([1.0, -1.0])
-    terms = (m * left ** (order - 1 - k) / factorial(order - 1 - k) for k, m in enumerate(multipliers))
+    remaining = np.polynomial.Polynomial([1.0, -1.0])
+    terms = (m * remaining ** (order - 1 - k) / factorial(order - 1 - k) for k, m in enumerate(multipliers))
     p = sum(terms, start=np.polynomial.Polynomial([0.0]))
     highest = absolute_integral(PPoly(p.coef[::-1, None], [0.0, 1.0]))
     rise = -optimum.value * size[0]

@@ -29,8 +29,7 @@ MOST_FALSE_STARTS = 8
 
 class LocalProcesses(ThreadPoolExecutor):
     """The given number of worker processes on this machine, each started when a task first needs it. A task whose
-    process dies is computed again in a new one; it is given up after `MOST_DEATHS` deaths. An exception inside `with`
-    kills the processes."""
+    process dies is computed again, unless `MOST_DEATHS` have died. An exception inside `with` kills the processes."""
 
     def __init__(self, workers: int):
         if getattr(multiprocessing.current_process(), "_inheriting", False):
@@ -130,8 +129,7 @@ def cluster(address: str, insecure: bool = False) -> Iterator[tuple[Executor, in
 
     Anyone who can reach a scheduler without TLS can run any program on its workers and on this machine. An address
     beyond this machine therefore needs tls://, with the certificates of dask's configuration, or `insecure`. Raises
-    InputError for an address that is malformed or needs TLS, where `distributed` is not installed, and where no
-    scheduler answers.
+    InputError for an address that is malformed or needs TLS, without `distributed`, and where no scheduler answers.
     """
     check_address(address, insecure)
     if importlib.util.find_spec("distributed") is None:

@@ -38,8 +38,8 @@ class SweptTasks:
 
     def rows(self) -> Iterator[dict[str, Any]]:
         """One dictionary per row: `task`, its number in the plan, `state`, the task's own keys, and its result, or the
-        `reason` of its failure. A scene or cam that is not a name is given by its digest; `part` returns the text.
-        Raises InputError for a damaged row."""
+        `reason` of its failure. A scene or cam without a name is given by its digest (see `part`). Raises InputError
+        for a damaged row."""
         with self._open() as store:
             for number, text, state, outcome in store.read(
                 "SELECT number, task, state, outcome FROM row ORDER BY number"

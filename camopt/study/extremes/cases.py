@@ -113,7 +113,7 @@ OF_ELEMENTS: dict[str, Changes] = {
 def cases(scene: Scene) -> Iterator[tuple[str, Scene]]:
     """Named scenes: the scene as it is, then with each single change, and for COMBINED with each pair of changes."""
     yield AS_IT_IS, scene
-    has = [key for key in OF_ELEMENTS if any(getattr(part, key, None) for part in (scene, *scene.element))]
+    has = [key for key in OF_ELEMENTS if any(getattr(table, key, None) for table in (scene, *scene.element))]
     for changes in (*CHANGES.values(), *(OF_ELEMENTS[key] for key in has)):
         yield from ((name, change(scene)) for name, change in changes.items())
     if scene.name == COMBINED:

@@ -1,7 +1,6 @@
 """The quantities compared by `camopt gradient`: the metrics and their gradients with respect to bumps on a cam.
 
-Every path starts from the same state and covers two revolutions; the metrics are those of the first one, whose windows
-extend into the second.
+Every path covers two revolutions from one state; the metrics of the first have windows that extend into the second.
 """
 
 import time

@@ -41,8 +41,8 @@ def gradient_report(
     """Judges the gradients of a cam in a scene at a crankshaft speed [r/min] (see the module). Returns the content of
     `gradient --json` (docs/run-folder.md).
 
-    `widths` [m] are those of the smooth path's layer and include the default `EPS`. Raises MotionRefused and InputError
-    where the methods do.
+    `widths` [m] of the smooth path's layer include the default `EPS`. Raises MotionRefused and InputError as the
+    methods.
     """
     straight = build_train(scene).straight
     heights, count = HEIGHTS[straight], bumps or BUMPS[straight]
@@ -147,8 +147,8 @@ def verdict(relative_error: float, cosine: float, repeated: float | None = None)
 def relative_errors(gradient: np.ndarray, differences: np.ndarray) -> np.ndarray:
     """Relative errors (h) of a gradient (m) against the differences (h, m) at every height; infinite where the
     differences are zero and the gradient is not, NaN where a value is NaN."""
-    off, size = np.linalg.norm(gradient - differences, axis=1), np.linalg.norm(differences, axis=1)
-    return np.where(size > 0.0, off / np.where(size > 0.0, size, 1.0), np.where(off > 0.0, np.inf, off))
+    distance, size = np.linalg.norm(gradient - differences, axis=1), np.linalg.norm(differences, axis=1)
+    return np.where(size > 0.0, distance / np.where(size > 0.0, size, 1.0), np.where(distance > 0.0, np.inf, distance))
 
 
 def disagreement(differences: np.ndarray) -> float:

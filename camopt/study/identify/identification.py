@@ -112,17 +112,18 @@ def identify(
         raise InputError(f"identify: {count} samples for {len(free)} parameters: measure more")
     noise = (measured_noise(series), True) if noise_um is None else (noise_um * UM, False)
     fits = fits_from_starts(fit, largest_residual(*noise, count) ** 2 * count)
-    jacobian = fit.jacobian(fits[0].logs)
-    estimate = _Estimate(fits[0].residual, jacobian, count, confidence)
-    residuals = tuple(piece / UM for piece in np.split(fits[0].residual, fit.borders))
+    best = fits[0]
+    jacobian = fit.jacobian(best.logs)
+    estimate = _Estimate(best.residual, jacobian, count, confidence)
+    residuals = tuple(piece / UM for piece in np.split(best.residual, fit.borders))
     # distance between the differences' Jacobian and the adjoint's, along one random combination of samples
-    bar = np.random.default_rng(0).standard_normal(len(fits[0].residual))
-    distance = np.abs(fit.pulled_back(fits[0].logs, fits[0].motions, bar) - jacobian.T @ bar).max()
+    bar = np.random.default_rng(0).standard_normal(len(best.residual))
+    distance = np.abs(fit.pulled_back(best.logs, best.motions, bar) - jacobian.T @ bar).max()
     error = float(distance / (np.linalg.norm(jacobian, axis=0).max() * np.linalg.norm(bar)))
     remarks = tuple(_remarks(fits, residuals, *noise, estimate, error))
     return Identification(
-        scene=parameters.moved_scene(fits[0].logs),
-        table=_table(parameters, fits[0], estimate, sound=not remarks),
+        scene=parameters.moved_scene(best.logs),
+        table=_table(parameters, best, estimate, sound=not remarks),
         correlation=estimate.correlation(list(free)),
         directions=estimate.directions(list(free)),
         confidence=confidence,
@@ -130,7 +131,7 @@ def identify(
         residual_um=residuals,
         measured=tuple(measured),
         jacobian_error=error,
-        steps=fits[0].steps,
+        steps=best.steps,
         remarks=remarks,
     )
 
@@ -159,10 +160,9 @@ def largest_residual(noise: float, estimated: bool, freedom: int) -> float:
 
 
 def measured_noise(series: Sequence[Series]) -> float:
-    """Standard deviation [m] of white noise in sampled positions; infinite for fewer than four samples. It is estimated
-    from third differences, which are small for a smooth motion (Gasser, Sroka and Jennen-Steinmetz 1986, Biometrika
-    73), by their median, which impacts do not change. Motion that the samples are too coarse to resolve counts as
-    noise."""
+    """Standard deviation [m] of white noise in sampled positions; infinite for fewer than four samples. It is the
+    median, which impacts do not change, of third differences, which are small for a smooth motion (Gasser, Sroka and
+    Jennen-Steinmetz 1986, Biometrika 73). Motion that the samples are too coarse to resolve counts as noise."""
     differences = []
     for samples in (samples for samples in series if len(samples.angle) >= 4):
         at, valve = np.lib.stride_tricks.sliding_window_view(np.stack([samples.angle, samples.valve]), 4, axis=1)
@@ -228,11 +228,8 @@ def _remarks(fits: Sequence[Fitted], residuals, noise: float, estimated: bool, e
             f"{whose}: the model misses something, or the start is too far off"
         )
     count, identified = len(best.logs), estimate.half_width <= WIDEST
-    # the F test at 99 %
-    comparable = best.squares + count * fisher.ppf(0.99, count, estimate.freedom) * estimate.noise**2
-    differs = [
-        np.abs(fit.logs - best.logs) > SURPRISING * estimate.error for fit in fits[1:] if fit.squares <= comparable
-    ]
+    bound = best.squares + count * fisher.ppf(0.99, count, estimate.freedom) * estimate.noise**2  # the F test at 99 %
+    differs = [np.abs(fit.logs - best.logs) > SURPRISING * estimate.error for fit in fits[1:] if fit.squares <= bound]
     if np.any([different[identified] for different in differs]):
         yield "another start leads to other values that fit as well: measure at more speeds, or free fewer parameters"
     # von Neumann's ratio of mean square difference to variance is 2 for white noise, with variance 4 / samples

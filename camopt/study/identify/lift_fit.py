@@ -4,9 +4,8 @@ The gradient of the sum of squares comes from the exact adjoint, one sweep per s
 Jacobian that turns it into a step comes from forward differences and is kept while steps decrease as predicted.
 
 Where a valve bounces, the sum of squares has many minima: an error of a tenth in a parameter moves the hops by more
-than their length. Up to its closing the motion is smooth in every parameter, and a fit of this part starts the rest
-near enough: a homotopy in the data (Voss, Timmer and Kurths 2004, Int. J. Bifurcation Chaos 14, fits by initial
-values).
+than their length. Up to its closing the motion is smooth in every parameter, and its fit there starts the rest near
+enough: a homotopy in the data (Voss, Timmer and Kurths 2004, Int. J. Bifurcation Chaos 14, fits by initial values).
 
 A parameter is represented by the logarithm of a factor on its start value, which keeps masses, stiffnesses and dampings
 positive.
@@ -118,9 +117,9 @@ class LiftFit:
     def motions(self, train: Train) -> list[TracedMotion]:
         """The motion of each series from rest, over the whole revolutions up to its last angle."""
         start, motions = state_at_rest(train), []
-        for one in self.series:
-            turns = max(1, int(np.ceil((one.angle[-1] + np.pi) / (2 * np.pi) - 1e-12)))
-            motions.append(TracedMotion(train, self.lift, one.cam_speed, start, turns, mechanical=True))
+        for series in self.series:
+            turns = max(1, int(np.ceil((series.angle[-1] + np.pi) / (2 * np.pi) - 1e-12)))
+            motions.append(TracedMotion(train, self.lift, series.cam_speed, start, turns, mechanical=True))
         return motions
 
     def residual(self, motions: Sequence[TracedMotion]) -> np.ndarray:

@@ -1,7 +1,7 @@
 """Labelled paths of motions with tied contacts along a revolution, and their derivatives: rows for a user's programs.
 
-The closed periodic response of trains with piecewise linear laws is computed here, without JAX; the paths of other
-trains are computed in `camopt.study.tied_motions`.
+The closed periodic response of trains with piecewise linear laws is computed here, without JAX; that of other trains in
+`camopt.study.tied_motions`.
 """
 
 from collections.abc import Sequence

@@ -104,15 +104,16 @@ def fewer_coils(scene: Scene, divided: list[Chain], surge: int) -> Scene:
     Damping between a mode and the spring's end, zero in a uniform spring, and damping between modes are neglected.
     """
     masses, elements = {m.name: m for m in scene.mass}, {e.name: e for e in scene.element}
-    for number, (end, coils, parts) in enumerate(divided, 1):
-        for part in coils:
-            del masses[part.name]
-        for part in parts:
-            del elements[part.name]
-        modal, residual, springs = _modal((end, coils, parts), number, surge)
-        masses[end] = masses[end].model_copy(update={"mass_kg": masses[end].mass_kg + residual})
+    for number, chain in enumerate(divided, 1):
+        head, coils, springs = chain
+        for coil in coils:
+            del masses[coil.name]
+        for spring in springs:
+            del elements[spring.name]
+        modal, residual, modal_springs = _modal(chain, number, surge)
+        masses[head] = masses[head].model_copy(update={"mass_kg": masses[head].mass_kg + residual})
         masses |= {m.name: m for m in modal}
-        elements |= {e.name: e for e in springs}
+        elements |= {e.name: e for e in modal_springs}
     return scene.model_copy(update={"mass": tuple(masses.values()), "element": tuple(elements.values())})
 
 

@@ -83,8 +83,7 @@ class Reduction:
         return f"<pre>{escape(chr(10).join(reduction_lines(self)))}</pre>"
 
     def as_dict(self) -> dict:
-        """The content of `reduce --json`; the proposed scene as TOML keeps every contact, so that none goes
-        unchecked."""
+        """The content of `reduce --json`; the proposed scene as TOML keeps every contact, as none is monitored."""
         return {
             "scene": self.scene.name,
             "cam": self.cam,
@@ -131,8 +130,8 @@ def reduce(
     full = LeftOut(scene)
     truth = _settled(full, cam, speeds, workers)
     idle = idle_contacts([t.response for t in truth])
-    watched = {end for e in scene.element if e.name in idle[0] | idle[1] for end in e.between} - {"ground"}
-    rows = [_candidate(m, idle, cam, speeds, truth, workers) for m in smaller_models(scene, frozenset(watched))]
+    keep = {end for e in scene.element if e.name in idle[0] | idle[1] for end in e.between} - {"ground"}
+    rows = [_candidate(model, idle, cam, speeds, truth, workers) for model in smaller_models(scene, frozenset(keep))]
     ranges = {s: t.metrics(cam).range("bounce_mm") for s, t in zip(speeds, truth, strict=True) if not t.periodic}
     full_ms = path_times(full, build_train(scene), cam, scene.cam_speed(max(speeds)))
     return Reduction(scene, cam.family, speeds, ranges, tolerance_mm, full_ms, tuple(rows))

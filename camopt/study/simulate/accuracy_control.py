@@ -25,11 +25,11 @@ CHORDS_DIAL = "event with chords"
 ESTIMATES = {"event": (2, 4.0), "dop853": (2, 4.0), "smooth": (2, 1.0), CHORDS_DIAL: (2, 3.0)}
 STEPPING = (3, 1.5)
 """By method, the number of coarser answers and the factor on the largest difference from them that estimates the error;
-STEPPING is for all methods that step across contacts. Methods that locate every switching differ by round-off alone,
-which is occasionally small by chance. The errors of the smooth path and of chords decrease with the dial; in hammering
-contacts the error of chords was up to twice the difference (`kodama-hertz`). For a method that steps across contacts
-(see `camopt.verifier.convergence.MARGIN`) an estimate from two coarser answers is exceeded once in ten times, one from
-three with a factor of 1.5 once in 240 times."""
+STEPPING is for methods that step across contacts. Methods that locate every switching differ by round-off alone, which
+is occasionally small by chance. The errors of the smooth path and of chords decrease with the dial; in hammering
+contacts that of chords was up to twice the difference (`kodama-hertz`). For a method that steps across contacts (see
+`camopt.verifier.convergence.MARGIN`) two coarser answers underestimate once in ten times, three with 1.5 once in
+240."""
 FINEST_UM = 1e-3
 """Least stated error [um]: positions are read from cubics, and digits below a nanometre would not be meaningful."""
 MOST_VALUES = 2e7

@@ -200,8 +200,7 @@ def _chord_error(train: Train, cam: Lift, cam_speed: float, response: Response, 
 
 
 def motion_parameters(scene: Scene, cam: Lift) -> dict[str, np.ndarray]:
-    """The numbers with respect to which `simulate(parameters=...)` may be differentiated, in SI units, at the scene's
-    values.
+    """The numbers by which `simulate(parameters=...)` may be differentiated, in SI units, with the scene's values.
 
     By mass (n): mass [kg], mass_damping [N s/m], mass_force [N]; by element (e): stiffness [N/m, of a hertz contact
     N/m^exponent], damping [N s/m], preload [N], gap [m]. Where a train has nonlinear laws, also by element: the table
