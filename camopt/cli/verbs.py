@@ -133,9 +133,9 @@ def verify(args: Namespace) -> int:
     verdict = verdict_of(scene, lift, **settings, progress=not args.quiet)
     record, lines = verdict.as_dict(), []
     if args.energy or args.periodic:
-        from camopt.study.settled_motion import settled_lines, settled_motions
+        from camopt.study.settled_motion import settled_lines, settled_records
 
-        settled = settled_motions(lift, verdict, with_energy=args.energy, with_periodic=args.periodic)
+        settled = settled_records(lift, verdict, with_energy=args.energy, with_periodic=args.periodic)
         record["speeds"] = [entry | more for entry, more in zip(record["speeds"], settled, strict=True)]
         lines = settled_lines(verdict, settled)
     print_area_words(lift, scene)

@@ -13,7 +13,7 @@ from camopt.scene import Scene, build_train
 from camopt.scene.geometry import BELONGS
 from camopt.scene.units import DEG, MM, UM
 from camopt.storage import write_bytes
-from camopt.study.cam_force import settled_revolution
+from camopt.study.cam_force import last_revolution
 
 CONTOUR_KEYS = ("base_radius_mm", "rocker_ratio", *BELONGS, "valve_arm_deg")
 """Keys of [geometry] on which the contour depends."""
@@ -65,7 +65,7 @@ def _valve_lifts(scene: Scene, lift: Lift, files: Namespace, digits: int) -> lis
             f"valve lift: {_crank_degrees(crank)}; it is the cam's lift less the lash of {lash / MM:g} mm, in mm"
         )
     if files.dynamic_lift:
-        motion, method = settled_revolution(scene, lift, files.speed)
+        motion, method = last_revolution(scene, lift, files.speed)
         turn = np.arange(crank[0], 180.0 / per_crank + 1)  # a bouncing valve settles later than the cam closes
         valve = np.interp(turn * per_crank * DEG, motion.angle, np.maximum(motion.seat_separation(), 0.0))
         rows = int(np.flatnonzero(valve)[-1]) + 2

@@ -22,7 +22,7 @@ STEP_DEG = 0.5
 MOST_LOBES = 100
 
 
-def settled_revolution(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[Response, str]:
+def last_revolution(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[Response, str]:
     """The last revolution of the motion from rest, at cam angles from -pi to pi, and the method: event-exact, or rkg
     where event-exact refuses or laws are curved. Raises InputError as `camopt.study.simulate.motion.recorded` does."""
     from camopt.study.simulate.motion import recorded
@@ -81,7 +81,7 @@ def camshaft_torque(
     if speed_rpm is None:
         force = static_forces(train, cam(theta))[:, element]
     else:
-        motion, _ = settled_revolution(scene, cam, speed_rpm)
+        motion, _ = last_revolution(scene, cam, speed_rpm)
         force = np.interp(theta, motion.angle, motion.force[:, element], period=2 * np.pi)
     lobe = force * cam(theta, 1)
     total = sum(np.interp(theta - phase * DEG, theta, lobe, period=2 * np.pi) for phase in phases_deg)

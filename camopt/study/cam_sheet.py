@@ -13,7 +13,7 @@ from camopt.scene.design import Design
 from camopt.scene.geometry import SWINGING, Geometry
 from camopt.scene.rest import static_forces
 from camopt.scene.units import DEG, MM
-from camopt.study.cam_force import driven_element, settled_revolution
+from camopt.study.cam_force import driven_element, last_revolution
 
 STATIC_STEP_DEG = 0.5
 BAND_SPEEDS = 11
@@ -216,9 +216,9 @@ def _surfaces(scene: Scene, lift: Lift, moving: HertzStress, speed_rpm: float) -
 def dynamic_stress(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[HertzStress, str]:
     """The stress over one cam revolution at a speed, and the method: event-exact, or rkg where event-exact refuses.
 
-    Raises InputError as `hertz_stress` and `camopt.study.cam_force.settled_revolution` do.
+    Raises InputError as `hertz_stress` and `camopt.study.cam_force.last_revolution` do.
     """
-    motion, method = settled_revolution(scene, lift, speed_rpm)
+    motion, method = last_revolution(scene, lift, speed_rpm)
     return hertz_stress(lift, scene.required_geometry, motion.angle, motion.force[:, driven_element(scene)[1]]), method
 
 

@@ -16,7 +16,7 @@ SAMPLES = 7200
 """Least number of samples per revolution, with which the energy balance of event-exact motion closes to 1e-9."""
 
 
-def settled_motions(lift: Lift, verdict: Verdict, *, with_energy: bool, with_periodic: bool) -> list[dict]:
+def settled_records(lift: Lift, verdict: Verdict, *, with_energy: bool, with_periodic: bool) -> list[dict]:
     """The additions to each of the `speeds` of verification.json: `energy` and `periodic_solution`, where requested;
     None at a speed at which the method refused the motion."""
     assert verdict.scene is not None, "a verdict knows its scene"
@@ -62,7 +62,7 @@ def periodic_record(train: Train, revolve: Revolve, answer: Converged) -> dict:
 
 
 def settled_lines(verdict: Verdict, records: list[dict]) -> list[str]:
-    """The records of `settled_motions` as text, a line for each speed and each record."""
+    """The records of `settled_records` as text, a line for each speed and each record."""
     lines = []
     for speed, record in zip(verdict.speeds, records, strict=True):
         at = f"{speed.speed_rpm:g} r/min"
