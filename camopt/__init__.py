@@ -7,29 +7,29 @@
     print(camopt.verify(scene, cam).verdict)
     run = camopt.optimize(scene, accuracy="draft", out="runs/first")
 
-Every name below belongs to `camopt` and is imported when it is first used; `help(camopt.simulate)` explains one.
+Every name below is an attribute of `camopt` and is imported on first use; `help(camopt.simulate)` explains one.
 
 - To begin with: `load_scene`, and `read_cam` for a cam as the command line names it: a family, a lift table, a run.
 - Cams of the literature: `polydyne`, `multi_pol`, `new_design`, `exponent`, `kurz`, `trapezoid`, `cycloidal`,
   `polynomial_345`, `polynomial_4567`; from free coefficients `free_cam`; from a measured table `read_lift_table`.
-- On paper: `cam_card` says when a cam opens and closes at any lift, with a `CrankTiming` on the crank and with overlap;
-  `camshaft_torque` is what a shaft of such cams takes; `converted` is the lift that another follower has on a cam.
+- From the cam alone: `cam_card` lists the angles at which it opens and closes at any lift, with a `CrankTiming` on the
+  crank and with overlap; `camshaft_torque` is the torque of a shaft of cams; `converted` is another follower's lift.
 - To judge a cam: `simulate` its motion, `verify` it by independent methods, `compare` it with others.
-- To design one: `live` answers in a notebook while limits are dragged, `area_bound` says how much area any cam can
-  have, `optimize` designs the largest within the limits.
-- About the train: `modes` are its natural frequencies, `reduce` finds a smaller model, `identify` fits it to a
+- To design a cam: `live` updates a design in a notebook while limits are dragged, `area_bound` bounds the area that any
+  cam can have, `optimize` designs the cam of largest area within the limits.
+- About the train: `modes` gives its natural frequencies, `reduce` finds a smaller model, `identify` fits it to a
   `MeasuredLift`, `tradeoff` measures what accuracy costs.
-- Trains as built: `trains_as_built` draws them within a scene's tolerances, `manufacturing_yield` is the share of them
-  that holds the limits with a cam.
-- Gradient ascent of your own: `objective` is what it maximises, `ascend` climbs it from any cam by any optax
-  transformation within the limits on the shape, `nearest_free_cam` is where it starts.
+- Trains as built: `trains_as_built` draws them within a scene's tolerances, `manufacturing_yield` gives the share of
+  them that holds the limits with a cam.
+- Gradient ascent: `objective` is the function to maximise, `ascend` maximises it from any cam by any optax
+  transformation within the limits on the shape, `nearest_free_cam` gives a start.
 - The programs behind the designs: `linearised` gives contact forces and gaps along a revolution with their derivatives
-  by cam and train, `linear_program` solves a program under linear rows, as a function that JAX differentiates.
+  with respect to cam and train, `linear_program` solves a linear program as a function that JAX differentiates.
 - Many tasks: `sweep` computes them on all cores or on a cluster and keeps a row for each in a store that resumes.
 - Beyond one design: `pareto` fronts, `joint_spring` for cam and spring together, `differentiable` cams for JAX.
 
-Bad input raises `camopt.scene.InputError`, whose text says what, where, what was expected, and the remedy. On the
-command line the same verbs are `camopt --help`.
+Bad input raises `camopt.scene.InputError`, whose text states what is wrong and where, what was expected, and the
+remedy. The command line offers the same verbs: `camopt --help`.
 """
 
 from importlib import import_module

@@ -1,3 +1,3 @@
-"""The command line: its parser, its verbs, and the values they take."""
+"""The command line: its parser, its verbs, and the types of their arguments."""
 
 from camopt.cli.parser import main as main

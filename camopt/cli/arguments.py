@@ -1,4 +1,4 @@
-"""What a verb makes of its arguments: the scene with the notes on it, the cam, and the folder that it writes."""
+"""Helpers that turn a verb's arguments into the scene, the cam and the output folder, and print results."""
 
 import sys
 from argparse import Namespace
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
 
 
 def scene_of(args: Namespace, need: tuple[Part, ...] = SIMULATED) -> Scene:
-    """The scene that a command names; prints notes on what is unusual about it or about its speeds."""
+    """Reads the scene of a command and prints notes on unusual values in it and on unusual speeds."""
     scene = load_scene(args.scene, need)
     notes = [f"{args.scene}: {note}" for note in scene_notes(scene)]
     if (speed := getattr(args, "speed", None)) is not None:
@@ -31,7 +31,7 @@ def scene_of(args: Namespace, need: tuple[Part, ...] = SIMULATED) -> Scene:
 
 
 def cam_of(args: Namespace, scene: Scene, cam: str | Path | None = None) -> "Lift":
-    """The cam that a command names, or another one that is read in the same way."""
+    """Reads the cam of a command, or another cam under the same table options."""
     from camopt.cam.read import read_cam
 
     text = {"table_first_line": args.table_first_line, "table_columns": args.table_columns}
@@ -40,8 +40,8 @@ def cam_of(args: Namespace, scene: Scene, cam: str | Path | None = None) -> "Lif
 
 
 def run_named(args: Namespace) -> Path | None:
-    """The run folder in the scene's place, if there is one; its cam is the command's where no other is named. Raises
-    InputError where no cam is named at all."""
+    """The run folder given in the scene's place, if there is one and its cam is used. Its cam is the command's cam
+    where no other is named. Raises InputError where no cam is named at all."""
     run = Path(args.scene) if (Path(args.scene) / "scene.toml").is_file() else None
     args.cam = args.cam or (run and args.scene)
     if args.cam is None:
@@ -51,7 +51,7 @@ def run_named(args: Namespace) -> Path | None:
 
 
 def folder_of(args: Namespace, name: str) -> Path:
-    """The folder that a command is to write, known to be free or to be resumed; `args.folder` from here on."""
+    """The output folder of a command, checked to be free or resumable; it is also stored as `args.folder`."""
     resume = getattr(args, "resume", False)
     if resume and args.out is None:
         raise InputError(f"{args.command}: --resume needs the folder to go on in: add --out DIR")
@@ -61,8 +61,8 @@ def folder_of(args: Namespace, name: str) -> Path:
     return folder
 
 
-def once_each(pairs: Sequence[tuple[str, Any]], sentence: str) -> dict[str, Any]:
-    """Values by name; raises InputError with the sentence, which names `{name}`, for a name that comes twice."""
+def unique_values(pairs: Sequence[tuple[str, Any]], sentence: str) -> dict[str, Any]:
+    """Values by name; raises InputError with `sentence`, which contains `{name}`, for a name that occurs twice."""
     values = dict(pairs)
     if len(values) < len(pairs):
         twice = next(name for i, (name, _) in enumerate(pairs) if name in dict(pairs[:i]))
@@ -71,7 +71,7 @@ def once_each(pairs: Sequence[tuple[str, Any]], sentence: str) -> dict[str, Any]
 
 
 def say_compilation(args: Namespace) -> None:
-    """Says, before a command is silent for minutes, that it compiles its programs."""
+    """Prints that programs are being compiled, before a command is silent for minutes."""
     from camopt.optimizer.first_run import SAYING, programs_missing
 
     if not args.quiet and programs_missing():
@@ -79,15 +79,15 @@ def say_compilation(args: Namespace) -> None:
 
 
 def print_area_words(lift: "Lift", scene: Scene, whose: str = "") -> None:
-    """Prints what must be said of a cam's duration and area ratio, a line each."""
+    """Prints the remarks on a cam's duration and area ratio, one line each."""
     from camopt.optimizer.bound.certificate import area_words
 
     for sentence in area_words(lift, scene.required_design):
         print(f"note: {whose}{sentence}")
 
 
-def tell(args: Namespace, content: Mapping[str, Any], lines: Iterable[object]) -> int:
-    """Writes a result to the JSON file that was named, if one was, and prints its lines; returns the exit code 0."""
+def write_result(args: Namespace, content: Mapping[str, Any], lines: Iterable[object]) -> int:
+    """Writes a result to the JSON file, if one was named, and prints its lines; returns the exit code 0."""
     if args.json:
         write_json(args.json, content)
     print("\n".join(map(str, lines)))

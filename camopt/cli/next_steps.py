@@ -1,4 +1,4 @@
-"""What a command says last, on standard error: what to do next, and after a failure what is left where."""
+"""The last line of a command on standard error: the next step, or after a failure the files that are left."""
 
 import json
 import shlex
@@ -15,22 +15,21 @@ if TYPE_CHECKING:
 
 
 def next_step(args: Namespace, code: int) -> str:
-    """One sentence with a command that can be pasted, which is the `next` of the table of commands where that says one;
-    `code` is the exit code of what was run."""
+    """A sentence with a command to paste: the `next` of the table of commands, if any; `code` is the exit code."""
     if args.next is None:
         return _AFTER[args.command](args, code)
     sentences = {"otherwise": args.next} if isinstance(args.next, str) else args.next
-    given = next((name for name in sentences if getattr(args, name, None) is not None), "otherwise")
-    named = {name: f"{value:g}" if isinstance(value, float) else str(value) for name, value in vars(args).items()}
-    quoted = {name: shlex.quote(word) for name, word in named.items()}
-    cam = {"cam": shlex.join(map(str, _cam_of(args)))} if "table_angle" in named else {}
-    return sentences[given].format(**quoted | cam)
+    option = next((name for name in sentences if getattr(args, name, None) is not None), "otherwise")
+    values = {name: f"{value:g}" if isinstance(value, float) else str(value) for name, value in vars(args).items()}
+    quoted = {name: shlex.quote(word) for name, word in values.items()}
+    cam = {"cam": shlex.join(map(str, _cam_of(args)))} if "table_angle" in values else {}
+    return sentences[option].format(**quoted | cam)
 
 
 def left_behind(args: Namespace) -> str:
-    """What a command that did not end leaves in its folder and how to go on, to end a sentence with; a folder that is
-    still empty is taken away, so that the same command may be given again."""
-    if hasattr(args, "store"):  # of a sweep, which leaves nothing where it had not begun
+    """The end of an error sentence, which states what a command that failed leaves in its folder and how to resume it.
+    A folder that is still empty is deleted, so that the same command can be repeated."""
+    if hasattr(args, "store"):  # only `sweep` has a store; it leaves nothing before it begins
         again = _camopt("sweep", args.plan, "--store", args.store, "--resume")
         left = f"; {args.store} is left, with a row for each task that ended: {again} goes on"
         return left if getattr(args, "begun", False) else ""
@@ -55,28 +54,28 @@ def _camopt(*words: object) -> str:
 
 
 def _cam_of(args: Namespace) -> list[object]:
-    """Scene and cam as they were given, with what says how a table is read."""
-    named = {"--table-angle": args.table_angle, "--table-lift": args.table_lift, "--table-ratio": args.table_ratio}
-    named["--table-probe-mm"] = "flat" if args.table_probe_mm == float("inf") else args.table_probe_mm
-    named["--table-columns"] = None if args.table_columns is None else ",".join(args.table_columns)
-    named["--table-first-line"] = args.table_first_line
-    layout = [word for option, value in named.items() if value is not None for word in (option, value)]
+    """Scene and cam as they were given, with the options for reading a table."""
+    options = {"--table-angle": args.table_angle, "--table-lift": args.table_lift, "--table-ratio": args.table_ratio}
+    options["--table-probe-mm"] = "flat" if args.table_probe_mm == float("inf") else args.table_probe_mm
+    options["--table-columns"] = None if args.table_columns is None else ",".join(args.table_columns)
+    options["--table-first-line"] = args.table_first_line
+    layout = [word for option, value in options.items() if value is not None for word in (option, value)]
     return [args.scene, "--cam", args.cam, *layout]
 
 
 def _is_table(args: Namespace) -> bool:
-    """Whether the cam is a lift table already, so that no advice to write one is needed."""
+    """Whether the cam is already a lift table, so that writing one need not be advised."""
     return Path(args.cam).is_file() and Path(args.cam).suffix != ".json"
 
 
 def _lift_table(*cam: object) -> str:
-    """What writes a cam's lift table as a grinder can read it."""
+    """The sentence on the command that writes a cam's lift table for the grinder."""
     command = _camopt("cam", *cam, "--csv", "lift.csv", "--digits", 5)
     return f"{command} writes the cam's lift table for the grinder"
 
 
 def _run_at(folder: object) -> "RunFolder | None":
-    """The run folder that lies there; None where none can be read."""
+    """The run folder at a path; None where it cannot be read or has no verification."""
     from camopt.report.folder import read_run_folder
 
     with suppress(InputError):
@@ -86,28 +85,28 @@ def _run_at(folder: object) -> "RunFolder | None":
 
 
 def _advised(scene: object, folder: object) -> str:
-    """What a run's own folder advises first; empty where none lies there."""
+    """The first advice of the report on the run folder; empty where there is no run folder."""
     from camopt.report.advice import advice
 
     run = _run_at(folder)
-    steps = advice(run, _scene_of(scene, run, folder), str(folder)) if run else []
-    return _in_a_line(steps[0]) if steps else ""
+    steps = advice(run, _scene_to_name(scene, run, folder), str(folder)) if run else []
+    return _advice_line(steps[0]) if steps else ""
 
 
-def _scene_of(scene: object, run: "RunFolder", folder: object) -> str:
-    """The scene as it was given; the one of the folder where the design chose some of its numbers."""
+def _scene_to_name(scene: object, run: "RunFolder", folder: object) -> str:
+    """The scene as it was given, or that of the folder where the design chose some of its numbers."""
     return str(Path(str(folder)) / "scene.toml" if run.design.get("free") or scene is None else scene)
 
 
-def _in_a_line(step: dict[str, str]) -> str:
+def _advice_line(step: dict[str, str]) -> str:
     return f"{step['words'].rstrip('.')}: `{step['command']}`"
 
 
 def _after_optimize(args: Namespace, code: int) -> str:
-    advised = _advised(args.scene, args.folder)
-    if advised or code:
-        shows = f"{_camopt('verify', args.scene, '--cam', args.folder)} shows at which speeds it breaks which limit"
-        return advised or shows
+    if advised := _advised(args.scene, args.folder):
+        return advised
+    if code:
+        return f"{_camopt('verify', args.scene, '--cam', args.folder)} shows at which speeds it breaks which limit"
     return f"{_lift_table(args.scene, '--cam', args.folder)}; the run folder has one with every digit"
 
 
@@ -117,13 +116,13 @@ def _after_verify(args: Namespace, code: int) -> str:
 
         run = _run_at(args.cam)
         if run:
-            return _in_a_line(further(run, _scene_of(args.scene, run, args.cam), str(args.cam)))
+            return _advice_line(further(run, _scene_to_name(args.scene, run, args.cam), str(args.cam)))
         return f"{_camopt('optimize', args.scene)} designs a cam that holds the limits"
     if _is_table(args):
-        held = _camopt("yield", *_cam_of(args), "--trains", 200)
-        return f"{held} says how many trains as built hold, where the scene says how they differ"
+        yield_command = _camopt("yield", *_cam_of(args), "--trains", 200)
+        return f"{yield_command} says how many trains as built hold, where the scene says how they differ"
     advised = _advised(args.scene, args.cam)
-    if advised and "`camopt verify" not in advised:  # which has just been done
+    if advised and "`camopt verify" not in advised:  # `verify` has just been run
         return advised
     return _lift_table(*_cam_of(args))
 
@@ -155,7 +154,7 @@ def _after_rise(args: Namespace, code: int) -> str:
 
 
 def _after_yield(args: Namespace, code: int) -> str:
-    if _enough(args):
+    if _enough_trains_hold(args):
         if _is_table(args):
             return f"{args.cam} can go to the grinder: so many trains hold with the cam as it is written there"
         return _lift_table(*_cam_of(args))
@@ -165,8 +164,8 @@ def _after_yield(args: Namespace, code: int) -> str:
     return f"{_camopt('optimize', args.scene, '--yield', ADVISED)} designs a cam that more trains as built hold with"
 
 
-def _enough(args: Namespace) -> bool:
-    """Whether as many trains hold as the cam's run asked for, or as are advised where it asked for none."""
+def _enough_trains_hold(args: Namespace) -> bool:
+    """Whether the yield reaches the share that the cam's run asked for, or the advised one where it asked for none."""
     run, record = _run_at(args.cam), {}
     with suppress(OSError, ValueError):
         record = json.loads((Path(args.folder) / "yield.json").read_text(encoding="utf-8"))
@@ -181,9 +180,9 @@ def _after_report(args: Namespace, code: int) -> str:
 
 
 def _after_sweep(args: Namespace, code: int) -> str:
-    words = _camopt("sweep", args.plan, "--store", args.store, "--resume", "--csv", f"{args.store}.csv")
+    again = _camopt("sweep", args.plan, "--store", args.store, "--resume", "--csv", f"{args.store}.csv")
     if args.csv is None:
-        return f"{words} writes the rows as a table" + (", with the reasons of those that failed" if code else "")
+        return f"{again} writes the rows as a table" + (", with the reasons of those that failed" if code else "")
     return f"{_camopt('scenes')} lists scenes for another plan"
 
 
@@ -202,4 +201,4 @@ _AFTER = {
         else f"{_camopt('tradeoff', args.scene or 'kodama')} measures what accuracy costs"
     ),
 }
-"""By command without such a sentence: what to do after it, from its arguments and its exit code."""
+"""By command without a `next` in the table: the next step, from its arguments and its exit code."""

@@ -1,7 +1,7 @@
-"""The command line: it parses, calls one verb of `camopt.cli.verbs`, and turns what happened into an exit code.
+"""The command line: it parses the arguments, calls one verb of `camopt.cli.verbs`, and returns an exit code.
 
-0 done and, where something was to be confirmed, confirmed; 2 wrong use or bad input; 3 ran, but not confirmed;
-130 interrupted; 1 a defect of camopt. Nothing heavy is imported before the arguments are known to be usable.
+0: done and, if the result had to be confirmed, confirmed; 2: wrong use or bad input; 3: done, but not confirmed; 130:
+interrupted; 1: a defect of camopt. Heavy modules are imported only after the arguments have been checked.
 """
 
 import argparse
@@ -31,16 +31,16 @@ TABLE = Path(__file__).with_name("commands.toml")
 """Every command with its purpose, its example and its arguments."""
 DONE, DEFECT, BAD_INPUT, NOT_CONFIRMED, INTERRUPTED = 0, 1, 2, 3, 130
 REFUSALS = (errno.ENOSPC, errno.EDQUOT, errno.EACCES, errno.EPERM, errno.EROFS, errno.EMFILE, errno.EIO)
-"""What the system answers where a disk is full or a folder may not be written to: no defect of camopt."""
+"""Errors of the system for a full disk or a folder without write access, which are no defects of camopt."""
 WRITTEN = ("json", "csv", "contour", "dxf", "figure", "valve_lift", "dynamic_lift", "card_csv", "store")
-"""Options that name a file which a command writes; `--out` names a folder, which each command checks with its scene."""
+"""Options that name a file to write; `--out` names a folder, which each command checks together with its scene."""
 READ = ("scene", "cam", "exhaust", "plan")
-"""Options and arguments that may name a file, as a parsed command has them."""
+"""Options and arguments that may name a file to read, by their names in the parsed arguments."""
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
-    """Runs one command and returns its exit code; `--help`, `--version` and misspelt options exit on their own."""
-    for stream in (sys.stdout, sys.stderr):  # a file's name may hold what the terminal cannot show
+    """Runs one command and returns its exit code; `--help`, `--version` and misspelt options exit directly."""
+    for stream in (sys.stdout, sys.stderr):  # a file name may contain characters that the terminal cannot show
         if isinstance(stream, TextIOWrapper):
             stream.reconfigure(errors="backslashreplace")
     args = parser().parse_args(arguments)
@@ -48,7 +48,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         check_outputs(args)
         code = getattr(import_module("camopt.cli.verbs"), verb_named(args.command))(args)
-        if sys.stdout is not None:  # where a shell closed it, there is none
+        if sys.stdout is not None:  # None where the shell closed it
             sys.stdout.flush()
         if not args.quiet:
             print(f"next: {next_step(args, code)}", file=sys.stderr)
@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         remedy = "; --out with --resume continues" if hasattr(args, "resume") else ""
         print(f"camopt: interrupted{left_behind(args) or remedy}", file=sys.stderr)
         return INTERRUPTED
-    except BrokenPipeError:  # the reader of a pipe has seen enough; the flush at exit must not fail on it
+    except BrokenPipeError:  # the reader closed the pipe; the flush at exit must not fail
         assert sys.stdout is not None, "its pipe broke"
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return DONE
@@ -66,25 +66,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 OBJECTS, YOUNG, MIDDLE = 20_000, 20, 100
-"""How many objects are made between two searches for cycles of them, and how many searches among the younger ones make
-one among the older. With Python's own 700, 10 and 10 a draft of `kodama` spends a thirtieth of its processor time so,
-mostly while it imports what then stays."""
+"""Thresholds of Python's garbage collector: allocations between two collections of the youngest generation, and
+collections of one generation per collection of the next. With Python's defaults, 700, 10 and 10, a draft of `kodama`
+spends a thirtieth of its processor time there, mostly while it imports modules that stay in memory."""
 
 
 def prepare_process() -> None:
-    """Searches for cycles of objects less often, and gives memory back that is free."""
+    """Makes garbage collections rarer, and returns freed memory to the system."""
     gc.set_threshold(OBJECTS, YOUNG, MIDDLE)
     give_memory_back(one_heap=True)
 
 
 def verb_named(command: str) -> str:
-    """The function in `camopt.cli.verbs` of a command; one that is a word of Python has an underscore behind it."""
+    """The name of a command's function in `camopt.cli.verbs`; a Python keyword gets an underscore."""
     return f"{command}_" if iskeyword(command) else command.replace("-", "_")
 
 
 def check_outputs(args: argparse.Namespace) -> None:
-    """Raises InputError for a file that cannot be written, and for one that would be lost: the command reads it, or is
-    to write two things to it."""
+    """Raises InputError for an output file that cannot be written, that is read too, or that two options name."""
     written: dict[str, str] = {}
     read = {name: path for name in READ if os.path.isfile(path := getattr(args, name, None) or "")}
     for option in WRITTEN:
@@ -122,7 +121,7 @@ def _failed(error: Exception, args: argparse.Namespace) -> int:
 
 
 def parser() -> argparse.ArgumentParser:
-    """The parser of all commands, made from the table."""
+    """Builds the parser of all commands from the table."""
     table = tomllib.loads(TABLE.read_text(encoding="utf-8"))
     formatted: dict[str, Any] = {"formatter_class": argparse.RawDescriptionHelpFormatter, "allow_abbrev": False}
     top = SuggestingParser(
@@ -152,7 +151,7 @@ def parser() -> argparse.ArgumentParser:
 
 
 def _arguments(listed: Mapping[str, Any], shared: Mapping[str, Any]) -> Iterator[tuple[str, dict[str, Any]]]:
-    """Names and argparse settings of a command's arguments; a name that is "shared" stands for a group of them."""
+    """Names and argparse settings of a command's arguments; "shared" stands for a group of the shared ones."""
     for name, settings in listed.items():
         if settings == "shared":
             yield from _arguments(shared[name], shared)
@@ -160,38 +159,38 @@ def _arguments(listed: Mapping[str, Any], shared: Mapping[str, Any]) -> Iterator
         settings = settings | {"help": settings["help"].replace("%", "%%")}  # argparse formats help texts with %
         if "type" in settings:
             settings["type"] = getattr(values, settings["type"])
-        if words := settings.pop("choices", None):  # a type's sentence suggests one of them, which argparse's does not
+        if words := settings.pop("choices", None):  # an error of the type suggests a choice, argparse's does not
             choices = [w for c in words for w in (verdict_methods() if c == "METHODS" else (c,))]
             settings |= {"type": one_of(choices), "metavar": f"{{{','.join(choices)}}}"}
         yield name, settings
 
 
 class SuggestingParser(argparse.ArgumentParser):
-    """As argparse's; unknown commands and options are refused first, with a suggestion, before anything is missed."""
+    """An argparse parser that reports unknown commands and options, with a suggestion, before missing ones."""
 
     verbs: Sequence[str] = ()
-    """The commands, of the parser that has some."""
+    """The names of the commands, in the top parser only."""
 
     def parse_known_args(self, args=None, namespace=None):  # pyright: ignore[reportIncompatibleMethodOverride]
-        """As argparse's, which every parser of a command goes through."""
+        """As in argparse; the parser of every command calls it, too."""
         for word in sys.argv[1:] if args is None else args:
             name = word.partition("=")[0]
             if word == "--":
                 break
             if word.startswith("--"):
-                known = self._option_string_actions
-                if name not in known:
-                    self.error(f"no option {excerpt(name)}{did_you_mean(name, known)}")
+                options = self._option_string_actions
+                if name not in options:
+                    self.error(f"no option {excerpt(name)}{did_you_mean(name, options)}")
             elif self.verbs and not word.startswith("-"):
                 if word not in self.verbs:
-                    meant = did_you_mean(word, self.verbs) or f": expected one of {', '.join(self.verbs)}"
-                    self.error(f"no command {excerpt(word)}{meant}")
+                    expected = did_you_mean(word, self.verbs) or f": expected one of {', '.join(self.verbs)}"
+                    self.error(f"no command {excerpt(word)}{expected}")
                 break
         return super().parse_known_args(args, namespace)
 
 
 def one_of(choices: Sequence[str]) -> Callable[[str], str]:
-    """A word out of some, as argparse wants a type."""
+    """The argparse type of a word that must be one of the choices."""
 
     def word(text: str) -> str:
         if text not in choices:

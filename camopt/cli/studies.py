@@ -1,4 +1,4 @@
-"""The verbs of the command line that study a scene: bounds, modes, yields, sweeps and measurements of accuracy."""
+"""The command-line verbs that study a scene: bounds, modes, yields, sweeps and measurements of accuracy."""
 
 import sys
 import tomllib
@@ -6,7 +6,7 @@ from argparse import Namespace
 from contextlib import nullcontext
 from pathlib import Path
 
-from camopt.cli.arguments import cam_of, folder_of, once_each, run_named, say_compilation, scene_of, tell
+from camopt.cli.arguments import cam_of, folder_of, run_named, say_compilation, scene_of, unique_values, write_result
 from camopt.optimizer.program.chosen_duration import load_scene
 from camopt.scene import InputError, builtin_scenes, scene_text
 from camopt.scene.errors import did_you_mean
@@ -21,7 +21,7 @@ def modes(args: Namespace) -> int:
 
     result = study.modes(scene, args.state)
     first = f"{scene.name}, {args.state}; closed contacts: {', '.join(result.closed) or 'none'}"
-    return tell(args, result.as_dict(), [first, *study.mode_lines(result)])
+    return write_result(args, result.as_dict(), [first, *study.mode_lines(result)])
 
 
 def bound(args: Namespace) -> int:
@@ -29,11 +29,11 @@ def bound(args: Namespace) -> int:
     from camopt.optimizer.bound.summary import area_bound, bound_lines
 
     content = area_bound(scene)
-    return tell(args, content, bound_lines(content))
+    return write_result(args, content, bound_lines(content))
 
 
 def rise(args: Namespace) -> int:
-    """Prints the least peak and the bound, and writes the motion."""
+    """Prints the least peak and its bound, and writes the motion."""
     from camopt.study import rise as study
 
     if args.least and args.jerk_max_mm_per_deg3:
@@ -41,7 +41,7 @@ def rise(args: Namespace) -> int:
     motion = study.rise(args.rise_mm, args.over_deg, study.ORDERS[args.least or "jerk"], args.jerk_max_mm_per_deg3)
     if args.csv:
         write_csv(args.csv, motion.table(args.step_deg))
-    return tell(args, motion.as_dict(), [motion])
+    return write_result(args, motion.as_dict(), [motion])
 
 
 def reduce(args: Namespace) -> int:
@@ -50,7 +50,7 @@ def reduce(args: Namespace) -> int:
     from camopt.study.reduce import reduction as study
 
     reduction = study.reduce(scene, lift, args.speeds, tolerance_mm=args.tolerance_mm)
-    return tell(args, reduction.as_dict(), study.reduction_lines(reduction))
+    return write_result(args, reduction.as_dict(), study.reduction_lines(reduction))
 
 
 def yield_(args: Namespace) -> int:
@@ -61,9 +61,9 @@ def yield_(args: Namespace) -> int:
     from camopt.study.yields import manufacturing_yield, yield_lines
 
     say_compilation(args)
-    drawn = {"speeds_rpm": args.speeds, "seed": args.seed, "halve": args.halve, "price": args.price}
-    kept = {"out": folder, "resume": args.resume}
-    result = manufacturing_yield(scene, cam, args.trains, **drawn, **kept, progress=not args.quiet)
+    settings = {"speeds_rpm": args.speeds, "seed": args.seed, "halve": args.halve, "price": args.price}
+    storage = {"out": folder, "resume": args.resume}
+    result = manufacturing_yield(scene, cam, args.trains, **settings, **storage, progress=not args.quiet)
     lines = [*yield_lines(result), f"folder: {folder}"]
     if result.prices and run:
         from camopt.plots import save
@@ -71,23 +71,23 @@ def yield_(args: Namespace) -> int:
 
         save(result.prices.plot(), run / "figures", "prices")
         lines.append(f"report: {write_report(run)}")
-    return tell(args, result.as_dict(), lines)
+    return write_result(args, result.as_dict(), lines)
 
 
 def what_if(args: Namespace) -> int:
-    """Prints what a cam comes to before and after the change."""
+    """Prints the verdict, area, speed limits and yield of a cam before and after the change."""
     scene = scene_of(args)
     cam = cam_of(args, scene)
-    changes = once_each(args.set, "--set {name}: is given twice: give one value")
+    changes = unique_values(args.set, "--set {name}: is given twice: give one value")
     from camopt.study import what_if as study
 
     say_compilation(args)
     content = study.what_if(scene, cam, changes, redesign=args.redesign, trains=args.trains)
-    return tell(args, content, study.what_if_lines(content))
+    return write_result(args, content, study.what_if_lines(content))
 
 
 def sweep(args: Namespace) -> int:
-    """Computes the tasks of a plan and says how they ended; 3 where some failed."""
+    """Computes the tasks of a plan and prints how many ended in each state; returns 3 where some failed."""
     from camopt.tasks.engines import cluster
     from camopt.tasks.plan import load_plan
 
@@ -111,7 +111,7 @@ def sweep(args: Namespace) -> int:
         try:
             rows = sweep_tasks(plan, store, executor, args.workers or threads, **settings)
         except InputError:
-            args.begun = False  # its sentence says what became of the store
+            args.begun = False  # the error sentence states what happened to the store
             raise
     if args.csv:
         rows.write_csv(args.csv)
@@ -142,8 +142,8 @@ def extremes(args: Namespace) -> int:
 
     rows = study.extremes(scenes, folder, args.resume, progress=not args.quiet)
     for scene in scenes:
-        mine = [r for r in rows if r["case"].startswith(f"{scene.name}: ")]
-        save(verdict_matrix(mine, scene.name), folder / "figures", f"extremes-{scene.name}")
+        of_scene = [r for r in rows if r["case"].startswith(f"{scene.name}: ")]
+        save(verdict_matrix(of_scene, scene.name), folder / "figures", f"extremes-{scene.name}")
     for method, by_verdict in study.counts(rows).items():
         print(f"{method:<44}" + ", ".join(f"{n} {v}" for v, n in by_verdict.items()))
     wrong = study.defects(rows)
@@ -159,14 +159,14 @@ def gradient(args: Namespace) -> int:
     from camopt.study.gradient.report import gradient_report, report_lines
 
     report = gradient_report(scene, lift, args.speed, progress=not args.quiet)
-    return tell(args, report, [f"{scene.name}, {lift.family}, {args.speed:g} r/min", *report_lines(report)])
+    return write_result(args, report, [f"{scene.name}, {lift.family}, {args.speed:g} r/min", *report_lines(report)])
 
 
 def scenes(args: Namespace) -> int:
     if args.name is not None:
         if args.name not in builtin_scenes():
-            meant = did_you_mean(args.name, builtin_scenes()) or f"; built in are {', '.join(builtin_scenes())}"
-            raise InputError(f"scene {excerpt(args.name)}: not built in{meant}")
+            expected = did_you_mean(args.name, builtin_scenes()) or f"; built in are {', '.join(builtin_scenes())}"
+            raise InputError(f"scene {excerpt(args.name)}: not built in{expected}")
         print(scene_text(args.name), end="")
         return 0
     width = max(map(len, builtin_scenes()))

@@ -1,4 +1,4 @@
-"""Values on the command line: text to number, or a sentence of what was expected."""
+"""Types of the command line's arguments: each converts a text, or raises an error that states what was expected."""
 
 import argparse
 import math
@@ -9,14 +9,14 @@ from camopt.scene.table import LARGEST, SMALLEST
 from camopt.scene.text_file import excerpt
 from camopt.verifier import ACCURACY_NAMES
 
-STANDING = ("opening", "closing", "tdc-lift")
-"""What may say how a cam stands on the crank, beside the angle of its centre."""
+PHASES = ("opening", "closing", "tdc-lift")
+"""The ways to state a cam's phase on the crank, beside the angle of its centre."""
 MOST_SPEEDS = 10_000
 MOST_DEG = 720
 
 
 def speeds(text: str) -> tuple[float, ...]:
-    """Crankshaft speeds [r/min], ascending, from `5000,6000` or `first:last:step` (last included where it is met)."""
+    """Crankshaft speeds [r/min], ascending, from `5000,6000` or `first:last:step` (last included if a step hits it)."""
     parts = text.split(":")
     if len(parts) == 1:
         listed = sorted({positive(part) for part in text.split(",")})
@@ -24,7 +24,7 @@ def speeds(text: str) -> tuple[float, ...]:
         first, last, step = (positive(part) for part in parts)
         if last < first:
             raise argparse.ArgumentTypeError(f"{excerpt(text)}: the last speed lies below the first")
-        steps = min((last - first) / step, MOST_SPEEDS)  # before it becomes an integer, which infinity cannot
+        steps = min((last - first) / step, MOST_SPEEDS)  # limited first: infinity cannot become an integer
         listed = [first + i * step for i in range(math.floor(steps + 1e-9) + 1)]
     else:
         raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected 5000,6000 or first:last:step, as in 300:8000:100")
@@ -34,7 +34,7 @@ def speeds(text: str) -> tuple[float, ...]:
 
 
 def number(text: str) -> float:
-    """The number that a text says; NaN where it says none."""
+    """The number in a text; NaN where there is none."""
     try:
         return float(text)
     except ValueError:
@@ -42,7 +42,7 @@ def number(text: str) -> float:
 
 
 def positive(text: str) -> float:
-    """A number of the size that a scene's numbers may have."""
+    """A positive number within the range that a scene's numbers may have."""
     value = number(text)
     if not (math.isfinite(value) and value > 0):
         raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected a number above 0")
@@ -60,30 +60,30 @@ def columns(text: str) -> tuple[str, str]:
 
 
 def probe(text: str) -> float:
-    """Radius [mm] of a probe's ball, infinite for the word flat."""
+    """Radius [mm] of a probe's ball, infinite for the word "flat"."""
     return math.inf if text == "flat" else positive(text)
 
 
 def angle(text: str) -> float:
-    """An angle [deg] of two turns at most, either way."""
+    """An angle [deg] of at most two turns in either direction."""
     value = number(text)
     if not -MOST_DEG <= value <= MOST_DEG:
         raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected an angle from -{MOST_DEG} to {MOST_DEG} degrees")
     return value
 
 
-def standing(text: str) -> tuple[str, float]:
-    """How a cam stands on the crank: an angle of its centre, or opening=DEG, closing=DEG or tdc-lift=MM."""
-    by, equals, said = text.rpartition("=")
-    if equals and by not in STANDING:
+def crank_phase(text: str) -> tuple[str, float]:
+    """The phase of a cam on the crank: the angle of its centre, or opening=DEG, closing=DEG or tdc-lift=MM."""
+    phase, equals, value = text.rpartition("=")
+    if equals and phase not in PHASES:
         expected = "expected an angle, or opening=-22, closing=40 or tdc-lift=2.1"
         raise argparse.ArgumentTypeError(f"{excerpt(text)}: {expected}")
-    return (by, positive(said) if by == "tdc-lift" else angle(said)) if equals else ("centre", angle(text))
+    return (phase, positive(value) if phase == "tdc-lift" else angle(value)) if equals else ("centre", angle(text))
 
 
-def list_of(one: Callable[[str], float]) -> Callable[[str], tuple[float, ...]]:
-    """The type of a list with commas, each of whose words has the type `one`."""
-    return lambda text: tuple(one(word) for word in text.split(","))
+def list_of(item: Callable[[str], float]) -> Callable[[str], tuple[float, ...]]:
+    """The type of a comma-separated list whose items have the type `item`."""
+    return lambda text: tuple(item(word) for word in text.split(","))
 
 
 lifts, angles = list_of(positive), list_of(angle)
@@ -103,14 +103,14 @@ def named_range(text: str) -> tuple[str, tuple[float, float]]:
 
 
 def change(text: str) -> tuple[str, tuple[bool, float]]:
-    """NAME=VALUE or NAME=*FACTOR as the name, whether it is a factor, and the number."""
-    name, _, said = text.rpartition("=")
-    value = number(said.strip().removeprefix("*"))
+    """NAME=VALUE or NAME=*FACTOR as the name, whether the number is a factor, and the number."""
+    name, _, number_text = text.rpartition("=")
+    value = number(number_text.strip().removeprefix("*"))
     if not name or not (math.isfinite(value) and abs(value) <= LARGEST):
         raise argparse.ArgumentTypeError(
             f"{excerpt(text)}: expected NAME.KEY=VALUE, or NAME.KEY=*FACTOR such as spring.stiffness_N_per_m=*1.1"
         )
-    return name.strip(), (said.strip().startswith("*"), value)
+    return name.strip(), (number_text.strip().startswith("*"), value)
 
 
 def picture_file(text: str) -> str:
@@ -135,7 +135,7 @@ def integer(low: int, high: int) -> Callable[[str], int]:
     """The type of an integer in a range, both ends included."""
 
     def whole(text: str) -> int:
-        usable = text.isascii() and text.isdigit() and len(text) <= 20  # Python converts no more than some thousand
+        usable = text.isascii() and text.isdigit() and len(text) <= 20  # Python refuses to convert some thousand digits
         if not usable or not low <= int(text) <= high:
             largest = "2^32 - 1" if high == 2**32 - 1 else high
             raise argparse.ArgumentTypeError(f"{excerpt(text)}: expected an integer from {low} to {largest}")

@@ -1,5 +1,6 @@
-"""The verbs that design, judge and show a cam: each calls one public function and prints the outcome. Everything beyond
-the scene is imported inside the verb, so that bad input is answered before JAX or numba load.
+"""The verbs that design, judge and show a cam: each calls one public function and prints the result.
+
+Everything but the scene is imported inside the verb, so that bad input is reported before JAX or numba are loaded.
 """
 
 import atexit
@@ -13,12 +14,12 @@ from typing import TYPE_CHECKING, Any
 from camopt.cli.arguments import (
     cam_of,
     folder_of,
-    once_each,
     print_area_words,
     run_named,
     say_compilation,
     scene_of,
-    tell,
+    unique_values,
+    write_result,
 )
 from camopt.cli.studies import bound, extremes, gradient, modes, reduce, rise, scenes, sweep, tradeoff, what_if, yield_  # noqa: F401
 from camopt.optimizer.program.chosen_duration import load_scene
@@ -31,11 +32,11 @@ if TYPE_CHECKING:
     from camopt.cam.card import CamCard
     from camopt.cam.lift import Lift
 
-atexit.register(gc.freeze)  # what is left goes with the process: to walk through it once more takes a second
+atexit.register(gc.freeze)  # a last collection at exit would take a second for nothing
 GEOMETRY = ("speed", "contour", "dxf")
 """Options of `camopt cam` that need [geometry]."""
 CARD = ("card", "card_csv", "lifts_mm", "centre_deg", "exhaust")
-"""Options of `camopt cam` that call for a cam card."""
+"""Options of `camopt cam` that require a cam card."""
 
 
 def optimize(args: Namespace) -> int:
@@ -50,22 +51,22 @@ def optimize(args: Namespace) -> int:
     def designed(folder: Path) -> None:
         _print_outcome(folder)
         sys.stdout.flush()
-        if args.accuracy != DRAFT:  # whose comparison hardly takes longer than the page
+        if args.accuracy != DRAFT:  # a draft's comparison takes hardly longer than the page
             write_report(folder)
 
     names = ("speeds", "accuracy", "gradient", "seed", "resume", "wanted_yield")
-    asked: dict[str, Any] = {name: getattr(args, name) for name in names}
-    asked["free"] = once_each(args.free, "free {name} is given twice: give one range")
-    asked["start"] = None if args.start is None else read_cam(args.start, scene)
-    asked["compare"] = not args.no_compare
-    result = run(scene, out=folder, progress=not args.quiet, designed=designed, **asked)
+    settings: dict[str, Any] = {name: getattr(args, name) for name in names}
+    settings["free"] = unique_values(args.free, "free {name} is given twice: give one range")
+    settings["start"] = None if args.start is None else read_cam(args.start, scene)
+    settings["compare"] = not args.no_compare
+    result = run(scene, out=folder, progress=not args.quiet, designed=designed, **settings)
     page = write_report(result.folder)
     print(f"run folder: {result.folder}, report: {page}")
     return result.exit_code
 
 
 def _print_outcome(folder: Path) -> None:
-    """What a run came to, from the files in its folder alone."""
+    """Prints the outcome of a run, from the files in its folder alone."""
     from camopt.report.folder import read_run_folder
     from camopt.report.outcome import outcome_lines
 
@@ -89,7 +90,7 @@ def report(args: Namespace) -> int:
 
 
 def design(args: Namespace) -> int:
-    """Serves the designer's page on this machine and prints its address; an interrupt is its ordinary end."""
+    """Serves the designer's page on this machine and prints its address; a keyboard interrupt ends it normally."""
     scene = load_scene(args.scene, need=SIMULATED)
     from camopt.designer.requests import RequestHandler
     from camopt.designer.server import DesignServer
@@ -104,9 +105,9 @@ def design(args: Namespace) -> int:
             print(SAYING, file=sys.stderr, flush=True)
             compile_programs()
         requests.slow.start()
-        for part in QUICK:  # loads the programs, so that the page's first answers are as quick as all others
+        for part in QUICK:  # loads the programs, so that the first answers are not slower than later ones
             requests.session.answer({}, part)
-        gc.freeze()  # else a collection now and then delays an answer
+        gc.freeze()  # else a garbage collection may delay an answer
         print(f"{scene.name}: open {server.address} in a browser on this machine; Ctrl-C ends it", flush=True)
         server.serve_forever()
     except KeyboardInterrupt:
@@ -132,13 +133,13 @@ def verify(args: Namespace) -> int:
     verdict = verdict_of(scene, lift, **settings, progress=not args.quiet)
     record, lines = verdict.as_dict(), []
     if args.energy or args.periodic:
-        from camopt.study.settled_motion import settled_lines, settled_motions
+        from camopt.study.settled_motion import settled_lines, settled_records
 
-        settled = settled_motions(lift, verdict, with_energy=args.energy, with_periodic=args.periodic)
+        settled = settled_records(lift, verdict, with_energy=args.energy, with_periodic=args.periodic)
         record["speeds"] = [entry | more for entry, more in zip(record["speeds"], settled, strict=True)]
         lines = settled_lines(verdict, settled)
     print_area_words(lift, scene)
-    tell(args, record, [verdict, *lines])
+    write_result(args, record, [verdict, *lines])
     if verdict.outside and run:
         from camopt.report import write_report
 
@@ -169,8 +170,8 @@ def simulate(args: Namespace) -> int:
 def compare(args: Namespace) -> int:
     scene = scene_of(args)
     folder = folder_of(args, scene.name)
-    last = [Path(path).name or path for path in args.design]  # what designs are called; whole paths where two agree
-    names = [str(Path(path)) if last.count(n) > 1 else n for path, n in zip(args.design, last, strict=True)]
+    short = [Path(path).name or path for path in args.design]  # the names of designs; whole paths where two are equal
+    names = [str(Path(path)) if short.count(n) > 1 else n for path, n in zip(args.design, short, strict=True)]
     designs = {name: cam_of(args, scene, Path(path)) for name, path in zip(names, args.design, strict=True)}
     from camopt.optimizer.baselines.comparison import compare as comparison
     from camopt.report.tables import comparison_lines
@@ -186,17 +187,17 @@ def compare(args: Namespace) -> int:
 
 
 def cam(args: Namespace) -> int:
-    """Writes what is asked for and prints the cam against the scene's limits, its contact, its card and its torque."""
-    moving = any(getattr(args, name) is not None for name in ("speed", "lobes_deg", "valve_lift"))
-    scene = scene_of(args, SIMULATED if moving else ("operation", "design"))
+    """Writes the requested files and prints the cam against its limits, its contact, its card and its torque."""
+    needs_motion = any(getattr(args, name) is not None for name in ("speed", "lobes_deg", "valve_lift"))
+    scene = scene_of(args, SIMULATED if needs_motion else ("operation", "design"))
     _check_cam_options(args, scene)
     lift = cam_of(args, scene)
     from camopt.study.cam_exports import export
     from camopt.study.cam_sheet import sheet
 
-    said = export(scene, lift, args)
+    sentences = export(scene, lift, args)
     speed = args.speed if scene.geometry is not None else None
-    print("\n".join([*sheet(scene, lift, speed), *said]))
+    print("\n".join([*sheet(scene, lift, speed), *sentences]))
     if any(getattr(args, name) for name in CARD):
         from camopt.cam.card import COLUMNS
 
@@ -232,16 +233,16 @@ def _check_cam_options(args: Namespace, scene: Scene) -> None:
 
 
 def _cards(args: Namespace, scene: Scene, lift: "Lift") -> list["CamCard"]:
-    """The card of the cam, and of the other one where there is one."""
+    """The card of the cam, and that of the exhaust cam if one is given."""
     from camopt.cam.card import LIFTS_MM, CrankTiming, cam_card
 
     per_crank, lifts = scene.required_operation.cam_per_crank, args.lifts_mm or LIFTS_MM
-    how = {"at_mm": lifts[0], "cam_per_crank": per_crank}
-    timing = None if args.centre_deg is None else CrankTiming.of(lift, *args.centre_deg, **how)
+    settings = {"at_mm": lifts[0], "cam_per_crank": per_crank}
+    timing = None if args.centre_deg is None else CrankTiming.of(lift, *args.centre_deg, **settings)
     if args.exhaust is None:
         return [cam_card(lift, lifts, timing=timing)]
-    other = cam_of(args, scene, args.exhaust)
+    exhaust = cam_of(args, scene, args.exhaust)
     closing = args.exhaust_centre_deg[0] == "tdc-lift"
-    other_timing = CrankTiming.of(other, *args.exhaust_centre_deg, closing=closing, **how)
-    its = cam_card(other, lifts, name=f"exhaust, {other.family}", timing=other_timing)
-    return [cam_card(lift, lifts, name=f"intake, {lift.family}", timing=timing, other=its), its]
+    exhaust_timing = CrankTiming.of(exhaust, *args.exhaust_centre_deg, closing=closing, **settings)
+    exhaust_card = cam_card(exhaust, lifts, name=f"exhaust, {exhaust.family}", timing=exhaust_timing)
+    return [cam_card(lift, lifts, name=f"intake, {lift.family}", timing=timing, other=exhaust_card), exhaust_card]

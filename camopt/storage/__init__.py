@@ -1,4 +1,4 @@
-"""Writing results: every file appears whole or not at all, and a run folder is never overwritten by accident."""
+"""Writing results: a file appears complete or not at all, and a run folder is never overwritten by accident."""
 
 import csv
 import io
@@ -22,19 +22,19 @@ from camopt.scene.text_file import usable_path
 
 def write_text(path: str | Path, text: str) -> None:
     """Writes UTF-8 text; see `write_bytes`."""
-    write_bytes(path, text.encode(errors="backslashreplace"))  # the name of a file may hold what UTF-8 cannot
+    write_bytes(path, text.encode(errors="backslashreplace"))  # a file name may not be valid UTF-8
 
 
 def write_bytes(path: str | Path, content: bytes) -> None:
-    """Writes a file so that a reader or a crash sees the old one or the whole new one; a device or pipe (/dev/stdout)
-    is written to as it is. Raises InputError where nothing can be written."""
+    """Writes a file atomically: a reader, or a crash, leaves either the old file or the complete new one. A device or
+    pipe (/dev/stdout) is written directly. Raises InputError where the file cannot be written."""
     with _whole_file(path) as file:
         file.write(content)
 
 
 @contextmanager
 def _whole_file(path: str | Path) -> Iterator[BinaryIO]:
-    """The file to write to, under the promise of `write_bytes`."""
+    """The open file to write to, with the guarantees of `write_bytes`."""
     path = Path(path)
     try:
         if path.exists() and not path.is_file() and not path.is_dir():
@@ -43,30 +43,31 @@ def _whole_file(path: str | Path) -> Iterator[BinaryIO]:
             return
         if path.is_dir():
             raise IsADirectoryError("it is a folder")
-        with _replacing(path.resolve()) as file:
+        with _temporary_file(path.resolve()) as file:
             yield file
     except InputError:
         raise
-    except (OSError, ValueError) as error:  # a ValueError where a name holds a NUL
-        reason = error.strerror or error if isinstance(error, OSError) else error
-        raise InputError(
-            f"{path}: cannot be written ({reason}); name a file in an existing, writable folder"
-        ) from error
+    except (OSError, ValueError) as error:  # ValueError: the name contains a NUL
+        raise _unwritable(path, error.strerror or error if isinstance(error, OSError) else error) from error
 
 
 def check_file(path: str | Path) -> None:
-    """Raises InputError where no file can be written, so that nothing is computed in vain: a temporary one is made and
-    removed where `write_bytes` will make one; a device or pipe is left alone."""
+    """Raises InputError where a file cannot be written, before anything is computed: a temporary file is created and
+    removed in the same folder as `write_bytes` will use. A device or pipe is not touched."""
     path = usable_path(path, "file")
     reason = "it is a folder" if path.is_dir() else "" if path.parent.is_dir() else "its folder does not exist"
     if not reason and (path.is_file() or not path.exists()):
         reason = _refusal_below(path.resolve().parent)
     if reason:
-        raise InputError(f"{path}: cannot be written ({reason}); name a file in an existing, writable folder")
+        raise _unwritable(path, reason)
+
+
+def _unwritable(path: Path, reason: object) -> InputError:
+    return InputError(f"{path}: cannot be written ({reason}); name a file in an existing, writable folder")
 
 
 def _refusal_below(folder: Path) -> str:
-    """Why the system lets no file be made in the folder; empty where it does."""
+    """The system's reason for refusing a file in the folder; empty where it allows one."""
     probe = folder / f".camopt-{secrets.token_hex(8)}.tmp"
     try:
         probe.touch(exist_ok=False)
@@ -76,17 +77,17 @@ def _refusal_below(folder: Path) -> str:
     return ""
 
 
-LEFT_BEHIND = 3600.0
-"""Age [s] from which a temporary file belongs to a process that was killed: writing one takes seconds."""
+ABANDONED = 3600.0
+"""Age [s] beyond which a temporary file belongs to a process that was killed: writing takes seconds."""
 
 
 @contextmanager
-def _replacing(path: Path) -> Iterator[BinaryIO]:
-    """A temporary file in the same folder (a rename across file systems is not atomic), then the rename; what killed
-    processes left there of theirs goes."""
+def _temporary_file(path: Path) -> Iterator[BinaryIO]:
+    """A temporary file in the same folder (a rename across file systems is not atomic), which is then renamed to
+    `path`. Temporary files left there by killed processes are deleted."""
     for old in path.parent.glob(".camopt-????????????????.tmp"):
         with suppress(OSError):
-            if time.time() - old.stat().st_mtime > LEFT_BEHIND:
+            if time.time() - old.stat().st_mtime > ABANDONED:
                 old.unlink()
     temporary = path.with_name(f".camopt-{secrets.token_hex(8)}.tmp")
     try:
@@ -100,19 +101,19 @@ def _replacing(path: Path) -> Iterator[BinaryIO]:
 
 
 def write_json(path: str | Path, data: Any) -> None:
-    """Writes JSON with null for every value that is not finite; NumPy numbers and arrays become plain ones."""
+    """Writes JSON with null for values that are not finite; NumPy numbers and arrays become numbers and lists."""
     write_text(path, json.dumps(plain(data), indent=1, allow_nan=False) + "\n")
 
 
 def plain(value: Any) -> Any:
-    """Data as JSON knows it: dictionaries, lists, strings, finite numbers, null."""
+    """Data as JSON represents it: dictionaries, lists, strings, finite numbers, null."""
     if isinstance(value, Mapping):
         return {str(k): plain(v) for k, v in value.items()}
     if hasattr(value, "tolist"):  # NumPy and JAX arrays and scalars
         return plain(value.tolist())
     if isinstance(value, list | tuple):
         if {*map(type, value)} <= {int, float} and all(map(math.isfinite, value)):
-            return list(value)  # at once: most of what is stored is long lists of numbers
+            return list(value)  # shortcut: most data are long lists of numbers
         return [plain(v) for v in value]
     if isinstance(value, float):
         return value if math.isfinite(value) else None
@@ -122,13 +123,13 @@ def plain(value: Any) -> Any:
 
 
 def write_csv(path: str | Path, columns: Mapping[str, Any]) -> None:
-    """Writes a table of equally long columns; floats with every digit, None and NaN as an empty cell."""
+    """Writes a table of columns of equal length; floats in full precision, None and NaN as empty cells."""
     rows = [*zip(*map(plain, columns.values()), strict=True)]
     write_csv_rows(path, [*columns], rows)
 
 
 def write_csv_rows(path: str | Path, names: Sequence[str], rows: Iterable[Sequence[Any]]) -> None:
-    """Writes a table row by row, of any length; floats with every digit, None as an empty cell. See `write_bytes`."""
+    """Writes a table of any length row by row; floats in full precision, None as an empty cell. See `write_bytes`."""
     with _whole_file(path) as file:
         text = io.TextIOWrapper(file, encoding="utf-8", newline="")
         writer = csv.writer(text, lineterminator="\n")
@@ -143,28 +144,28 @@ def default_run_folder(scene_name: str) -> Path:
 
 
 RUN_FILE = "run.json"
-"""What a run is, in its folder from the first byte on: command, version, settings, scene, and how it stands."""
+"""The file that identifies a run from its start on: command, version, settings, scene, and the state of the run."""
 
 
 def run_identity(command: str, scenes: Scene | Sequence[Scene], **settings: Any) -> dict:
-    """What makes two runs the same, for `run_folder`: the command, camopt's version, its settings and its scenes, but
-    for how trains scatter about them: a command that draws them has `AS_BUILT` among its settings."""
+    """The identity of a run, for `run_folder`: command, camopt's version, settings and scenes. The manufacturing
+    scatter of a scene is left out; a command that draws trains has `AS_BUILT` among its settings."""
     several = [scenes] if isinstance(scenes, Scene) else scenes
     dumped = {scene.name: scene.model_dump(mode="json", exclude=AS_BUILT) for scene in several}
     return {"command": command, "version": version("camopt"), "scene": dumped, "settings": settings}
 
 
 def check_run_folder(folder: str | Path, resume: bool = False) -> None:
-    """Raises InputError where `folder` exists and is not to be resumed, or cannot be a folder; it says what it is.
+    """Raises InputError, stating what the folder holds, where it exists and is not to be resumed, or cannot be created.
 
-    It cannot be one where no file can be made in it or, while it is not there, in the nearest of its parents that is.
+    It cannot be created or resumed where no file can be written to it or, while it is missing, to its nearest parent.
     """
     folder = usable_path(folder, "folder")
     if os.path.lexists(folder) and not folder.is_dir():
         raise InputError(f"{folder}: is not a folder: give another --out")
     if not folder.is_dir() or resume:
-        whole = folder.absolute()
-        if reason := _refusal_below(next(p for p in (whole, *whole.parents) if os.path.lexists(p))):
+        absolute = folder.absolute()
+        if reason := _refusal_below(next(p for p in (absolute, *absolute.parents) if os.path.lexists(p))):
             raise InputError(f"{folder}: the folder cannot be written to ({reason}); give a writable place as --out")
         return
     started = _read_run(folder)
@@ -190,16 +191,16 @@ def check_run_folder(folder: str | Path, resume: bool = False) -> None:
 def run_folder(
     folder: str | Path, identity: Mapping[str, Any], resume: bool = False, worth: Iterable[str] = ()
 ) -> Iterator[Path]:
-    """The folder of one run, from its first byte to its end.
+    """The folder of one run, as a context manager around the run.
 
-    `identity` is `run_identity`'s. It is stored before anything else, and with `resume` compared before anything is
-    written. Left without an error the run counts as finished, by an interruption as interrupted. One that fails is
-    noted with its sentence; where it made the folder and left none of the files `worth` keeping, the folder goes with
-    it. Raises InputError as `check_run_folder`, and where the folder belongs to another run.
+    `identity` is `run_identity`'s. It is stored before anything else, and with `resume` it is compared before anything
+    is written. A run that ends without an error is marked as finished, an interrupted one stays marked as running. A
+    run that fails is marked as failed with its error sentence; if the run created the folder and none of the files in
+    `worth` exists, the folder is deleted. Raises InputError as `check_run_folder`, and for the folder of another run.
     """
     folder = Path(folder)
     check_run_folder(folder, resume)
-    if made := not (resume and folder.is_dir()):  # what is there now may be another's, made since it was checked
+    if created := not (resume and folder.is_dir()):  # another process may have created it since the check
         create_run_folder(folder)
     else:
         _same_run(folder, plain(identity))
@@ -212,7 +213,7 @@ def run_folder(
             raise InputError(
                 f"{folder}: was taken away while the run wrote to it: run again in a folder that stays"
             ) from error
-        if made and not any((folder / name).exists() for name in worth):
+        if created and not any((folder / name).exists() for name in worth):
             shutil.rmtree(folder)
         else:
             write_json(folder / RUN_FILE, record | {"state": "failed", "sentence": str(error) or type(error).__name__})
@@ -221,7 +222,7 @@ def run_folder(
 
 
 def _same_run(folder: Path, identity: dict) -> None:
-    """Raises InputError where the folder is not one of this very run, naming what differs."""
+    """Raises InputError, naming what differs, where the folder belongs to another run."""
     if not any(folder.iterdir()):
         return
     started = _read_run(folder)
@@ -234,12 +235,12 @@ def _same_run(folder: Path, identity: dict) -> None:
         differ = "differ" if key == "settings" else "differs"
         raise InputError(
             f"{folder}: belongs to another run, and nothing in it was changed: its {key} {differ}"
-            f"{_difference(stored, now)}; --resume with what it was begun with, or give another --out"
+            f"{_differences(stored, now)}; --resume with what it was begun with, or give another --out"
         )
 
 
-def _difference(stored: Any, now: Any) -> str:
-    """What differs, in brackets: names of a run's settings or scenes with their values where these are short."""
+def _differences(stored: Any, now: Any) -> str:
+    """The difference, in brackets: the names of settings or scenes, with their values unless these are dictionaries."""
     if not isinstance(stored, dict) or not isinstance(now, dict):
         return f" ({stored} there, {now} now)"
     differences = []
@@ -252,7 +253,7 @@ def _difference(stored: Any, now: Any) -> str:
 
 
 def _read_run(folder: Path) -> dict | None:
-    """What a folder says of the run that began it; None where it says nothing that can be read."""
+    """The record of the run that created the folder; None where there is none that can be read."""
     try:
         record = json.loads((folder / RUN_FILE).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
@@ -261,8 +262,8 @@ def _read_run(folder: Path) -> dict | None:
 
 
 def create_run_folder(folder: str | Path) -> Path:
-    """The new folder, made with its parents. Raises InputError as `check_run_folder`, and where another process has
-    made it in the meantime."""
+    """Creates a folder and its parents. Raises InputError as `check_run_folder`, and where another process was
+    faster."""
     folder = Path(folder)
     check_run_folder(folder)
     folder.parent.mkdir(parents=True, exist_ok=True)

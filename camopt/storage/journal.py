@@ -1,5 +1,5 @@
-"""Work that goes on after an interruption: what is finished is a line in a file, on the disk before the next begins.
-What a search met at each of its steps has arrays in files of their own."""
+"""Journals from which interrupted work resumes: each finished item is a line in a file, flushed to disk before the next
+item begins. The arrays of a search's steps are stored in separate files."""
 
 import io
 import json
@@ -15,12 +15,12 @@ from camopt.storage import plain, write_bytes, write_text
 
 
 class Records:
-    """Records of finished work, found by the values that they have under `names`: a line of JSON each in a file, or in
-    memory alone where `path` is None.
+    """Records of finished work, looked up by their values of the fields `names`. Each is a line of JSON in a file; with
+    `path` None they are held in memory only.
 
-    A record is on the disk before `add` returns, and a line that an interruption cut off does not count, so that
-    interrupted work goes on where it was. With an `identity`, which tells one work from another, the file begins with
-    it. Raises InputError for a file that begins with another one, or that is no such journal.
+    A record is on the disk before `add` returns, and an incomplete last line is ignored, so that interrupted work
+    resumes after its last complete record. `identity`, where given, identifies the work and is the first line of the
+    file. Raises InputError for a file with another identity, or one that is not such a journal.
     """
 
     def __init__(self, path: str | Path | None, *names: str, identity: Mapping[str, Any] | None = None):
@@ -41,11 +41,11 @@ class Records:
             append_line(self._path, head[0])
 
     def get(self, *key: Any) -> dict[str, Any] | None:
-        """The record with these values of `names`, None where there is none."""
+        """The record with these values of `names`; None where there is none."""
         return self._records.get(_hashable(key))
 
     def add(self, *records: Mapping[str, Any]) -> None:
-        """Keeps records, all of them at once; what is not finite in them is null."""
+        """Stores records in one write; values that are not finite become null."""
         new = [plain(record) for record in records]
         if self._path is not None:
             append_line(self._path, "\n".join(json.dumps(record, allow_nan=False) for record in new))
@@ -60,7 +60,7 @@ def _hashable(value: Any) -> Any:
 
 
 def append_line(path: str | Path, line: str) -> None:
-    """Adds one line to a log, on the disk before this returns."""
+    """Appends a line to a log; the line is on the disk before this returns."""
     with open(path, "a", encoding="utf-8", newline="") as file:
         file.write(line + "\n")
         file.flush()
@@ -68,7 +68,7 @@ def append_line(path: str | Path, line: str) -> None:
 
 
 def whole_lines(path: str | Path) -> list[str]:
-    """The lines of a log, none where there is no file; a last one that an interruption cut off goes from the file."""
+    """The lines of a log, none where the file is missing; an incomplete last line is removed from the file."""
     path = Path(path)
     if not path.exists():
         return []
@@ -83,7 +83,7 @@ HISTORY = "history.jsonl"
 
 
 class StepFiles:
-    """`history.jsonl`, a line per step, and `NAME/*.npz`, what was found out at a step; in a run folder, or nowhere."""
+    """`history.jsonl`, a line per step, and `NAME/*.npz`, the arrays of a step; in a run folder, or nowhere."""
 
     def __init__(self, folder: Path | None, name: str):
         self._folder, self._name, self._noted = folder, name, 0
@@ -93,23 +93,23 @@ class StepFiles:
 
     @property
     def kept(self) -> bool:
-        """Whether anything is kept: a search without a run folder keeps nothing."""
+        """Whether anything is stored: a search without a run folder stores nothing."""
         return self._folder is not None
 
     def beside(self, name: str) -> "StepFiles":
-        """The files of another name in the same run folder, or nowhere."""
+        """The step files under another name in the same run folder, or nowhere."""
         return StepFiles(self._folder, name)
 
     def stored(self, step: int, z: np.ndarray, names: Sequence[str]) -> dict[str, np.ndarray] | None:
         """The arrays of this step of an interrupted run, None where there are none; z (m) is the step's cam. Raises
-        InputError where they belong to another cam or lack one of `names`: the folder is of another search."""
+        InputError where they belong to another cam or lack one of `names`: the folder is another search's."""
         path = self._path(step)
         if path is None or not path.exists():
             return None
-        with np.load(path, allow_pickle=False) as found:
-            arrays = dict(found)
-        known = {"z", *names} <= set(arrays) and arrays["z"].shape == z.shape
-        if not (known and np.allclose(arrays["z"], z, rtol=0, atol=1e-9)):
+        with np.load(path, allow_pickle=False) as file:
+            arrays = dict(file)
+        complete = {"z", *names} <= set(arrays) and arrays["z"].shape == z.shape
+        if not (complete and np.allclose(arrays["z"], z, rtol=0, atol=1e-9)):
             raise InputError(
                 f"{path}: belongs to another search: resume with the scene, the options and the seed of the "
                 f"interrupted run, or choose another --out"
@@ -118,14 +118,13 @@ class StepFiles:
 
     def store(self, step: int, z: np.ndarray, arrays: dict[str, np.ndarray]) -> None:
         """Stores the arrays of a step with its cam z (m)."""
-        path = self._path(step)
-        if path is not None:
+        if (path := self._path(step)) is not None:
             content = io.BytesIO()
             np.savez(content, allow_pickle=False, z=z, **arrays)
             write_bytes(path, content.getvalue())
 
     def note(self, line: dict) -> None:
-        """Appends a line to the history, but for a step that an interrupted run noted already."""
+        """Appends a line to the history, unless an interrupted run has written the line of this step already."""
         if self._folder is not None and line["iteration"] > self._noted:
             append_line(self._folder / HISTORY, json.dumps(plain(line), allow_nan=False))
 

@@ -1,1 +1,1 @@
-"""The verbs beside `optimize` and `verify`: a folder each, or a file where one is enough."""
+"""The verbs other than `optimize` and `verify`: one file each, or a folder where one file is not enough."""

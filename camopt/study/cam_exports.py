@@ -13,68 +13,68 @@ from camopt.scene import Scene, build_train
 from camopt.scene.geometry import BELONGS
 from camopt.scene.units import DEG, MM, UM
 from camopt.storage import write_bytes
-from camopt.study.cam_force import settled_revolution
+from camopt.study.cam_force import last_revolution
 
-OF_THE_CONTOUR = ("base_radius_mm", "rocker_ratio", *BELONGS, "valve_arm_deg")
-"""Keys of [geometry] that the contour hangs on."""
-USUAL_DIGITS = 6
-"""Decimals of the lift where none are asked for, in tables that have no more columns to tell it by."""
+CONTOUR_KEYS = ("base_radius_mm", "rocker_ratio", *BELONGS, "valve_arm_deg")
+"""Keys of [geometry] on which the contour depends."""
+DEFAULT_DIGITS = 6
+"""Default number of decimals of the lift in tables without derivative columns."""
 
 
 def export(scene: Scene, lift: Lift, files: Namespace) -> list[str]:
-    """Writes the files that the arguments of `camopt cam` ask for, and says in a sentence each what they are off by.
+    """Writes the files that the arguments of `camopt cam` name; returns sentences that state their errors.
 
-    Contour, drawing and figure of a rounded table are those of its means (`camopt.measure.rounded`). Raises InputError
-    where no contour gives this lift to the scene's follower, and for steps that divide no turn.
+    Contour, drawing and figure of a rounded table are those of its moving average (`camopt.measure.rounded`). Raises
+    InputError where no contour gives this lift to the scene's follower, and for steps that do not divide a turn.
     """
-    said = _table(scene, lift, files) if files.csv else []
+    lines = _table(scene, lift, files) if files.csv else []
     geometry, law = scene.geometry, moving_average(lift)[0]
-    digits = USUAL_DIGITS if files.digits is None else files.digits
+    digits = DEFAULT_DIGITS if files.digits is None else files.digits
     if files.contour:
         geometry = scene.required_geometry
         exports.write_contour(files.contour, law, geometry, files.step_deg, digits)
-        said.append(
+        lines.append(
             f"contour: for a {geometry.follower} follower on a base circle of radius {geometry.base_radius_mm:g} mm; "
             "with x to the right and y up the cam turns clockwise, its opening flank below: for the other sense of "
             "rotation change the sign of y"
         )
     if files.dxf:
-        arcs, missed = exports.write_dxf(files.dxf, law, scene.required_geometry, files.dxf_tolerance_um * UM)
-        said.append(f"drawing: {arcs} arcs without a corner, which the contour misses by at most {missed / UM:.2g} um")
-    guessed = [key for key in geometry.assumed if key in OF_THE_CONTOUR] if geometry else []
-    if guessed and (files.contour or files.dxf):
-        said.append(f"note: the outline stands on assumed numbers: measure {', '.join(guessed)} before it is ground")
+        arcs, miss = exports.write_dxf(files.dxf, law, scene.required_geometry, files.dxf_tolerance_um * UM)
+        lines.append(f"drawing: {arcs} arcs without a corner, which the contour misses by at most {miss / UM:.2g} um")
+    assumed = [key for key in geometry.assumed if key in CONTOUR_KEYS] if geometry else []
+    if assumed and (files.contour or files.dxf):
+        lines.append(f"note: the outline stands on assumed numbers: measure {', '.join(assumed)} before it is ground")
     if files.figure:
         from camopt.plots.style import picture
 
         write_bytes(files.figure, picture(law.plot(scene.design), Path(files.figure).suffix[1:].lower()))
     if files.valve_lift or files.dynamic_lift:
-        said += _valve_lifts(scene, lift, files, digits)
-    return said
+        lines += _valve_lifts(scene, lift, files, digits)
+    return lines
 
 
 def _valve_lifts(scene: Scene, lift: Lift, files: Namespace, digits: int) -> list[str]:
-    """Writes the valve's static lift, and its lift at a speed, by crank degrees; where their rows begin."""
+    """Writes the valve's static lift, and its lift at a speed, by crank degree; returns where the rows begin."""
     per_crank, lash = scene.required_operation.cam_per_crank, build_train(scene).lash
     crank = exports.crank_rows(lift, lash, per_crank)
-    said = []
+    lines = []
     if files.valve_lift:
         static = np.maximum(lift(crank * per_crank * DEG) - lash, 0.0)
         exports.write_valve_lift(files.valve_lift, static, digits)
-        said.append(
+        lines.append(
             f"valve lift: {_crank_degrees(crank)}; it is the cam's lift less the lash of {lash / MM:g} mm, in mm"
         )
     if files.dynamic_lift:
-        motion, method = settled_revolution(scene, lift, files.speed)
-        turn = np.arange(crank[0], 180.0 / per_crank + 1)  # a valve that bounces closes for good after the cam
-        there = np.interp(turn * per_crank * DEG, motion.angle, np.maximum(motion.seat_separation(), 0.0))
-        rows = int(np.flatnonzero(there)[-1]) + 2
-        exports.write_valve_lift(files.dynamic_lift, there[:rows], digits)
-        said.append(
+        motion, method = last_revolution(scene, lift, files.speed)
+        turn = np.arange(crank[0], 180.0 / per_crank + 1)  # a bouncing valve settles later than the cam closes
+        valve = np.interp(turn * per_crank * DEG, motion.angle, np.maximum(motion.seat_separation(), 0.0))
+        rows = int(np.flatnonzero(valve)[-1]) + 2
+        exports.write_valve_lift(files.dynamic_lift, valve[:rows], digits)
+        lines.append(
             f"valve lift at {files.speed:g} r/min: {_crank_degrees(turn[:rows])}; it is the valve's way from its "
             f"seat in a settled revolution, by {method}, in mm"
         )
-    return said
+    return lines
 
 
 def _crank_degrees(crank: np.ndarray) -> str:
@@ -82,11 +82,11 @@ def _crank_degrees(crank: np.ndarray) -> str:
 
 
 def _table(scene: Scene, lift: Lift, files: Namespace) -> list[str]:
-    """Writes the lift table; what it is off by, where it is rounded or in steps of the crank."""
+    """Writes the lift table; returns its error where it is rounded or in steps of the crank angle."""
     assert files.csv and scene.operation, "the verb asks for both"
     digits, step, unit = files.digits, files.step_deg, "cam"
     if files.step_crank_deg is not None:
-        digits, unit = USUAL_DIGITS if digits is None else digits, "crank"
+        digits, unit = DEFAULT_DIGITS if digits is None else digits, "crank"
         step = files.step_crank_deg * scene.operation.cam_per_crank
         exports.write_crank_table(files.csv, lift, files.step_crank_deg, digits, scene.operation.cam_per_crank)
     elif digits is None:
@@ -95,9 +95,9 @@ def _table(scene: Scene, lift: Lift, files: Namespace) -> list[str]:
     else:
         ratio = scene.geometry.rocker_ratio if scene.geometry else 1.0
         exports.write_rounded_table(files.csv, lift, step, digits, ratio)
-    off = exports.table_error(lift, step, digits)
-    every = f"a row every {files.step_crank_deg or step:g} {unit} deg, {digits} decimals"
+    error = exports.table_error(lift, step, digits)
+    rows = f"a row every {files.step_crank_deg or step:g} {unit} deg, {digits} decimals"
     return [
-        f"lift table: {every}: off by at most {off.rows:.1e} mm at its rows; between them by {off.spline:.1e} mm along "
-        f"a cubic spline, by {off.lines:.1e} mm along straight lines"
+        f"lift table: {rows}: off by at most {error.rows:.1e} mm at its rows; between them by {error.spline:.1e} mm "
+        f"along a cubic spline, by {error.lines:.1e} mm along straight lines"
     ]

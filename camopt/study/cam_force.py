@@ -1,7 +1,7 @@
 """The force between cam and follower over one settled revolution, and the torque of a camshaft.
 
-A rigid shaft turns at constant speed, so that the power of a lobe's force F on the valve's axis, F lift' omega, is that
-of its torque. Friction of the sliding is left out: the mean is what the train's dampings take.
+The shaft is rigid and turns at constant speed. The power of a lobe's force F on the valve's axis, F lift' omega,
+therefore equals that of its torque. Sliding friction is neglected: the mean torque covers the train's damping losses.
 """
 
 from collections.abc import Sequence
@@ -17,14 +17,14 @@ from camopt.scene.shapes import Float
 from camopt.scene.units import DEG
 
 REVOLUTIONS = 6
-"""From rest to the end of the one that is read: five to six usually settle (Wagstaff 1967, quoted by MOTORI 2004)."""
+"""Revolutions from rest, the last of which is used: five to six usually settle (Wagstaff 1967, in MOTORI 2004)."""
 STEP_DEG = 0.5
 MOST_LOBES = 100
 
 
-def settled_revolution(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[Response, str]:
-    """The motion from rest in its last revolution, at cam angles from -pi to pi, and the method: event-exact, or rkg
-    where that refuses or laws are curved. Raises InputError as `camopt.study.simulate.motion.recorded` does."""
+def last_revolution(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[Response, str]:
+    """The last revolution of the motion from rest, at cam angles from -pi to pi, and the method: event-exact, or rkg
+    where event-exact refuses or laws are curved. Raises InputError as `camopt.study.simulate.motion.recorded` does."""
     from camopt.study.simulate.motion import recorded
 
     motion, method = None, "event-exact"
@@ -39,8 +39,8 @@ def settled_revolution(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[Resp
     return replace(motion, angle=angle, **last), method
 
 
-def driven(scene: Scene) -> tuple[Train, int]:
-    """The train and the element that the cam drives; raises InputError where it drives none."""
+def driven_element(scene: Scene) -> tuple[Train, int]:
+    """The train and the index of its cam-driven element; raises InputError where it has none."""
     train = build_train(scene)
     if not np.any(train.cam_driven):
         raise InputError(
@@ -51,8 +51,8 @@ def driven(scene: Scene) -> tuple[Train, int]:
 
 @dataclass(frozen=True)
 class CamshaftTorque:
-    """The `torque` [N m] of all lobes together at cam angles `theta` [rad] of the first, one turn; `speed_rpm` of the
-    crank, None standing still."""
+    """The total `torque` [N m] of all lobes over one turn, at cam angles `theta` [rad] of the first lobe; `speed_rpm`
+    is the crankshaft speed, None at standstill."""
 
     theta: Float[np.ndarray, " k"] = field(repr=False)
     torque: Float[np.ndarray, " k"] = field(repr=False)
@@ -69,20 +69,20 @@ class CamshaftTorque:
 def camshaft_torque(
     scene: Scene, cam: Lift, phases_deg: Sequence[float] = (0.0,), speed_rpm: float | None = None
 ) -> CamshaftTorque:
-    """The torque of a shaft whose equal lobes follow the first by these cam angles.
+    """The torque of a shaft with equal lobes, which lag the first lobe by these cam angles.
 
-    At a crankshaft speed the force is that of the motion from rest in its sixth revolution; without one, that of the
-    train at rest on every lift. Raises InputError for more than `MOST_LOBES` lobes, and as the simulation does.
+    At a crankshaft speed the force is that of the sixth revolution from rest; without one it is that of the train at
+    rest at each lift. Raises InputError for more than `MOST_LOBES` lobes, and as the simulation does.
     """
     if not 0 < len(phases_deg) <= MOST_LOBES:
         raise InputError(f"camshaft: {len(phases_deg)} lobes: from 1 to {MOST_LOBES} are needed")
-    train, element = driven(scene)
+    train, element = driven_element(scene)
     theta = np.linspace(-180.0, 180.0, round(360 / STEP_DEG) + 1) * DEG
     if speed_rpm is None:
         force = static_forces(train, cam(theta))[:, element]
     else:
-        motion, _ = settled_revolution(scene, cam, speed_rpm)
+        motion, _ = last_revolution(scene, cam, speed_rpm)
         force = np.interp(theta, motion.angle, motion.force[:, element], period=2 * np.pi)
-    own = force * cam(theta, 1)
-    total = sum(np.interp(theta - phase * DEG, theta, own, period=2 * np.pi) for phase in phases_deg)
+    lobe = force * cam(theta, 1)
+    total = sum(np.interp(theta - phase * DEG, theta, lobe, period=2 * np.pi) for phase in phases_deg)
     return CamshaftTorque(theta, np.asarray(total), len(phases_deg), speed_rpm)

@@ -1,4 +1,4 @@
-"""A cam as `camopt cam` shows it: against the scene's limits and its follower, with its Hertz stress."""
+"""The text that `camopt cam` prints: a cam against the scene's limits, its contact and its Hertz stress."""
 
 import numpy as np
 
@@ -13,18 +13,18 @@ from camopt.scene.design import Design
 from camopt.scene.geometry import SWINGING, Geometry
 from camopt.scene.rest import static_forces
 from camopt.scene.units import DEG, MM
-from camopt.study.cam_force import driven, settled_revolution
+from camopt.study.cam_force import driven_element, last_revolution
 
 STATIC_STEP_DEG = 0.5
 BAND_SPEEDS = 11
-"""Speeds over the band at which the largest Hertz stress is looked for."""
+"""Number of speeds over the band among which the largest Hertz stress is sought."""
 SAME_DURATION_DEG = 1e-3
 SAME_LIFT = 1e-6
-"""Differences in duration, and in lift over the maximum, that rounding of a table leaves."""
+"""Differences in duration, and in lift relative to the maximum, that the rounding of a table explains."""
 MOST_SHOWN = 8
-"""Numbers of one parameter that the first line shows: the exponents and powers of every family."""
+"""Most numbers of one parameter that the first line shows: enough for the exponents and powers of every family."""
 DERIVATIVES = ("lift", "velocity", "acceleration", "jerk")
-"""By the order of the derivative."""
+"""Names by the order of the derivative."""
 LABELS = {
     "smallest_convex_radius_mm": "smallest convex radius",
     "smallest_concave_radius_mm": "smallest concave radius",
@@ -35,19 +35,19 @@ LABELS = {
     "valve_ratio_min": "valve over contact, least",
     "valve_ratio_max": "valve over contact, most",
 }
-"""Figures of a contact, and what they are called; their unit ends the key where they have one."""
+"""Labels of the quantities of a contact; the key of a dimensional quantity ends in its unit."""
 
 
 def sheet(scene: Scene, lift: Lift, speed_rpm: float | None = None) -> list[str]:
-    """Lines of text: limits, durations, and with [geometry] the contact and, at a speed, Hertz stress, velocities and
-    oil film. Derivatives of a rounded table are those of its means (`camopt.measure.rounded`)."""
-    law, told = moving_average(lift)
+    """Lines of text on limits and durations and, with [geometry], the contact; at a speed also Hertz stress, velocities
+    and oil film. Derivatives of a rounded table are those of its moving average (`camopt.measure.rounded`)."""
+    law, rounding = moving_average(lift)
     lines = _limits(scene, lift, law)
-    lines += [f"{told}."] * bool(told)
+    lines += [f"{rounding}."] * bool(rounding)
     if scene.geometry is not None:
-        touching = contact(law, scene.geometry)
-        lines += _contact(lift, touching)
-        if speed_rpm is not None and touching.contour_fault is not None:
+        follower_contact = contact(law, scene.geometry)
+        lines += _contact(lift, follower_contact)
+        if speed_rpm is not None and follower_contact.contour_fault is not None:
             lines.append("Hertz stress: none without a contour that gives the follower this lift")
         elif speed_rpm is not None:
             lines += _stress(scene, law, scene.geometry, speed_rpm)
@@ -55,12 +55,12 @@ def sheet(scene: Scene, lift: Lift, speed_rpm: float | None = None) -> list[str]
 
 
 def _limits(scene: Scene, lift: Lift, law: Lift) -> list[str]:
-    """The cam against the scene's limits; `law` has its derivatives."""
+    """The cam against the scene's limits; the derivatives are those of `law`."""
     design = scene.required_design
     ratio = lift.area_ratio_in(design)
-    shown = {k: round(v, 4) if k == "knot_deg" else v for k, v in lift.parameters.items()}
+    parameters = {k: round(v, 4) if k == "knot_deg" else v for k, v in lift.parameters.items()}
     lines = [
-        f"{lift.family}: " + ", ".join(f"{k} = {_brief(v)}" for k, v in shown.items() if k != "mended"),
+        f"{lift.family}: " + ", ".join(f"{k} = {_brief(v)}" for k, v in parameters.items() if k != "mended"),
         f"duration       {2 * lift.half_duration / DEG:.4f} deg (scene: {design.duration_deg:g})",
         f"maximum lift   {lift.max_lift / MM:.6f} mm (limit {design.max_lift_mm:g})",
         f"area           {lift.area / MM / DEG:.4f} mm deg, area ratio {ratio:.6f}",
@@ -84,9 +84,9 @@ def _limits(scene: Scene, lift: Lift, law: Lift) -> list[str]:
 
 
 def _steps(law: Lift, design: Design, order: int) -> str:
-    """That a derivative is infinite where one below it jumps, and what it is elsewhere begins; empty where none does.
+    """The statement that a derivative is infinite where a lower one jumps, which precedes its values elsewhere, or "".
 
-    The snap counts between the ramps, at whose ends every cam's jerk steps.
+    The snap is judged between the ramps only, because every cam's jerk jumps at the ramp ends.
     """
     within = law.half_duration if order == len(DERIVATIVES) else np.inf
     for below in range(1, order):
@@ -98,7 +98,7 @@ def _steps(law: Lift, design: Design, order: int) -> str:
 
 
 def _brief(value: object) -> str:
-    """A parameter in few words, without its rounding; long lists of numbers are in the files that the verb writes."""
+    """A parameter without rounding digits; a long list is replaced by its length and a reference to design.json."""
     if isinstance(value, float):
         return f"{value:.12g}"
     if isinstance(value, list | tuple) and len(value) > MOST_SHOWN:
@@ -107,41 +107,41 @@ def _brief(value: object) -> str:
 
 
 def remarks(lift: Lift, design: Design) -> list[str]:
-    """Sentences on what a reader of the figures would not expect: another duration, more lift, lift that was added."""
-    said = []
+    """Remarks on unusual properties: another duration, too much lift, repairs of the lift table, added lift."""
+    sentences = []
     longer = 2 * lift.half_duration / DEG - design.duration_deg
     if abs(longer) > SAME_DURATION_DEG:
-        said.append(
+        sentences.append(
             f"The cam is {abs(longer):.4g} deg {'longer' if longer > 0 else 'shorter'} between its ramp tops than the "
             f"scene's duration_deg of {design.duration_deg:g}: its area ratio does not compare with the scene's cams."
         )
     if lift.max_lift > design.max_lift_mm * MM * (1 + SAME_LIFT):
-        said.append(
+        sentences.append(
             f"Its lift exceeds the scene's max_lift_mm of {design.max_lift_mm:g}, by which the area ratio is divided: "
             f"the ratio may pass one."
         )
-    said += [f"Of its table: {sentence}." for sentence in lift.parameters.get("mended", [])]
+    sentences += [f"Of its table: {sentence}." for sentence in lift.parameters.get("mended", [])]
     if lift.parameters.get("outlier_lines"):
         lines = ", ".join(map(str, lift.parameters["outlier_lines"]))
-        said.append(f"Of its table: rows that stand out from their neighbours were set aside: lines {lines}.")
-    added = lift.parameters.get("added_lift_mm")
-    if added is not None:
-        said.append(
+        sentences.append(f"Of its table: rows that stand out from their neighbours were set aside: lines {lines}.")
+    added_mm = lift.parameters.get("added_lift_mm")
+    if added_mm is not None:
+        sentences.append(
             f"The table ends above the base circle: the scene's ramp was added on {lift.parameters['cut_ramps']} "
-            f"flank(s), {lift.parameters['added_deg']:g} deg and up to {added:g} mm of lift that were not measured."
+            f"flank(s), {lift.parameters['added_deg']:g} deg and up to {added_mm:g} mm of lift that were not measured."
         )
     if "acceleration_error_percent" in lift.parameters:
-        said.append(
+        sentences.append(
             f"With 95 % confidence the acceleration is within {lift.parameters['acceleration_error_percent']:g} % of "
             f"its largest value (root mean square over the event), its extremes within "
             f"{lift.parameters['peak_error_percent']:g} %."
         )
-    return said
+    return sentences
 
 
-def _contact(lift: Lift, touching: Contact) -> list[str]:
-    """The contact's figures and faults, and the durations at the usual lifts."""
-    geometry = touching.geometry
+def _contact(lift: Lift, follower_contact: Contact) -> list[str]:
+    """Quantities and faults of the contact, and the durations at the usual lifts."""
+    geometry = follower_contact.geometry
     body = "pad" if geometry.roller_radius_mm is None else "roller"
     follower = f"{geometry.follower} " + (f"with a {body}" if geometry.follower in SWINGING else "follower")
     if (radius := geometry.contact_radius_mm) is not None:
@@ -149,7 +149,7 @@ def _contact(lift: Lift, touching: Contact) -> list[str]:
     lines = [f"{follower} on a base circle of radius {geometry.base_radius_mm:g} mm"]
     if geometry.assumed:
         lines.append(f"  assumed: {', '.join(geometry.assumed)}")
-    for key, value in touching.figures().items():
+    for key, value in follower_contact.figures().items():
         unit = key.rpartition("_")[2] if key.endswith(("_mm", "_deg")) else ""
         if value is not None:
             lines.append(f"  {LABELS[key]:<24} {value:10.4f} {unit}".rstrip())
@@ -162,38 +162,38 @@ def _contact(lift: Lift, touching: Contact) -> list[str]:
             continue
         opening, closing = (angle / DEG for angle in crossing(lift, height * MM))
         lines.append(f"  {label:<24} {opening:10.4f} to {closing:.4f} deg, {closing - opening:.4f} deg long")
-    return lines + [f"  fault: {sentence}" for sentence in touching.faults()]
+    return lines + [f"  fault: {sentence}" for sentence in follower_contact.faults()]
 
 
 def _stress(scene: Scene, lift: Lift, geometry: Geometry, speed_rpm: float) -> list[str]:
-    """The largest Hertz stress in the band, at a speed and standing still, with what the surfaces do at that speed."""
+    """The largest Hertz stress in the band, at a speed and at standstill, with the surface velocities at that speed."""
     width = contact_width(geometry) / MM
     source = "contact_width_mm" if geometry.contact_width_mm else "face_width_mm"
     moving, method = dynamic_stress(scene, lift, speed_rpm)
-    standing = static_stress(scene, lift)
+    at_rest = static_stress(scene, lift)
     band = [float(speed) for speed in np.linspace(*scene.required_operation.band_rpm, BAND_SPEEDS)]
-    found = [(moving, speed_rpm), *((dynamic_stress(scene, lift, speed)[0], speed) for speed in band)]
-    worst, at_rpm = max(found, key=lambda one: one[0].largest[0])
+    stresses = [(moving, speed_rpm), *((dynamic_stress(scene, lift, speed)[0], speed) for speed in band)]
+    worst, at_rpm = max(stresses, key=lambda entry: entry[0].largest[0])
     within = f"most in band, {at_rpm:.0f} r/min"
     lines = [*_surfaces(scene, lift, moving, speed_rpm), f"Hertz stress over a line of {width:g} mm ({source})"]
-    for name, stress in ((within, worst), (f"at {speed_rpm:g} r/min ({method})", moving), ("standing still", standing)):
-        f = stress.figures()
-        borne = share_borne(f["hertz_stress_MPa"], geometry)
+    for name, stress in ((within, worst), (f"at {speed_rpm:g} r/min ({method})", moving), ("standing still", at_rest)):
+        largest = stress.figures()
+        share = share_borne(largest["hertz_stress_MPa"], geometry)
         lines.append(
-            f"  {name:<24} {f['hertz_stress_MPa']:10.1f} MPa at {f['cam_angle_deg']:.1f} deg, "
-            f"normal force {f['normal_force_N']:.1f} N{', ' * bool(borne)}{borne}"
+            f"  {name:<24} {largest['hertz_stress_MPa']:10.1f} MPa at {largest['cam_angle_deg']:.1f} deg, "
+            f"normal force {largest['normal_force_N']:.1f} N{', ' * bool(share)}{share}"
         )
     return lines
 
 
 def share_borne(stress_MPa: float, geometry: Geometry) -> str:
-    """How much of what the materials bear a stress is; empty where the scene does not say it."""
+    """A stress as a percentage of the materials' limit; empty where the scene does not state the limit."""
     limit = geometry.hertz_max_MPa
     return "" if limit is None else f"{100 * stress_MPa / limit:.0f} % of {limit:g} MPa"
 
 
 def _surfaces(scene: Scene, lift: Lift, moving: HertzStress, speed_rpm: float) -> list[str]:
-    """Velocities of the two surfaces at their contact, and the oil film where the scene states an oil."""
+    """Velocities of the two surfaces at their contact, and the oil film where the scene has an oil."""
     cam_speed = scene.cam_speed(speed_rpm)
     along = contact(lift, scene.required_geometry, moving.theta)
     entrained = along.entrainment * cam_speed
@@ -214,16 +214,16 @@ def _surfaces(scene: Scene, lift: Lift, moving: HertzStress, speed_rpm: float) -
 
 
 def dynamic_stress(scene: Scene, lift: Lift, speed_rpm: float) -> tuple[HertzStress, str]:
-    """The stress over one cam revolution under way, and the method: event-exact, or rkg where that refuses.
+    """The stress over one cam revolution at a speed, and the method: event-exact, or rkg where event-exact refuses.
 
-    Raises InputError as `hertz_stress` and `camopt.study.cam_force.settled_revolution` do.
+    Raises InputError as `hertz_stress` and `camopt.study.cam_force.last_revolution` do.
     """
-    motion, method = settled_revolution(scene, lift, speed_rpm)
-    return hertz_stress(lift, scene.required_geometry, motion.angle, motion.force[:, driven(scene)[1]]), method
+    motion, method = last_revolution(scene, lift, speed_rpm)
+    return hertz_stress(lift, scene.required_geometry, motion.angle, motion.force[:, driven_element(scene)[1]]), method
 
 
 def static_stress(scene: Scene, lift: Lift) -> HertzStress:
-    """The stress where the cam stands still, every `STATIC_STEP_DEG`; InputError as `hertz_stress`."""
-    train, element = driven(scene)
+    """The stress at standstill, every `STATIC_STEP_DEG`; raises InputError as `hertz_stress` does."""
+    train, element = driven_element(scene)
     theta = np.arange(-180.0, 180.0, STATIC_STEP_DEG) * DEG
     return hertz_stress(lift, scene.required_geometry, theta, static_forces(train, lift(theta))[:, element])

@@ -1,4 +1,4 @@
-"""What a limit costs: the largest confirmed area over a range of one limit; cam and valve spring designed together."""
+"""The cost of a limit: the largest confirmed area over a range of one limit; joint design of cam and valve spring."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -9,6 +9,7 @@ import xarray as xr
 from tqdm import tqdm
 
 from camopt.optimizer.accuracy import Accuracy, accuracy_named
+from camopt.optimizer.as_built.checks import check_wanted
 from camopt.optimizer.free_numbers import Programs
 from camopt.optimizer.search.search import find_cam
 from camopt.scene import InputError, Scene
@@ -24,12 +25,12 @@ VALUES = {
     "snap_max_mm_per_deg4": (0.0005, 0.001, 0.002, 0.004),
     "yield": (0.99, 0.95, 0.9, 0.8, 0.5),
 }
-"""Values tried where none are given."""
+"""Default values by limit."""
 
 
 @dataclass(frozen=True)
 class Front:
-    """Area against a limit: `table` with coordinate `limit` (k) and area_ratio, the worst metrics; NaN: no cam."""
+    """Area against a limit: `table` has coordinate `limit` (k), area_ratio and worst metrics; NaN without a cam."""
 
     scene: str
     against: str
@@ -60,38 +61,43 @@ def pareto(
 ) -> Front:
     """Largest area ratio that the event-exact judge confirms, for each value of the design's limit `against`.
 
-    Against "yield" the values are shares of the trains as built that the cam must hold, over the band; then `seed`
-    draws the search's trains. `values` (k) in the limit's own units (default: `VALUES`) are tried from tight to loose:
-    a cam found within a tighter limit counts within a looser one too. `release` names limits to leave out, since a
-    tight jump limit hides what bounce costs. With `out` each point is stored as it is found, and a second call goes on
-    from there. Raises InputError for an unknown limit or accuracy, or an unusable `out`. A value without a confirmed
-    cam is NaN.
+    With `against` "yield" the values are shares of the trains as built in which the cam must hold, over the band;
+    `seed` then draws the trains of the search. `values` (k) in the limit's own units (default: `VALUES`) are tried from
+    tight to loose: a cam found under a tighter limit also counts for a looser one. `release` names limits to leave out,
+    because a tight jump limit hides the cost of bounce. With `out` each point is stored as it is found, and a second
+    call continues from there. A value without a confirmed cam is NaN. Raises InputError for an unknown limit or
+    accuracy, or an unusable `out`.
     """
-    design, of_yield = scene.design, against == "yield"
-    is_limit = of_yield or (design is not None and against in type(design).model_fields)
+    design, is_yield = scene.design, against == "yield"
+    is_limit = is_yield or (design is not None and against in type(design).model_fields)
     if design is None or not is_limit or not (values or against in VALUES):
         raise InputError(f"pareto: {against!r}: expected a limit of [design] such as {', '.join(VALUES)}, with values")
-    left_out = None if of_yield else AS_BUILT
+    left_out = None if is_yield else AS_BUILT
     plain = scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True, exclude=left_out)
     identity = {"against": against, "release": sorted(release), "speeds": speeds, "accuracy": accuracy}
-    identity |= {"gradient": gradient, "scene": plain} | ({"seed": seed} if of_yield else {})
+    identity |= {"gradient": gradient, "scene": plain} | ({"seed": seed} if is_yield else {})
     if out is not None:
         check_file(out)
     points = Records(out, "limit", identity=identity)
     rows, effort, best = [], accuracy_named(accuracy), {"area_ratio": None}
-    carried = of_yield or "_max" in against or "_min" in against
-    tight_first = sorted(values or VALUES[against], key=lambda value: -value if of_yield else abs(value))
+    nested = is_yield or "_max" in against or "_min" in against
+    tight_first = sorted(values or VALUES[against], key=lambda value: -value if is_yield else abs(value))
     for value in tqdm(tight_first, disable=None if progress else True, desc=against):
         if (point := points.get(float(value))) is None:
-            limits = dict.fromkeys(release) | ({} if of_yield else {against: value})
+            limits = dict.fromkeys(release) | ({} if is_yield else {against: value})
             changed = scene.model_copy(update={"design": design.model_copy(update=limits)})
-            if of_yield:
-                outcome = _yield_point(changed, value, effort, gradient, seed)
-            else:
-                outcome = _point(changed, speeds, effort, gradient)
+            if is_yield:
+                check_wanted(changed, value, "band")
+            try:
+                if is_yield:
+                    outcome = _yield_point(changed, value, effort, gradient, seed)
+                else:
+                    outcome = _point(changed, speeds, effort, gradient)
+            except InputError:
+                outcome = {"area_ratio": None}
             point = {"limit": float(value)} | outcome
             points.add(point)
-        if not carried or (point["area_ratio"] or 0.0) > (best["area_ratio"] or 0.0):
+        if not nested or (point["area_ratio"] or 0.0) > (best["area_ratio"] or 0.0):
             best = point
         rows.append(best | {"limit": float(value)})
     names = dict.fromkeys(name for row in rows for name in row if name != "limit")
@@ -100,23 +106,16 @@ def pareto(
 
 
 def _yield_point(scene: Scene, wanted: float, effort: Accuracy, gradient: str, seed: int) -> dict:
-    """The largest area ratio that this share of the search's drawn trains holds, None without a cam."""
-    from camopt.optimizer.as_built.checks import check_wanted
+    """The largest area ratio of a cam that holds in this share of the drawn trains; raises InputError without a cam."""
     from camopt.optimizer.as_built.search import yield_search
 
-    check_wanted(scene, wanted, "band")
-    try:
-        search = yield_search(scene, wanted, effort, gradient=gradient, seed=seed)
-    except InputError:
-        return {"area_ratio": None}
+    search = yield_search(scene, wanted, effort, gradient=gradient, seed=seed)
     return {"area_ratio": search.held[-1].area_ratio, "trains": search.trains_drawn, "cams": search.steps}
 
 
 def _point(scene: Scene, speeds: str, effort: Accuracy, gradient: str) -> dict:
-    try:
-        search = find_cam(scene, speeds, effort, gradient)
-    except InputError:
-        return {"area_ratio": None}
+    """The largest area ratio within the limits, with its worst metrics; raises InputError without a cam."""
+    search = find_cam(scene, speeds, effort, gradient)
     best, first = search.confirmed[-1], search.first
     assert first is not None, "a search with a cam has ended its first stage"
     worst = {f"worst_{name}": best.judged.worst(name) for name in ("bounce_mm", *best.judged.limited)}
@@ -125,7 +124,7 @@ def _point(scene: Scene, speeds: str, effort: Accuracy, gradient: str) -> dict:
 
 @dataclass(frozen=True)
 class SpringDesign:
-    """Spring and cam found together: factors on rate and preload, the program's area ratios there and as given."""
+    """Spring and cam designed together: factors on rate and preload, the program's area ratios with and without."""
 
     rate: float
     preload: float
@@ -145,8 +144,8 @@ def joint_spring(
     margin_N: float = 0.0,
     evaluations: int = 30,
 ) -> SpringDesign:
-    """The factors on the valve spring's rate and preload, within these ranges, that give the program its largest area
-    (`camopt.optimizer.free_numbers`); `optimize` confirms the cam of the scene that is found."""
+    """The factors on the valve spring's rate and preload, within the given ranges, that maximise the program's area
+    (`camopt.optimizer.free_numbers`); `optimize` confirms the cam of the resulting scene."""
     effort = accuracy_named(accuracy)
     programs = Programs(lambda factors: with_spring(scene, *map(float, factors)), speeds, effort, margin_N)
     best = programs.largest((1.0, 1.0), (rate, preload), evaluations)

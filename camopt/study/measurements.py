@@ -1,5 +1,5 @@
-"""Measurements that `camopt tradeoff` and `camopt extremes` write, and go on with after an interruption; times of
-calls, the least of several, because other work on the machine only ever makes a call longer."""
+"""Measurements of `camopt tradeoff` and `camopt extremes`, which resume after an interruption, and timing of calls. The
+least of several times counts, because other work on the machine can only lengthen a call."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -11,17 +11,17 @@ from tqdm import tqdm
 from camopt.storage.journal import Records
 
 LINES = "measured.jsonl"
-"""The journal of a run folder, a line for each measurement."""
+"""The journal of a run folder, with a line for each measurement."""
 COLUMNS = ("case", "method", "setting", "error", "error_of", "seconds", "converged", "verdict")
 """Columns of tradeoff.csv and extremes.csv."""
 REFERENCE = "reference"
-"""The method of a case's reference, against which the errors of all others are taken."""
+"""The method name of a case's reference, with which all others are compared."""
 Measurement = tuple[tuple[str, ...], Callable[[], dict]]
-"""The values of the journal's names, case and method first, and what gives the rest of the record."""
+"""The values of the journal's key fields, case and method first, and the function that returns the other fields."""
 
 
 def measured(journal: Records, work: Sequence[Measurement], progress: bool = False) -> list[dict]:
-    """The records of all measurements, in the order of `work`; those that the journal holds are not made again."""
+    """The records of all measurements, in the order of `work`; those in the journal are not measured again."""
     records = []
     with tqdm(work, disable=None if progress else True, unit="measurement", dynamic_ncols=True) as bar:
         for key, run in bar:
@@ -33,24 +33,24 @@ def measured(journal: Records, work: Sequence[Measurement], progress: bool = Fal
 
 
 def aligned(cells: Sequence[Sequence[str]], sides: str) -> list[str]:
-    """The lines of a table, each of whose columns stands to the left (<) or to the right (>)."""
+    """The lines of a table whose columns are aligned to the left (<) or to the right (>)."""
     widths = [max(map(len, column)) for column in zip(*cells, strict=True)]
-    how = list(zip(sides, widths, strict=True))
-    lines = ("  ".join(f"{text:{side}{width}}" for text, (side, width) in zip(row, how, strict=True)) for row in cells)
+    spec = list(zip(sides, widths, strict=True))
+    lines = ("  ".join(f"{text:{side}{width}}" for text, (side, width) in zip(row, spec, strict=True)) for row in cells)
     return [line.rstrip() for line in lines]
 
 
 REPEATS = 100
 PATIENCE = 0.4
-"""Seconds after which `timed` repeats a call no more."""
+"""Total time [s] after which `timed` stops repeating a call."""
 T = TypeVar("T")
 
 
 def fastest(
     run: Callable[[], T], repeats: int, clock: Callable[[], Any] = time.process_time, *, first: bool = True
 ) -> tuple[Any, T]:
-    """(least time of `repeats` calls [s], result of the last), after a `first` call, not counted, which compiles and
-    builds tables. `clock` gives one time, or several in an array, of each of which the least is told."""
+    """The least time [s] of `repeats` calls and the result of the last one. A `first` call, which compiles and builds
+    tables, is not counted. `clock` returns one time, or several as an array, each of which is minimised."""
     if first:
         run()
     seconds = []
@@ -63,8 +63,8 @@ def fastest(
 
 
 def timed(run: Callable[[], T], per: float = 1.0) -> tuple[dict[str, float], T]:
-    """({"seconds": least processor time of a call over `per`, "setup_seconds": what the first one took beyond}, its
-    result); processor time, because another program on the machine shall not look like a slow method."""
+    """({"seconds": least processor time of a call divided by `per`, "setup_seconds": the excess of the first call},
+    result). Processor time is used so that other programs on the machine do not make a method look slow."""
     first, result = fastest(run, 1, first=False)
     seconds: list[float] = []
     while not seconds or (len(seconds) < REPEATS and sum(seconds) < PATIENCE):

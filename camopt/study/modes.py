@@ -8,7 +8,7 @@ from camopt.scene import InputError, Scene, build_train
 from camopt.scene.vibration import State, acting_elements, oscillations
 
 LEADING = 0.01
-"""Share of the largest component that a component needs to decide the sign of its shape."""
+"""Component, relative to the largest, from which on it may decide the sign of its shape."""
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class Modes:
     frequency_Hz: np.ndarray  # (m), magnitude of the eigenvalue over 2 pi: the undamped frequency where undamped
     angular: np.ndarray  # (m) rad/s
     damping_ratio: np.ndarray  # (m), zero where undamped
-    shape: np.ndarray  # (m, n), unit norm, the last component of any size positive
+    shape: np.ndarray  # (m, n), unit norm, the last component above LEADING positive
     mass_names: tuple[str, ...]
     closed: tuple[str, ...]  # the contacts taken as closed
 
@@ -42,11 +42,11 @@ class Modes:
 
 
 def modes(scene: Scene, state: State = "lifted") -> Modes:
-    """Modes of a scene with the valve lifted off its seat or on it (`camopt.scene.vibration.acting_elements`).
+    """Modes of a scene with the valve lifted off its seat or seated (`camopt.scene.vibration.acting_elements`).
 
-    With damping the modes are those of the damped train: frequency |lambda| / (2 pi), damping ratio
-    -Re(lambda) / |lambda|, shape in the phase in which it is largest; overdamped pairs are left out. Raises InputError
-    for an unknown state.
+    With damping they are the modes of the damped train: frequency |lambda| / (2 pi), damping ratio -Re(lambda) /
+    |lambda|, shape in the phase in which it is largest; overdamped pairs are left out. Raises InputError for an unknown
+    state.
     """
     if state not in ("lifted", "seated"):
         raise InputError(f"modes: state {state!r}: expected 'lifted' or 'seated'")
@@ -58,7 +58,7 @@ def modes(scene: Scene, state: State = "lifted") -> Modes:
 
 
 def mode_lines(result: Modes) -> list[str]:
-    """A line for the headings, then one for every mode; last, what does not swing."""
+    """A line of headings, then a line for each mode, and last the number of overdamped modes, if any."""
     masses = result.mass_names
     lines = [f"{'Hz':>12}  {'rad/s':>12}  {'damping':>8}  " + "  ".join(f"{name:>10}" for name in masses)]
     rows = zip(result.frequency_Hz, result.angular, result.damping_ratio, result.shape, strict=True)
@@ -71,7 +71,7 @@ def mode_lines(result: Modes) -> list[str]:
 
 
 def _normalised(shape: np.ndarray) -> np.ndarray:
-    """Shapes (m, n) with unit norm; the sign is that of the literature's Table 2, the last sizeable component up."""
+    """Shapes (m, n) with unit norm, signed as in the literature's Table 2: the last sizeable component is positive."""
     shape = shape / np.linalg.norm(shape, axis=1)[:, None]
     sizeable = np.abs(shape) >= LEADING * np.abs(shape).max(axis=1)[:, None]
     last = shape.shape[1] - 1 - np.argmax(sizeable[:, ::-1], axis=1)

@@ -1,4 +1,4 @@
-"""What the verbs of tasks (`camopt.tasks`) compute: each takes a task and returns plain numbers by name."""
+"""The verbs of tasks (`camopt.tasks`): each computes one task and returns plain numbers by name."""
 
 from functools import lru_cache
 
@@ -24,7 +24,7 @@ Numbers = tuple[tuple[str, float], ...]
 def settled_task(task: SettledTask) -> dict:
     """Lowest and highest value of every metric over the measured revolutions of the settled motion, from rest.
 
-    Also `broken`, the limits on the motion that the worst of them breaks, `periodic`, `refused` and `revolutions`.
+    Also `broken`, the limits on the motion that the worst values break, `periodic`, `refused` and `revolutions`.
     """
     scene, cam = scene_and_cam(task)
     speeds = [scene.cam_speed(task.speed_rpm)]
@@ -38,7 +38,7 @@ def settled_task(task: SettledTask) -> dict:
 
 
 def simulate_task(task: SimulateTask) -> dict:
-    """The worst of each metric over the revolutions from rest but the last, and the valve's largest position."""
+    """The worst value of each metric over all revolutions from rest but the last, and the largest valve position."""
     scene, cam = scene_and_cam(task)
     settings = {"revolutions": task.revolutions, "step_deg": task.step_deg}
     motion = simulate(scene, cam, task.speed_rpm, task.method, **settings)
@@ -48,10 +48,10 @@ def simulate_task(task: SimulateTask) -> dict:
 
 
 def yield_task(task: YieldTask) -> dict:
-    """How much of each limit one drawn train uses at each speed (`used_<limit>`), the `worst`, and whether it holds."""
+    """The usage of each limit by one drawn train at each speed (`used_<limit>`), the `worst`, and whether it holds."""
     scene, _ = scene_and_cam(task)
-    (one,) = trains_as_built(scene, 1, seed=task.seed, first=task.train)
-    (used,) = _track(task.scene, _varied(task), task.cam, task.speeds_rpm).used([one])
+    (train,) = trains_as_built(scene, 1, seed=task.seed, first=task.train)
+    (used,) = _track(task.scene, _varied(task), task.cam, task.speeds_rpm).used([train])
     by_limit = dict(zip(motion_limits(scene.design), used, strict=True))
     worst = float(used.max()) if len(by_limit) else 0.0
     return {**{f"used_{limit}": shares for limit, shares in by_limit.items()}, "worst": worst, "holds": worst <= 1.0}
@@ -62,7 +62,7 @@ def _varied(task: TaskOnScene) -> Numbers:
 
 
 def scene_and_cam(task: TaskOnScene) -> tuple[Scene, Lift]:
-    """The scene of a task with the numbers that it varies, and its cam; a family's member is that of this scene."""
+    """The scene of a task with its varied numbers, and its cam; a family's member is designed for this scene."""
     return _scene(task.scene, _varied(task)), _cam(task.scene, _varied(task), task.cam)
 
 
@@ -81,5 +81,5 @@ def _cam(text: str, numbers: Numbers, cam: str) -> Lift:
 
 @lru_cache(maxsize=16)
 def _track(text: str, numbers: Numbers, cam: str, speeds_rpm: tuple[float, ...]) -> Track:
-    """As in `camopt yield`: drawn trains settle from the states of the train as designed."""
+    """As in `camopt yield`, drawn trains start from the settled states of the train as designed."""
     return track(_scene(text, numbers), _cam(text, numbers, cam), speeds_rpm)

@@ -1,4 +1,4 @@
-"""What another number of the scene would buy: a cam before and after, and the cam that is designed for it."""
+"""The effect of other numbers in a scene: on a cam, before and after, and on a cam designed for the changed scene."""
 
 from collections.abc import Mapping
 
@@ -29,13 +29,13 @@ ROWS = (
 def what_if(
     scene: Scene, cam: Lift, changes: Mapping[str, tuple[bool, float]], *, redesign: bool = False, trains: int = 100
 ) -> dict:
-    """What `changes` buy a cam, all of them together, and with `redesign` a cam that is designed for them: the content
-    of `what-if --json`, with the changed numbers from and to, and by the names of `outcome` what a cam comes to.
+    """The effect of all `changes` together on a cam, and with `redesign` also a cam designed for them. Returns the
+    content of `what-if --json`: the changed numbers, from and to, and the `outcome` of each cam.
 
-    `changes` are by name: NAME.KEY of a mass or an element ("*" as NAME: each that has the key), or a key of [design],
-    [operation] or [geometry] as design.KEY; whether the number is a factor on the scene's own, and the number. The
-    yield is that of `trains` drawn trains. Raises InputError for a name that the scene does not have, and for numbers
-    that make it faulty.
+    The keys of `changes` are NAME.KEY of a mass or an element ("*" as NAME: each that has the key), or a key of
+    [design], [operation] or [geometry] as design.KEY; the values are whether the number is a factor on the scene's
+    value, and the number. The yield is that of `trains` drawn trains. Raises InputError for a name that the scene does
+    not have, and for numbers that make the scene invalid.
     """
     after, changed = changed_scene(scene, changes)
     content: dict[str, dict] = {"changed": {name: {"from": was, "to": now} for name, (was, now) in changed.items()}}
@@ -47,27 +47,27 @@ def what_if(
             chosen = largest_confirmed(after, search.confirmed, "band", effort, family_cams(after))
             content["redesigned"] = outcome(after, chosen.cam.lift, trains)
         except InputError as error:
-            none = {"cam": "none", "verdict": "none holds", "says": str(error)}
-            content["redesigned"] = dict.fromkeys(key for _, key, _ in ROWS) | none
+            no_cam = {"cam": "none", "verdict": "none holds", "says": str(error)}
+            content["redesigned"] = dict.fromkeys(key for _, key, _ in ROWS) | no_cam
     return content
 
 
 def what_if_lines(content: dict) -> list[str]:
-    """The numbers that were changed, then a table with a column for each cam; last, why there is none."""
-    cams = {name.replace("_", " "): one for name, one in content.items() if name != "changed"}
-    lines = [f"{name}: {one['from']:.6g} -> {one['to']:.6g}" for name, one in content["changed"].items()]
+    """The changed numbers, then a table with a column for each cam, then the reason where there is no cam."""
+    cams = {name.replace("_", " "): entry for name, entry in content.items() if name != "changed"}
+    lines = [f"{name}: {entry['from']:.6g} -> {entry['to']:.6g}" for name, entry in content["changed"].items()]
     width = max(len(label) for label, _, _ in ROWS)
     lines.append(f"{'':<{width}}" + "".join(f"  {name:>15}" for name in cams))
     for label, key, digits in ROWS:
-        cells = ["–" if one[key] is None else format(one[key], digits) for one in cams.values()]
+        cells = ["–" if entry[key] is None else format(entry[key], digits) for entry in cams.values()]
         lines.append(f"{label:<{width}}" + "".join(f"  {cell:>15}" for cell in cells))
-    return [*lines, *(f"{name}: {one['says']}" for name, one in cams.items() if one["says"])]
+    return [*lines, *(f"{name}: {entry['says']}" for name, entry in cams.items() if entry["says"])]
 
 
 def changed_scene(
     scene: Scene, changes: Mapping[str, tuple[bool, float]]
 ) -> tuple[Scene, dict[str, tuple[float, float]]]:
-    """The scene with the changes of `what_if`, checked as a file would be, and each number from and to."""
+    """The scene with the changes of `what_if`, checked as a file would be, and each number before and after."""
     changed: dict[str, tuple[float, float]] = {}
     after = scene
     for name, (factor, value) in changes.items():
@@ -81,9 +81,9 @@ def changed_scene(
 
 
 def outcome(scene: Scene, cam: Lift, trains: int) -> dict:
-    """What a cam comes to in a scene: its verdict over the band at accuracy draft, where jump and bounce begin (None:
-    not below 1.5 times the band's top), and the share of trains as built that hold (None where the scene does not say
-    how they differ); `says` is why there is no cam."""
+    """The results of a cam in a scene: its verdict over the band at accuracy draft, the speeds at which jump and bounce
+    begin (None: not below 1.5 times the band's top), and the share of trains as built that hold (None for a scene
+    without scatter); `says` is empty, or the reason why there is no cam."""
     verdict = full_verdict(scene, cam, "band", accuracy_named(DRAFT))
     return {
         "cam": cam.family,

@@ -1,4 +1,4 @@
-"""`camopt yield`: the share of trains as built that hold the limits, what breaks first, which tolerance is to blame."""
+"""`camopt yield`: the share of trains as built that hold the limits, what breaks first, the tolerances to blame."""
 
 from collections.abc import Sequence
 from contextlib import nullcontext
@@ -34,7 +34,7 @@ from camopt.storage import plain, run_folder, run_identity, write_json, write_te
 from camopt.storage.journal import Records
 
 TRAINS, SPEEDS = 1000, 11
-"""How many trains are drawn, and at how many speeds of the band they are judged, where nothing else is said."""
+"""Default numbers of drawn trains and of speeds over the band at which they are judged."""
 HIGHEST = 0.99
 """Largest share of the trains for which prices are stated."""
 JOURNAL, SUMMARY = "trains.jsonl", "yield.json"
@@ -42,8 +42,8 @@ JOURNAL, SUMMARY = "trains.jsonl", "yield.json"
 
 @dataclass(frozen=True, repr=False)
 class Yield:
-    """What was found of a cam: `used` limits of every train (t, l, s), the share that holds, what spoils the others;
-    `halved` is by tolerance the share with half of it, where asked for."""
+    """The yield of a cam: the limit usage `used` of every train (t, l, s), the share that holds, and the causes of the
+    failures; `halved` holds, by tolerance, the share with this tolerance halved, where requested."""
 
     scene: str
     cam: str
@@ -68,19 +68,19 @@ class Yield:
 
     @property
     def table(self) -> xr.DataArray:
-        """How much of each limit each train uses at each speed, labelled."""
+        """The usage of each limit by each train at each speed, labelled."""
         coordinates = {"limit": list(self.used.limits), "speed_rpm": self.used.speeds_rpm}
         return xr.DataArray(self.used.used, coordinates, ("train", "limit", "speed_rpm"), name="used")
 
     def plot(self):
-        """How much of each limit the trains use over the speed, as a matplotlib Figure."""
+        """The usage of each limit by the trains against the speed, as a matplotlib Figure."""
         from camopt.plots.yields import used_against_speed
 
         by_limit = dict(zip(self.used.limits, np.moveaxis(self.used.used, 1, 0), strict=True))
         return used_against_speed(self.used.speeds_rpm, by_limit, f"{self.scene}, {self.cam}: {self.share}")
 
     def plot_blame(self):
-        """Which tolerance is to blame, and what half of it would buy, as a matplotlib Figure."""
+        """The contribution of each tolerance, and the gain from halving it, as a matplotlib Figure."""
         from camopt.plots.yields import blame_bars
 
         bought = {label: entry["share"] - self.share.share for label, entry in self.halved.items()}
@@ -106,13 +106,13 @@ def manufacturing_yield(
     resume: bool = False,
     progress: bool = False,
 ) -> Yield:
-    """The share of drawn trains that hold every limit on the motion at every speed, and what spoils the others.
+    """The share of drawn trains that hold every limit on the motion at every speed, and the causes of the failures.
 
-    `speeds_rpm` (s) are crankshaft speeds, by default `SPEEDS` of them over the scene's band. Train i hangs on `seed`
-    and i alone. With `halve` the same trains are measured with every tolerance halved in turn; with `price` it is said
-    what each costs in area at the share that holds, or at the advised one where fewer hold. With `out` a run folder
-    is written, train by train; with `resume` it goes on there, also with more trains. Raises InputError for a scene
-    without limits on the motion or without anything that scatters, and for a folder as `run_folder` does.
+    `speeds_rpm` (s) are crankshaft speeds, by default `SPEEDS` of them over the scene's band. Train i depends on `seed`
+    and i alone. With `halve` the same trains are measured with every tolerance halved in turn; with `price` the area
+    that each tolerance costs is stated at the share that holds, or at the advised share where fewer hold. With `out` a
+    run folder is written, train by train; with `resume` it is continued, also with more trains. Raises InputError for a
+    scene without limits on the motion or without any scatter, and for a folder as `run_folder` does.
     """
     check_scatter(scene)
     if not motion_limits(scene.design):
@@ -120,16 +120,16 @@ def manufacturing_yield(
             f"yield: [design] of {scene.name} limits nothing of the motion, so every train would hold: give it "
             f"bounce_max_mm or another limit on the motion"
         )
-    given = np.linspace(*scene.required_operation.band_rpm, SPEEDS).tolist() if speeds_rpm is None else speeds_rpm
-    speeds = sorted(map(float, given))
+    chosen = np.linspace(*scene.required_operation.band_rpm, SPEEDS).tolist() if speeds_rpm is None else speeds_rpm
+    speeds = sorted(map(float, chosen))
     scatter = plain(scene.model_dump(mode="json", include=AS_BUILT))
     identity = run_identity("yield", scene, seed=seed, speeds_rpm=speeds, cam=cam_digest(cam), as_built=scatter)
     with run_folder(out, identity, resume, [JOURNAL]) if out is not None else nullcontext() as folder:
-        journal, way = trains_journal(folder and folder / JOURNAL), track(scene, cam, speeds)
-        labels = scatter_labels(scene) if halve else ()  # the draws stay those of a tolerance's label
+        journal, cam_track = trains_journal(folder and folder / JOURNAL), track(scene, cam, speeds)
+        labels = scatter_labels(scene) if halve else ()  # halving changes no draw: draws depend on a tolerance's label
         scenes = {"": scene} | {label: with_scatter(scene, {label: 0.5}) for label in labels}
-        by_halved = {name: _measured(one, way, trains, journal, seed, name, progress) for name, one in scenes.items()}
-        used = UsedLimits(tuple(way.limits), np.array(speeds), by_halved.pop(""))
+        by_halved = {name: _measured(s, cam_track, trains, journal, seed, name, progress) for name, s in scenes.items()}
+        used = UsedLimits(tuple(cam_track.limits), np.array(speeds), by_halved.pop(""))
         result = _summary(scene, cam, seed, used, by_halved)
         if price:
             result = replace(result, prices=_prices(scene, cam, result.share, seed, progress))
@@ -144,17 +144,17 @@ def manufacturing_yield(
 
 
 def _measured(
-    scene: Scene, way: Track, trains: int, journal: Records, seed: int, halved: str, progress: bool
+    scene: Scene, cam_track: Track, trains: int, journal: Records, seed: int, halved: str, progress: bool
 ) -> np.ndarray:
-    """The used parts (t, l, s) of so many trains, with a bar that counts them."""
-    stored = trains - len(missing_trains(journal, cam_digest(way.lift), halved, trains))
+    """The limit usage (t, l, s) of this many trains, with a progress bar."""
+    stored = trains - len(missing_trains(journal, cam_digest(cam_track.lift), halved, trains))
     name = f"{halved} halved" if halved else "trains"
     with tqdm(total=trains, initial=stored, disable=None if progress else True, desc=name) as bar:
-        return measure_trains(scene, way, trains, journal, seed=seed, halved=halved, advance=bar.update)
+        return measure_trains(scene, cam_track, trains, journal, seed=seed, halved=halved, advance=bar.update)
 
 
 def _prices(scene: Scene, cam: Lift, share: Share, seed: int, progress: bool) -> PriceList:
-    """The price list at the share that holds and the cam's own area; where fewer hold, at the advised share."""
+    """The price list at the share that holds and the cam's own area, or at the advised share where fewer hold."""
     wanted = min(max(share.share, ADVISED), HIGHEST)
     area = cam.area_ratio_in(scene.required_design) if share.share >= ADVISED else None
     with tqdm(total=100, disable=None if progress else True, desc="prices", unit="%") as bar:
@@ -164,7 +164,7 @@ def _prices(scene: Scene, cam: Lift, share: Share, seed: int, progress: bool) ->
 
 
 def yield_lines(result: Yield) -> list[str]:
-    """What was found, in sentences."""
+    """The yield in sentences."""
     record = result.as_dict()
     lines = [f"{result.scene}, {result.cam}: {share_sentence(record)}", *spoiling_sentences(record)]
     for label, entry in sorted(result.halved.items(), key=lambda item: -item[1]["share"]):
@@ -176,14 +176,14 @@ def yield_lines(result: Yield) -> list[str]:
     return lines
 
 
-def _summary(scene: Scene, cam: Lift, seed: int, used: UsedLimits, others: dict[str, np.ndarray]) -> Yield:
+def _summary(scene: Scene, cam: Lift, seed: int, used: UsedLimits, by_halved: dict[str, np.ndarray]) -> Yield:
     holds, count = used.holds, len(used.used)
     draws = draws_of_trains(scene, count, seed=seed)
     halved = {}
-    for label, theirs in others.items():
-        now = UsedLimits(used.limits, used.speeds_rpm, theirs).holds
-        share = share_of(now)
+    for label, used_halved in by_halved.items():
+        holds_halved = UsedLimits(used.limits, used.speeds_rpm, used_halved).holds
+        share = share_of(holds_halved)
         halved[label] = {"share": share.share, "low": share.low, "high": share.high}
-        halved[label] |= {"gained": int((now & ~holds).sum()), "lost": int((holds & ~now).sum())}
-    to_blame, shape = rank_correlation_shares(draws, used.worst), tuple(broken_by_shape(cam, scene.design))
-    return Yield(scene.name, cam.family, seed, used, share_of(holds), counted(used), to_blame, halved, shape)
+        halved[label] |= {"gained": int((holds_halved & ~holds).sum()), "lost": int((holds & ~holds_halved).sum())}
+    blame, shape = rank_correlation_shares(draws, used.worst), tuple(broken_by_shape(cam, scene.design))
+    return Yield(scene.name, cam.family, seed, used, share_of(holds), counted(used), blame, halved, shape)

@@ -1,7 +1,7 @@
-"""Computing one task, in whatever process: its state and its outcome as text.
+"""Computation of one task in any process; the result is the task's state and its outcome as text.
 
-A task that cannot be computed ends as "failed" with its sentence. BLAS is held to one thread, and nothing is carried
-from one task to the next but what is the same for every process, so that a row does not depend on who computed it.
+A task that cannot be computed ends as "failed" with the error sentence. BLAS is limited to one thread, and only data
+that are the same in every process are cached between tasks, so that a row does not depend on who computed it.
 """
 
 import json
@@ -19,32 +19,32 @@ from threadpoolctl import ThreadpoolController
 
 from camopt.scene.errors import InputError
 from camopt.storage import plain
-from camopt.tasks.task import CallTask, FiledTask, RehearseTask, Task, function_at
+from camopt.tasks.task import CallTask, RehearseTask, StoredTask, Task, function_at
 
 DONE, FAILED = "done", "failed"
-ON_SCENES = "camopt.study.task_verbs"
-"""Where the verbs stand that need a scene: the one module above this layer, named here and loaded when it is used."""
+SCENE_VERBS = "camopt.study.task_verbs"
+"""Module of the verbs that need a scene: the only module above this layer, named here and imported on use."""
 LONGEST_REASON = 600
 
 
 class Outcome(NamedTuple):
-    """How a task ended: its `state`, and as JSON text what it returned, or the reason why it failed."""
+    """How a task ended: its `state`, and as JSON text its result or the reason of its failure."""
 
     state: str
     text: str
 
 
 def failed(reason: str) -> Outcome:
-    """The outcome of a task that failed for a reason."""
+    """The outcome of a task that failed for the given reason."""
     return Outcome(FAILED, json.dumps({"reason": reason[:LONGEST_REASON]}))
 
 
-def compute(filed: FiledTask) -> Outcome:
-    """The outcome of a task, computed in this process with one BLAS thread, whose limits are restored."""
-    task = filed.task()
-    with _controller(_place(task)).limit(limits=1):
+def compute(stored: StoredTask) -> Outcome:
+    """Computes a task in this process with one BLAS thread; the previous thread limits are then restored."""
+    task = stored.task()
+    with _controller(_function_place(task)).limit(limits=1):
         try:
-            function = function_at(_place(task))
+            function = function_at(_function_place(task))
             returned = function(**task.arguments) if isinstance(task, CallTask) else function(task)
             return Outcome(DONE, json.dumps(plain(returned), separators=(",", ":"), allow_nan=False))
         except InputError as error:
@@ -53,27 +53,27 @@ def compute(filed: FiledTask) -> Outcome:
             return failed(f"{type(error).__name__}: {error}" if str(error) else type(error).__name__)
 
 
-def compute_at_worker(filed: FiledTask, made_by: str) -> Outcome:
-    """The same in a worker; raises InputError where camopt is not that of the sender."""
-    if (mine := _own_version()) != made_by:
+def compute_at_worker(stored: StoredTask, sent_by: str) -> Outcome:
+    """`compute` in a worker; raises InputError where its version of camopt is not the sender's."""
+    if (installed := _own_version()) != sent_by:
         raise InputError(
-            f"sweep: a worker has camopt {mine}, and the tasks are sent by camopt {made_by}; nothing of it was "
+            f"sweep: a worker has camopt {installed}, and the tasks are sent by camopt {sent_by}; nothing of it was "
             f"recorded: install one version everywhere"
         )
-    _controller(_place(filed.task())).limit(limits=1)  # for good, since other threads may compute here
-    return compute(filed)
+    _controller(_function_place(stored.task())).limit(limits=1)  # permanently, because other threads may compute here
+    return compute(stored)
 
 
-def _place(task: Task) -> str:
-    """Where the function of a task stands, "package.module:name"."""
+def _function_place(task: Task) -> str:
+    """The location of a task's function, "package.module:name"."""
     if isinstance(task, CallTask):
         return task.function
-    return f"{__name__}:rehearse" if task.verb == "rehearse" else f"{ON_SCENES}:{task.verb}_task"
+    return f"{__name__}:rehearse" if task.verb == "rehearse" else f"{SCENE_VERBS}:{task.verb}_task"
 
 
 @cache
 def _controller(place: str) -> ThreadpoolController:
-    """The thread pools that are there once the module of a function is, with all that it loads."""
+    """The thread pools that exist once the module of a function, and all that it imports, is loaded."""
     import_module(place.partition(":")[0])
     return ThreadpoolController()
 
@@ -82,7 +82,7 @@ _own_version = cache(partial(version, "camopt"))
 
 
 def rehearse(task: RehearseTask) -> dict[str, float]:
-    """The verb "rehearse": waits, then returns a fraction that follows from the number, or ends as it is told."""
+    """The verb "rehearse": waits, then returns a fraction derived from the number, or ends as `end` requires."""
     if task.seconds:
         time.sleep(task.seconds)
     if task.end == "die":

@@ -1,8 +1,8 @@
-"""Executors of `concurrent.futures`: local worker processes, and a cluster by `dask.distributed`, the extra `cluster`;
-and the outcome of a task from the future of any one.
+"""Executors of `concurrent.futures`: local worker processes, and a cluster by `dask.distributed` (the extra `cluster`);
+and the outcome of a task from the future of either.
 
-A pool of several processes breaks as a whole when one of them dies, and does not tell which task it was. So each thread
-of `LocalProcesses` has a pool of one process, to which it gives one task at a time: a death is one task's.
+A pool of several processes breaks as a whole when one of them dies, and does not report whose task it was. Each thread
+of `LocalProcesses` therefore has a pool of one process, which computes one task at a time.
 """
 
 import importlib.util
@@ -22,24 +22,24 @@ from camopt.scene.text_file import excerpt
 from camopt.tasks.compute import Outcome, failed
 
 MOST_DEATHS = 3
-"""Workers that may die of a task before it is given up."""
+"""Number of worker deaths after which a task is given up."""
 MOST_FALSE_STARTS = 8
-"""Processes of one worker in a row that may end before they have begun."""
+"""Number of processes in a row that may end before they have started."""
 
 
 class LocalProcesses(ThreadPoolExecutor):
-    """So many worker processes on this machine, each begun when a task first needs it. A task whose process dies is
-    computed again by a new one, at most `MOST_DEATHS` times. An exception inside `with` kills the processes."""
+    """The given number of worker processes on this machine, each started when a task first needs it. A task whose
+    process dies is computed again, unless `MOST_DEATHS` have died. An exception inside `with` kills the processes."""
 
     def __init__(self, workers: int):
         if getattr(multiprocessing.current_process(), "_inheriting", False):
-            raise SystemExit(1)  # a worker that reads the script which sweeps: `_begun` says why none begins
+            raise SystemExit(1)  # this worker is importing the script that sweeps: see `_started_process`
         super().__init__(workers)
-        self._own, self._pids, self._stopped = threading.local(), set[int](), False
+        self._local, self._pids, self._stopped = threading.local(), set[int](), False
 
     def submit(self, fn: Callable, /, *args, **kwargs) -> Future:
-        """The outcome to be of a function, which a process computes."""
-        return super().submit(self._computed, fn, *args, **kwargs)
+        """Submits a function that a worker process computes; the future's result is its outcome."""
+        return super().submit(self._outcome, fn, *args, **kwargs)
 
     def __exit__(self, kind, *exception) -> None:
         self._stopped = kind is not None
@@ -48,28 +48,28 @@ class LocalProcesses(ThreadPoolExecutor):
             if child.pid in self._pids:
                 child.kill()
 
-    def _computed(self, fn: Callable, *args, **kwargs) -> Outcome:
+    def _outcome(self, fn: Callable, *args, **kwargs) -> Outcome:
         for _ in range(MOST_DEATHS):
             with suppress(BrokenProcessPool):
-                return self._sent(fn, *args, **kwargs).result()
-        return given_up()
+                return self._submitted(fn, *args, **kwargs).result()
+        return died_too_often()
 
-    def _sent(self, fn: Callable, *args, **kwargs) -> Future:
-        """The future of a task that a living process has; a process that died before it is replaced."""
+    def _submitted(self, fn: Callable, *args, **kwargs) -> Future:
+        """Submits a task to a living process; a process that has died is replaced first."""
         while True:
-            if not hasattr(self._own, "pool"):
-                self._own.pool = self._begun()
+            if not hasattr(self._local, "pool"):
+                self._local.pool = self._started_process()
             if self._stopped:
                 raise CancelledError
             try:
-                return self._own.pool.submit(fn, *args, **kwargs)
+                return self._local.pool.submit(fn, *args, **kwargs)
             except BrokenProcessPool:
-                del self._own.pool
+                del self._local.pool
 
-    def _begun(self) -> ProcessPoolExecutor:
-        """A process that has begun."""
+    def _started_process(self) -> ProcessPoolExecutor:
+        """A pool of one process that has started."""
         for _ in range(MOST_FALSE_STARTS):
-            pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _begin)
+            pool = ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), _initialise)
             with suppress(BrokenProcessPool):
                 self._pids.add(pool.submit(os.getpid).result())
                 return pool
@@ -79,36 +79,36 @@ class LocalProcesses(ThreadPoolExecutor):
         )
 
 
-def _begin() -> None:
-    """Initialises a worker process: it ignores an interrupt from the keyboard, and ends when its parent does."""
+def _initialise() -> None:
+    """Initialises a worker process, which ignores keyboard interrupts and ends when its parent ends."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_the_parent, daemon=True).start()
+    threading.Thread(target=_end_with_parent, daemon=True).start()
 
 
-def _end_with_the_parent() -> None:
+def _end_with_parent() -> None:
     parent = multiprocessing.parent_process()
     assert parent is not None, "a worker is a child"
     parent.join()
     os._exit(1)
 
 
-def given_up() -> Outcome:
+def died_too_often() -> Outcome:
     """The outcome of a task whose worker process died at every attempt."""
     return failed(f"{MOST_DEATHS} workers that computed it died (killed by a signal, or out of memory)")
 
 
 def outcome_of(future: Future[Outcome]) -> Outcome:
-    """How a task ended that an executor has computed. Raises InputError where the executor cannot go on."""
+    """The outcome of a task that an executor has computed. Raises InputError where the executor cannot continue."""
     try:
         return future.result()
     except (Exception, CancelledError) as error:
-        if type(error).__name__ == "KilledWorker":  # raised by dask for a task whose workers died
-            return given_up()
-        raise cannot_go_on(error) from error
+        if type(error).__name__ == "KilledWorker":  # dask raises it for a task whose workers died
+            return died_too_often()
+        raise executor_error(error) from error
 
 
-def cannot_go_on(error: BaseException) -> InputError:
-    """The sentence for an executor that cannot go on."""
+def executor_error(error: BaseException) -> InputError:
+    """The error for an executor that cannot continue."""
     if isinstance(error, InputError):
         return error
     return InputError(
@@ -118,18 +118,18 @@ def cannot_go_on(error: BaseException) -> InputError:
 
 
 WAIT_SECONDS = 20
-"""How long a scheduler and its first worker are waited for."""
+"""Timeout [s] for a scheduler and for its first worker."""
 RETRIES = 2
-"""How often dask computes a task again that raised, which only a fault of the cluster makes it do."""
+"""Number of times that dask repeats a task that raised, which only a fault of the cluster causes."""
 
 
 @contextmanager
 def cluster(address: str, insecure: bool = False) -> Iterator[tuple[Executor, int]]:
     """The executor of the scheduler at `address` ("tcp://HOST:PORT" or "tls://HOST:PORT") and its number of threads.
 
-    Whoever reaches a scheduler without TLS can run any program on its workers and here. So an address beyond this
-    machine needs tls://, with the certificates of dask's own configuration, or `insecure`. Raises InputError for an
-    address that is none or needs TLS, where `distributed` is not installed, and where nobody answers.
+    Anyone who can reach a scheduler without TLS can run any program on its workers and on this machine. An address
+    beyond this machine therefore needs tls://, with the certificates of dask's configuration, or `insecure`. Raises
+    InputError for an address that is malformed or needs TLS, without `distributed`, and where no scheduler answers.
     """
     check_address(address, insecure)
     if importlib.util.find_spec("distributed") is None:
@@ -138,7 +138,7 @@ def cluster(address: str, insecure: bool = False) -> Iterator[tuple[Executor, in
 
     try:
         client = Client(address, timeout=WAIT_SECONDS, set_as_default=False)
-    except (OSError, TypeError, ValueError) as error:  # a TypeError where tls:// has no certificates
+    except (OSError, TypeError, ValueError) as error:  # TypeError: tls:// without certificates
         raise InputError(f"--scheduler {address}: no scheduler answers ({error})") from error
     with client:
         try:
@@ -147,12 +147,12 @@ def cluster(address: str, insecure: bool = False) -> Iterator[tuple[Executor, in
             raise InputError(
                 f"--scheduler {address}: has no workers; start some with `dask worker {address}`"
             ) from None
-        threads: dict[str, int] = dict(client.nthreads())  # type: ignore[arg-type]  # a synchronous client answers
+        threads: dict[str, int] = dict(client.nthreads())  # type: ignore[arg-type]  # the client is synchronous
         yield client.get_executor(pure=False, retries=RETRIES), sum(threads.values())
 
 
 def check_address(address: str, insecure: bool) -> None:
-    """Raises InputError for an address that is none, or that needs TLS and does not ask for it."""
+    """Raises InputError for an address that is malformed, or that needs TLS and does not use it."""
     try:
         parts = urlsplit(address)
         host, port = parts.hostname, parts.port

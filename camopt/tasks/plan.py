@@ -1,4 +1,4 @@
-"""Plans: a TOML file that says which tasks a sweep has (docs/sweeps.md shows one), and the tasks, one at a time."""
+"""Plans: a TOML file that lists the tasks of a sweep (docs/sweeps.md shows one), and an iterator over these tasks."""
 
 import hashlib
 import json
@@ -13,7 +13,6 @@ from pydantic import Field, ValidationError, field_validator
 
 from camopt.cam.families.registry import FAMILIES
 from camopt.scene import InputError, builtin_scenes
-from camopt.scene.errors import did_you_mean
 from camopt.scene.load import scene_with, tuples
 from camopt.scene.schema import SIMULATED
 from camopt.scene.table import Positive, Table
@@ -29,18 +28,18 @@ from camopt.tasks.task import (
 )
 
 MOST_BYTES = 1_000_000
-Some = Field(min_length=1, max_length=100_000)
+NonEmpty = Field(min_length=1, max_length=100_000)
 
 
 class YieldSettings(Table, frozen=True):
-    """How many trains are drawn, and by which seed."""
+    """Number of drawn trains and the seed that draws them."""
 
     trains: Annotated[int, Field(ge=1, le=10_000_000)] = 1000
     seed: Count = 0
 
 
 class RehearseSettings(Table, frozen=True):
-    """How many stand-ins there are, and how long each of them waits."""
+    """Number of dummy tasks and the time [s] that each of them waits."""
 
     tasks: Annotated[int, Field(ge=1, le=10_000_000)] = 200
     seconds: Annotated[float, Field(ge=0, le=3600)] = 0.0
@@ -50,20 +49,20 @@ SETTINGS = {"settled": Table, "simulate": SimulateSettings, "yield": YieldSettin
 
 
 class PlanFile(Table, frozen=True):
-    """What a plan file may say."""
+    """The contents of a plan file."""
 
     format: Literal[1]
     verb: PlanVerb
-    scenes: Annotated[tuple[str, ...], Some] | None = Field(default=None, validate_default=True)
-    cams: Annotated[tuple[str, ...], Some] | None = Field(default=None, validate_default=True)
-    speeds_rpm: Annotated[tuple[Positive, ...], Some] | None = None
+    scenes: Annotated[tuple[str, ...], NonEmpty] | None = Field(default=None, validate_default=True)
+    cams: Annotated[tuple[str, ...], NonEmpty] | None = Field(default=None, validate_default=True)
+    speeds_rpm: Annotated[tuple[Positive, ...], NonEmpty] | None = None
     combine: Literal["grid", "list"] = "grid"
-    vary: Annotated[dict[str, Annotated[tuple[float, ...], Some]], Field(default_factory=dict)]
+    vary: Annotated[dict[str, Annotated[tuple[float, ...], NonEmpty]], Field(default_factory=dict)]
     settings: Annotated[dict[str, Any], Field(default_factory=dict)]
 
     @field_validator("scenes", "cams")
     @classmethod
-    def _given_where_needed(cls, names, info):
+    def _missing_only_in_rehearsals(cls, names, info):
         rehearsal = info.data.get("verb") == "rehearse"
         if (names is None) != rehearsal:
             raise ValueError('verb "rehearse" has none: leave it out' if rehearsal else "missing")
@@ -71,30 +70,30 @@ class PlanFile(Table, frozen=True):
 
     @field_validator("vary")
     @classmethod
-    def _equally_long_in_a_list(cls, vary, info):
+    def _equal_lengths_in_a_list(cls, vary, info):
         lengths = {name: len(values) for name, values in vary.items()}
         if info.data.get("combine") == "list" and len({*lengths.values()}) > 1:
-            said = ", ".join(f"{name} {length}" for name, length in lengths.items())
-            raise ValueError(f'combine = "list" needs as many values of each, and these are {said}')
+            listed = ", ".join(f"{name} {length}" for name, length in lengths.items())
+            raise ValueError(f'combine = "list" needs as many values of each, and these are {listed}')
         return vary
 
 
 @dataclass(frozen=True, repr=False)
 class SweepPlan:
-    """The tasks of a plan, one at a time; it has a length, and a `digest` that says whether two are the same."""
+    """The tasks of a plan as an iterable with a length and a `digest`, which is equal for equal plans."""
 
     file: PlanFile
     settings: Table
-    scenes: tuple[str, ...]  # as texts of tasks
+    scenes: tuple[str, ...]  # names or TOML texts, as in tasks
     cams: tuple[tuple[str, ...], ...]  # by scene
     speeds_rpm: tuple[tuple[float, ...], ...]  # by scene
 
     @property
     def digest(self) -> str:
-        """SHA-256 of all that the tasks follow from, the content of scenes and cams included."""
-        said = [self.file.verb, self.settings.model_dump(), self.scenes, self.cams, self.speeds_rpm]
-        said += [self.file.combine, self.file.vary]
-        return hashlib.sha256(json.dumps(said).encode()).hexdigest()
+        """SHA-256 of everything that determines the tasks, including the contents of scenes and cams."""
+        content = [self.file.verb, self.settings.model_dump(), self.scenes, self.cams, self.speeds_rpm]
+        content += [self.file.combine, self.file.vary]
+        return hashlib.sha256(json.dumps(content).encode()).hexdigest()
 
     def __len__(self) -> int:
         if isinstance(self.settings, RehearseSettings):
@@ -105,8 +104,8 @@ class SweepPlan:
         pairs = zip(self.cams, self.speeds_rpm, strict=True)
         return combinations * sum(len(cams) * (trains or len(speeds)) for cams, speeds in pairs)
 
-    def _numbers(self) -> Iterator[dict[str, float]]:
-        """The numbers of the scene, combination by combination."""
+    def _combinations(self) -> Iterator[dict[str, float]]:
+        """The varied values of the scene, one dictionary per combination."""
         vary, together = self.file.vary, product if self.file.combine == "grid" or not self.file.vary else zip
         return (dict(zip(vary, values, strict=True)) for values in together(*vary.values()))
 
@@ -117,48 +116,42 @@ class SweepPlan:
                 yield {"verb": "rehearse", "number": number, "seconds": settings.seconds}
             return
         for scene, cams, speeds in zip(self.scenes, self.cams, self.speeds_rpm, strict=True):
-            for numbers, cam in product(self._numbers(), cams):
-                one = {"verb": self.file.verb, "scene": scene, "cam": cam, "vary": numbers}
+            for numbers, cam in product(self._combinations(), cams):
+                task = {"verb": self.file.verb, "scene": scene, "cam": cam, "vary": numbers}
                 if isinstance(settings, YieldSettings):
-                    drawn = one | {"speeds_rpm": speeds, "seed": settings.seed}
+                    drawn = task | {"speeds_rpm": speeds, "seed": settings.seed}
                     yield from (drawn | {"train": i} for i in range(settings.trains))
                 else:
-                    yield from (one | {"speed_rpm": speed} | settings.model_dump() for speed in speeds)
+                    yield from (task | {"speed_rpm": speed} | settings.model_dump() for speed in speeds)
 
     def __repr__(self) -> str:
         return f"SweepPlan({len(self)} tasks of the verb {self.file.verb})"
 
 
 def load_plan(path: str | Path) -> SweepPlan:
-    """The plan of a TOML file. Raises InputError with one line per fault, of its scenes and cams too."""
+    """Reads a plan from a TOML file. Raises InputError with a line per fault, also of its scenes and cams."""
     path = usable_path(path, "plan")
     if not path.is_file():
         raise InputError(f"{path}: no such file: name a TOML file, as `camopt sweep --help` shows")
     data = toml_data(read_text(path, MOST_BYTES, "plan"), str(path))
-    if isinstance(vary := data.get("vary"), dict):  # `spring.preload_N = ...` is one key, quoted or not
-        inner = {name: value if isinstance(value, dict) else {"": value} for name, value in vary.items()}
-        numbers = ((name, key, one) for name, keys in inner.items() for key, one in keys.items())
-        data["vary"] = {f"{name}.{key}" if key else name: one for name, key, one in numbers}
+    if isinstance(vary := data.get("vary"), dict):  # an unquoted `spring.preload_N` is read as nested tables
+        tables = {name: value if isinstance(value, dict) else {"": value} for name, value in vary.items()}
+        numbers = ((name, key, values) for name, keys in tables.items() for key, values in keys.items())
+        data["vary"] = {f"{name}.{key}" if key else name: values for name, key, values in numbers}
     try:
         file = PlanFile.model_validate(tuples(data))
         settings = SETTINGS[file.verb].model_validate(file.settings)
     except ValidationError as error:
         keys = {*PlanFile.model_fields, *(key for table in SETTINGS.values() for key in table.model_fields)}
-        faults = (f"{fault}{did_you_mean(_key(fault), keys - {_key(fault)})}" for fault in task_faults(error))
-        raise InputError("\n".join(f"{path}: {fault}" for fault in faults)) from None
+        raise InputError("\n".join(f"{path}: {fault}" for fault in task_faults(error, keys))) from None
     try:
-        return _filled_in(file, settings, path.parent)
+        return _resolved(file, settings, path.parent)
     except InputError as error:
         raise InputError(f"{path}: {error}") from None
 
 
-def _key(fault: str) -> str:
-    """The key of a fault that is an unknown key, else nothing that any key is like."""
-    return fault.removesuffix(": unknown key").rpartition(".")[2] if fault.endswith(": unknown key") else ""
-
-
-def _filled_in(file: PlanFile, settings: Table, folder: Path) -> SweepPlan:
-    """The plan with its scenes and cams read, and its first combination of numbers tried."""
+def _resolved(file: PlanFile, settings: Table, folder: Path) -> SweepPlan:
+    """The plan with its scenes and cams read; its first combination of values is checked on every scene."""
     if file.scenes is None or file.cams is None:
         return SweepPlan(file, settings, (), (), ())
     scenes = tuple(scene_as_text(_beside(name, folder, builtin_scenes())) for name in file.scenes)
@@ -167,10 +160,10 @@ def _filled_in(file: PlanFile, settings: Table, folder: Path) -> SweepPlan:
     speeds = tuple(file.speeds_rpm or operation.speeds_rpm for operation in operations if operation is not None)
     plan = SweepPlan(file, settings, scenes, cams, speeds)
     for scene in scenes:
-        scene_with(scene_of_text(scene), next(plan._numbers()), "vary", SIMULATED)
+        scene_with(scene_of_text(scene), next(plan._combinations()), "vary", SIMULATED)
     return plan
 
 
 def _beside(name: str, folder: Path, names) -> str | Path:
-    """A file is looked for beside the plan; what is known by name is no file."""
+    """The path of a file relative to the plan; a name of a built-in scene or a family is returned as it is."""
     return name if name.partition(":")[0] in names else folder / name

@@ -1,7 +1,7 @@
-"""The store of a sweep: an SQLite file with one row for each task, written by the parent process alone.
+"""The store of a sweep: an SQLite file with one row per task, written by the parent process alone.
 
-A row is written whole or not at all, survives the end of the process, and is never changed, except that a failed one
-may be tried again. Long texts that tasks share, scenes and cams, are kept once.
+A row is written completely or not at all, survives the end of the process, and never changes, except that a failed task
+may be computed again. Long texts that tasks share, such as scenes and cams, are stored once.
 """
 
 import sqlite3
@@ -13,7 +13,7 @@ from camopt.scene.errors import InputError
 from camopt.scene.text_file import usable_path
 from camopt.storage import check_file
 from camopt.tasks.compute import FAILED, Outcome
-from camopt.tasks.task import FiledTask
+from camopt.tasks.task import StoredTask
 
 HEADER = b"SQLite format 3\0"
 MARK = 0x63616D6F
@@ -27,10 +27,10 @@ TABLES = (
 
 
 class TaskStore:
-    """An open store; `with TaskStore(path, version, plan) as store`. With `retry_failed` it does not hold failed rows.
+    """An open store; `with TaskStore(path, version, plan) as store`. With `retry_failed`, failed rows count as missing.
 
-    A file that is not there is made. Raises InputError for one that is no store of a sweep, that another version of
-    camopt began, or that belongs to another plan (where both have a digest); nothing in it is changed then.
+    A missing file is created. Raises InputError, leaving the file unchanged, for a file that is not the store of a
+    sweep, that another version of camopt created, or that belongs to another plan (where both have a digest).
     """
 
     def __init__(self, path: str | Path, version: str, plan: str = "", *, retry_failed: bool = False):
@@ -42,7 +42,7 @@ class TaskStore:
             try:
                 self._begin(version, plan)
                 query = "SELECT key FROM row WHERE state = ?"
-                self._again = {key for (key,) in self._db.execute(query, (FAILED,))} if retry_failed else set()
+                self._to_repeat = {key for (key,) in self._db.execute(query, (FAILED,))} if retry_failed else set()
             except BaseException:
                 self._db.close()
                 raise
@@ -53,7 +53,7 @@ class TaskStore:
         return self
 
     def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
-        """Closes the file. Raises InputError where SQLite could not go on with it: it is torn, or the disk is full."""
+        """Closes the file. Raises InputError where SQLite failed: the file is damaged, or the disk is full."""
         self._db.close()
         if isinstance(error, sqlite3.Error):
             raise InputError(
@@ -62,12 +62,12 @@ class TaskStore:
             ) from error
 
     def _begin(self, version: str, plan: str) -> None:
-        """Makes the tables of a new file, or compares those of an old one."""
+        """Creates the tables of a new file, or checks those of an existing one."""
         if self._db.execute("SELECT count(*) FROM sqlite_master").fetchone()[0]:
             self._check(version, plan)
         else:
             self._db.execute("PRAGMA journal_mode = WAL")
-            with self._writing():
+            with self._transaction():
                 for table in TABLES:
                     self._db.execute(table)
                 self._db.execute(f"PRAGMA application_id = {MARK}")
@@ -90,32 +90,32 @@ class TaskStore:
                 f"{self.path}: belongs to another plan, and nothing in it was changed: name another store for this one"
             )
 
-    def _writing(self):
-        """A transaction: all of it, or nothing."""
+    def _transaction(self):
+        """Begins a transaction, which takes effect completely or not at all."""
         self._db.execute("BEGIN IMMEDIATE")
         return self._db
 
     def holds(self, number: int, key: str) -> bool:
-        """Whether a task has its row. Raises InputError where this number is another task's: the plan is another."""
+        """Whether the store has a task's row. Raises InputError where its number belongs to a task of another plan."""
         rows = self._db.execute("SELECT number, key FROM row WHERE key = ? OR number = ?", (key, number)).fetchall()
         if any(n == number and k != key for n, k in rows):
             raise InputError(
                 f"{self.path}: belongs to other tasks: its row {number} is not task {number} of this plan; nothing in "
                 f"it was changed: name another store"
             )
-        if key in self._again:
-            self._again.discard(key)
+        if key in self._to_repeat:
+            self._to_repeat.discard(key)
             return False
         return bool(rows)
 
-    def record(self, ended: Iterable[tuple[int, FiledTask, Outcome]]) -> None:
-        """Writes the rows of tasks that ended, all at once, with the parts that they refer to; an old row stays, but
-        for a failed one, which takes the new outcome."""
-        ended = list(ended)
-        with self._writing() as db:
-            parts = {name: text for _, task, _ in ended for name, text in task.parts.items()}
+    def record(self, finished: Iterable[tuple[int, StoredTask, Outcome]]) -> None:
+        """Writes the rows of finished tasks, and the texts that they refer to, in one transaction. An existing row
+        stays, except that a failed one takes the new outcome."""
+        finished = list(finished)
+        with self._transaction() as db:
+            parts = {name: text for _, task, _ in finished for name, text in task.parts.items()}
             db.executemany("INSERT OR IGNORE INTO part VALUES (?, ?)", parts.items())
-            rows = ((number, task.key, task.text, *outcome) for number, task, outcome in ended)
+            rows = ((number, task.key, task.text, *outcome) for number, task, outcome in finished)
             db.executemany(
                 "INSERT INTO row VALUES (?, ?, ?, ?, ?) ON CONFLICT DO UPDATE "
                 f"SET state = excluded.state, outcome = excluded.outcome WHERE row.state = '{FAILED}'",
@@ -123,11 +123,11 @@ class TaskStore:
             )
 
     def read(self, query: str, *values: Any) -> sqlite3.Cursor:
-        """What the tables answer to a query; `row` has number, key, task, state, outcome, and `part` name and text."""
+        """Runs a query; table `row` has number, key, task, state and outcome, table `part` has name and text."""
         return self._db.execute(query, values)
 
     def check_count(self, tasks: int) -> None:
-        """Raises InputError where a row belongs to a task beyond so many."""
+        """Raises InputError where the store has the row of a task whose number is `tasks` or more."""
         last = self._db.execute("SELECT coalesce(max(number), -1) FROM row").fetchone()[0]
         if last >= tasks:
             raise InputError(
@@ -137,7 +137,7 @@ class TaskStore:
 
 
 def _check_header(path: Path) -> None:
-    """Raises sqlite3.DatabaseError for a file that is neither empty nor a database; SQLite takes a short one as new."""
+    """Raises sqlite3.DatabaseError for a file neither empty nor a database; SQLite would treat a short one as new."""
     if path.exists():
         with open(path, "rb") as file:
             if file.read(len(HEADER)) not in (b"", HEADER):

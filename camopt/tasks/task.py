@@ -1,8 +1,8 @@
-"""What a task may say, its plain form, and its key."""
+"""The data of a task, its plain form, and its key."""
 
 import hashlib
 import json
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Set
 from dataclasses import dataclass
 from functools import lru_cache
 from importlib import import_module
@@ -17,20 +17,21 @@ from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
 from camopt.optimizer.program.chosen_duration import chosen_duration_deg, load_scene
 from camopt.scene import InputError, Scene, builtin_scenes, parse_scene, scene_text
+from camopt.scene.errors import did_you_mean
 from camopt.scene.load import tuples
 from camopt.scene.schema import SIMULATED
 from camopt.scene.table import Positive, Table
 from camopt.scene.text_file import excerpt, scene_toml
 from camopt.storage import plain
 
-LONGEST_HERE = 200
-"""Characters of a scene or a cam that stand in the task itself; a longer one is a part with a name."""
+LONGEST_INLINE = 200
+"""Longest scene or cam [characters] that a task holds itself; a longer one is stored separately under its digest."""
 PART = "sha256:"
 Count = Annotated[int, Field(ge=0)]
 
 
 class RehearseTask(Table, frozen=True):
-    """A stand-in: waits `seconds`, then returns a fraction that follows from `number`, or ends as `end` says."""
+    """A dummy task: it waits `seconds`, then returns a fraction derived from `number`, or ends as `end` requires."""
 
     verb: Literal["rehearse"]
     number: Count
@@ -39,7 +40,7 @@ class RehearseTask(Table, frozen=True):
 
 
 class TaskOnScene(Table, frozen=True):
-    """What all tasks have that drive a scene's train by a cam; `vary` replaces numbers of the scene by NAME.KEY."""
+    """Fields of every task that simulates a scene's train with a cam; `vary` replaces values by NAME.KEY."""
 
     scene: str
     cam: str
@@ -47,14 +48,14 @@ class TaskOnScene(Table, frozen=True):
 
 
 class SettledTask(TaskOnScene, frozen=True):
-    """The metrics of the settled motion by event-exact, at one crankshaft speed."""
+    """The metrics of the settled motion by event-exact at one crankshaft speed."""
 
     verb: Literal["settled"]
     speed_rpm: Positive
 
 
 class SimulateSettings(Table, frozen=True):
-    """How motions from rest are simulated, as in `camopt.simulate`."""
+    """Settings of a motion from rest, as in `camopt.simulate`."""
 
     method: str = "event"
     revolutions: Annotated[int, Field(ge=2, le=1000)] = 2
@@ -69,7 +70,7 @@ class SimulateTask(TaskOnScene, SimulateSettings, frozen=True):
 
 
 class YieldTask(TaskOnScene, frozen=True):
-    """The train of number `train` that is drawn by `seed` within the scene's tolerances."""
+    """The limit usage of drawn train number `train` with this `seed`, within the scene's tolerances."""
 
     verb: Literal["yield"]
     speeds_rpm: Annotated[tuple[Positive, ...], Field(min_length=1, max_length=1000)]
@@ -78,7 +79,7 @@ class YieldTask(TaskOnScene, frozen=True):
 
 
 class CallTask(Table, frozen=True):
-    """A function of one's own, "package.module:name", called with `arguments` by name; it returns a dictionary."""
+    """A user's function, "package.module:name", called with `arguments` by name; it returns a dictionary."""
 
     verb: Literal["call"]
     function: Annotated[str, Field(pattern=r"^[A-Za-z_][\w.]*:[A-Za-z_]\w*$")]
@@ -87,14 +88,14 @@ class CallTask(Table, frozen=True):
 
 Task = RehearseTask | SettledTask | SimulateTask | YieldTask | CallTask
 PlanVerb = Literal["settled", "simulate", "yield", "rehearse"]
-"""What a plan, a file of data, may ask for; "call" runs any function, so only a program may."""
+"""Verbs allowed in a plan, which is a file of data; "call" runs any function and is left to programs."""
 Verb = Literal[PlanVerb, "call"]
 VERBS: tuple[str, ...] = get_args(Verb)
 _TASKS: TypeAdapter[Task] = TypeAdapter(Annotated[Task, Field(discriminator="verb")])
 
 
 @dataclass(frozen=True)
-class FiledTask:
+class StoredTask:
     """A task as it is stored and sent: its `key`, its canonical JSON, and by name the long texts that it refers to."""
 
     key: str
@@ -102,19 +103,19 @@ class FiledTask:
     parts: dict[str, str]
 
     def task(self) -> Task:
-        """The task with its long texts."""
+        """The task with its long texts filled in."""
         data = json.loads(self.text)
         return _TASKS.validate_python(
             tuples({k: self.parts.get(v, v) if isinstance(v, str) else v for k, v in data.items()})
         )
 
 
-def filed(task: Mapping[str, Any], version: str, where: str = "task") -> FiledTask:
-    """The plain, checked form of a task; `where` begins the sentences.
+def stored_task(task: Mapping[str, Any], version: str, where: str = "task") -> StoredTask:
+    """Checks a task and returns its plain form; `where` begins error sentences.
 
-    Its key is the SHA-256 of camopt's version and of its canonical JSON, in which a long scene or cam is its own
-    SHA-256: two tasks have one key if they are the same computation. A cam that is a lift law or a file is taken as its
-    `design.json` holds it. Raises InputError for what is no task, and for a scene or a cam that cannot be read.
+    Its key is the SHA-256 of camopt's version and of its canonical JSON, in which a long scene or cam is replaced by
+    its SHA-256: two tasks have the same key if they are the same computation. A cam given as a lift law or a file is
+    stored as the text of its `design.json`. Raises InputError for an invalid task, and for an unreadable scene or cam.
     """
     raw = dict(task)
     try:
@@ -131,21 +132,21 @@ def filed(task: Mapping[str, Any], version: str, where: str = "task") -> FiledTa
         _check_call(checked, where)
     data, parts = checked.model_dump(exclude_defaults=True), {}
     for name in ("scene", "cam"):
-        if len(text := data.get(name, "")) > LONGEST_HERE:
+        if len(text := data.get(name, "")) > LONGEST_INLINE:
             data[name] = PART + _digest(text)
             parts[data[name]] = text
     text = json.dumps(data, sort_keys=True, separators=(",", ":"), allow_nan=False)
-    return FiledTask(_digest(f"{version}\n{text}"), text, parts)
+    return StoredTask(_digest(f"{version}\n{text}"), text, parts)
 
 
 def function_at(place: str) -> Callable[..., dict]:
-    """The function at "package.module:name"; ImportError or AttributeError where it is not there."""
+    """The function at "package.module:name"; raises ImportError or AttributeError where it does not exist."""
     module, _, name = place.partition(":")
     return getattr(import_module(module), name)
 
 
 def _check_call(task: CallTask, where: str) -> None:
-    """Raises InputError for a function that is not there, and for arguments that are no plain data."""
+    """Raises InputError for a function that does not exist, and for arguments that are not plain data."""
     try:
         function_at(task.function)
         json.dumps(task.arguments, allow_nan=False)
@@ -157,12 +158,13 @@ def _check_call(task: CallTask, where: str) -> None:
         raise InputError(f"{where}: arguments: expected numbers, texts, lists and dictionaries ({error})") from None
 
 
-def task_faults(error: ValidationError) -> Iterable[str]:
-    """What is wrong, a sentence a fault, with its key."""
+def task_faults(error: ValidationError, keys: Set[str] = frozenset()) -> Iterable[str]:
+    """The faults of invalid data, one sentence each, beginning with the key; `keys` are suggested for unknown keys."""
     for fault in error.errors(include_url=False):
         key = ".".join(str(part) for part in fault["loc"] if part not in VERBS)
         if fault["type"] == "extra_forbidden":
-            yield f"{key}: unknown key"
+            unknown = str(fault["loc"][-1])
+            yield f"{key}: unknown key{did_you_mean(unknown, keys - {unknown})}"
         elif fault["type"] in ("union_tag_invalid", "union_tag_not_found"):
             yield f"verb: expected one of {', '.join(VERBS)}"
         else:
@@ -171,7 +173,7 @@ def task_faults(error: ValidationError) -> Iterable[str]:
 
 
 def scene_as_text(scene: str | Path | Scene) -> str:
-    """A built-in scene by its name, any other as TOML text; InputError where it is neither scene, file nor text."""
+    """The name of a built-in scene, or the TOML text of any other; raises InputError where `scene` is neither."""
     if isinstance(scene, Scene):
         return scene_toml(scene)
     if not isinstance(scene, str | Path):
@@ -181,13 +183,13 @@ def scene_as_text(scene: str | Path | Scene) -> str:
 
 @lru_cache(maxsize=256)
 def _named_scene(source: str) -> str:
-    """Checked once, where it is named; so a file that changes during a sweep changes no task."""
+    """Reads and checks a scene once, so that a file that changes during a sweep does not change any task."""
     load_scene(source, SIMULATED)
     return source if source in builtin_scenes() else scene_text(source)
 
 
 def cam_as_text(cam: str | Path | Lift, scene: str) -> str:
-    """A member of a family as the command line names it, any other cam as the text of its `design.json`."""
+    """The name of a family member as on the command line, or the text of the `design.json` of any other cam."""
     if isinstance(cam, Lift):
         return _record_text(cam)
     if not isinstance(cam, str | Path):
@@ -209,7 +211,7 @@ def _record_text(lift: Lift) -> str:
 
 @lru_cache(maxsize=64)
 def scene_of_text(text: str) -> Scene:
-    """The scene of a built-in name or a TOML text."""
+    """The scene with a built-in name or of a TOML text."""
     if "\n" in text:
         return parse_scene(text, "the task's scene", SIMULATED, chosen_duration_deg)
     return load_scene(text, SIMULATED)

@@ -27,7 +27,7 @@ def train():
         ("stroke_mm = 3.0", "", "element.2.stroke_mm", "missing"),
         ("leak_N_s_per_m = 2.0e6", "", "element.2.leak_N_s_per_m", "missing"),
         (PLUNGER, "preload_N = 3.0", "element.2.preload_N", "more than spring_N_per_m times half of stroke_mm"),
-        (PLUNGER, PLUNGER + "\ndamping_N_s_per_m = 1.0", "element.2.damping_N_s_per_m", 'does not apply to kind = "adjuster"'),
+        (PLUNGER, PLUNGER + "\ndamping_N_s_per_m = 1.0", "element.2.damping_N_s_per_m", 'does not apply to kind'),
         (PLUNGER, PLUNGER + '\nlaw = "hertz"', "element.2.law", "a law of its own"),
         (PLUNGER, PLUNGER + "\ncam_driven = true", "element.2.cam_driven", "the cam drives a contact"),
         (STIFFNESS, STIFFNESS + "\nslip_N = 3.0", "element.1.slip_N", 'belongs to kind = "friction"'),

@@ -8,7 +8,7 @@ import pytest
 from camopt.cam.families.polydyne import polydyne
 from camopt.scene import InputError, load_scene
 from camopt.study.identify.identification import MeasuredLift, identify, measured_noise
-from camopt.study.identify.lift_fit import FreeParameters, LiftFit, Series, limited_step, told_apart
+from camopt.study.identify.lift_fit import FreeParameters, LiftFit, Series, limited_step, resolved_directions
 from camopt.study.simulate.motion import simulate
 
 SCENE = load_scene("motori-1")
@@ -200,11 +200,11 @@ def test_an_unknown_zero_and_revolutions_before_the_data():
 def test_a_step_is_the_whole_one_or_as_long_as_allowed():
     jacobian = np.array([[2.0, 0.0], [0.0, 0.5], [0.0, 0.0]])
     gradient = np.array([4.0, 0.25])
-    whole = limited_step(*told_apart(jacobian, 0.1), gradient, 9.0)
+    whole = limited_step(*resolved_directions(jacobian, 0.1), gradient, 9.0)
     np.testing.assert_allclose(whole, [-1.0, -1.0])
-    short = limited_step(*told_apart(jacobian, 0.1), gradient, 0.5)
+    short = limited_step(*resolved_directions(jacobian, 0.1), gradient, 0.5)
     assert np.linalg.norm(short) == pytest.approx(0.5) and short[0] < 2 * short[1] < 0
-    np.testing.assert_allclose(limited_step(*told_apart(jacobian, 1.0), gradient, 9.0), [-1.0, 0.0])
+    np.testing.assert_allclose(limited_step(*resolved_directions(jacobian, 1.0), gradient, 9.0), [-1.0, 0.0])
 
 
 @pytest.mark.parametrize(

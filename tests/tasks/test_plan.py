@@ -15,7 +15,7 @@ import camopt
 from camopt.scene import InputError, scene_text
 from camopt.tasks import plan as plans
 from camopt.tasks.plan import load_plan
-from camopt.tasks.task import VERBS, filed
+from camopt.tasks.task import VERBS, stored_task
 from tests.command_line import refused, run
 from tests.tasks.tasks_of_tests import row_count, stored
 
@@ -32,7 +32,7 @@ def test_a_grid_takes_every_combination(tmp_path):
     vary = '[vary]\nspring.preload_N = [240, 250]\n"valve.mass_kg" = [0.2, 0.24, 0.3]\n'
     plan = load_plan(written(tmp_path, HEAD + "speeds_rpm = [4000, 5000]\n" + vary))
     tasks = list(plan)
-    assert len(tasks) == len(plan) == 12 == len({filed(task, "1").key for task in tasks})
+    assert len(tasks) == len(plan) == 12 == len({stored_task(task, "1").key for task in tasks})
     assert tasks[0] == {"verb": "settled", "scene": "motori-1", "cam": "polydyne", "speed_rpm": 4000.0,
                         "vary": {"spring.preload_N": 240.0, "valve.mass_kg": 0.2}}  # fmt: skip
     assert plan.digest == load_plan(tmp_path / "plan.toml").digest

@@ -16,7 +16,7 @@ import camopt
 from camopt.scene import InputError
 from camopt.tasks import sweep as sweeping
 from camopt.tasks.engines import MOST_DEATHS
-from camopt.tasks.task import filed
+from camopt.tasks.task import stored_task
 from tests.campaign.starved import mounted
 from tests.tasks.tasks_of_tests import DIED, DIES, opened, rehearsals, row_count, stored
 
@@ -117,7 +117,7 @@ class TestParent:
         assert 20 <= rows_after_the_end(tmp_path, path, "rehearsals(200, 0.01)", how) < 200
         camopt.sweep(rehearsals(200, 0.01), path, workers=0)
         tasks = rehearsals(200, 0.01)
-        assert [row[0] for row in stored(path)] == sorted(filed(task, camopt.__version__).key for task in tasks)
+        assert [row[0] for row in stored(path)] == sorted(stored_task(task, camopt.__version__).key for task in tasks)
         but_for_the_wait = [sorted((n, s, o) for _, n, _, s, o in rows) for rows in (stored(path), serial)]
         assert but_for_the_wait[0] == but_for_the_wait[1]
 

@@ -9,25 +9,25 @@ from camopt.cam.design_file import as_written
 from camopt.scene import InputError, load_scene, scene_text
 from camopt.scene.load import scene_with
 from camopt.scene.text_file import scene_toml
-from camopt.tasks.task import SettledTask, filed
+from camopt.tasks.task import SettledTask, stored_task
 
 SCENE = load_scene("motori-1")
 SETTLED = {"verb": "settled", "scene": "motori-1", "cam": "polydyne", "speed_rpm": 4000}
 
 
 def test_the_key_depends_on_the_content_and_on_the_version():
-    task = filed(SETTLED, "1")
-    assert task.key == filed(dict(reversed(SETTLED.items())) | {"speed_rpm": 4000.0, "vary": {}}, "1").key
+    task = stored_task(SETTLED, "1")
+    assert task.key == stored_task(dict(reversed(SETTLED.items())) | {"speed_rpm": 4000.0, "vary": {}}, "1").key
     assert len(task.key) == 64
-    others = [filed(SETTLED | more, "1") for more in ({"speed_rpm": 4001}, {"vary": {"spring.preload_N": 251}})]
-    assert len({task.key, filed(SETTLED, "2").key, *(other.key for other in others)}) == 4
+    others = [stored_task(SETTLED | more, "1") for more in ({"speed_rpm": 4001}, {"vary": {"spring.preload_N": 251}})]
+    assert len({task.key, stored_task(SETTLED, "2").key, *(other.key for other in others)}) == 4
 
 
 def test_a_scene_is_identified_by_its_content(tmp_path):
     (tmp_path / "mine.toml").write_text(scene_text("motori-1"), encoding="utf-8")
-    by_file = filed(SETTLED | {"scene": tmp_path / "mine.toml"}, "1")
-    by_text = filed(SETTLED | {"scene": scene_text("motori-1")}, "1")
-    by_scene, again = (filed(SETTLED | {"scene": SCENE}, "1") for _ in range(2))
+    by_file = stored_task(SETTLED | {"scene": tmp_path / "mine.toml"}, "1")
+    by_text = stored_task(SETTLED | {"scene": scene_text("motori-1")}, "1")
+    by_scene, again = (stored_task(SETTLED | {"scene": SCENE}, "1") for _ in range(2))
     assert by_file == by_text and by_scene == again
     assert by_scene.parts[json.loads(by_scene.text)["scene"]] == scene_toml(SCENE)
     assert by_scene.task().scene == scene_toml(SCENE)
@@ -35,10 +35,10 @@ def test_a_scene_is_identified_by_its_content(tmp_path):
 
 def test_a_cam_is_identified_by_the_content_of_its_design(tmp_path):
     cam = camopt.polydyne(SCENE)
-    task = filed(SETTLED | {"cam": cam}, "1")
+    task = stored_task(SETTLED | {"cam": cam}, "1")
     (text,) = task.parts.values()
     (tmp_path / "design.json").write_text(text, encoding="utf-8")
-    assert filed(SETTLED | {"cam": tmp_path / "design.json"}, "1").task().cam.startswith('{"family"')
+    assert stored_task(SETTLED | {"cam": tmp_path / "design.json"}, "1").task().cam.startswith('{"family"')
     read, written = camopt.read_cam(tmp_path, SCENE), as_written(cam)
     assert (read.coefficients == written.coefficients).all() and (read.borders == written.borders).all()
     assert isinstance(task.task(), SettledTask)
@@ -61,7 +61,7 @@ def test_a_cam_is_identified_by_the_content_of_its_design(tmp_path):
 )
 def test_an_invalid_task_is_reported_with_a_sentence(task, words):
     with pytest.raises(InputError) as refused:
-        filed(task, "1", "task 7")
+        stored_task(task, "1", "task 7")
     assert str(refused.value).startswith("task 7: ") and words in str(refused.value)
 
 

@@ -11,7 +11,7 @@ from camopt.scene import InputError, build_train, load_scene
 from camopt.scene.load import scene_with
 from camopt.scene.quantities import QUANTITIES
 from camopt.tasks.plan import load_plan
-from camopt.tasks.task import filed
+from camopt.tasks.task import stored_task
 from tests.tasks.tasks_of_tests import stored
 
 SCENE = load_scene("motori-1")
@@ -113,7 +113,7 @@ class TestCall:
     )
     def test_an_invalid_call_is_reported_with_a_sentence(self, changes, words):
         with pytest.raises(InputError) as refused:
-            filed({"verb": "call", "function": self.FUNCTION} | changes, "1")
+            stored_task({"verb": "call", "function": self.FUNCTION} | changes, "1")
         assert words in str(refused.value)
 
     def test_a_plan_may_not_use_the_verb_call(self, tmp_path):

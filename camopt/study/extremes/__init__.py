@@ -1,1 +1,1 @@
-"""`camopt extremes`: every method at the extremes, each answer classified against the truth."""
+"""`camopt extremes`: every method on extreme scenes, each answer classified against a reference."""

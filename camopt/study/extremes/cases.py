@@ -1,4 +1,4 @@
-"""The fixed list of extremes as data: what is changed in a scene, one change at a time and two at a time."""
+"""The fixed list of extreme scenes as data: changes of a scene, applied one at a time and in pairs."""
 
 from collections.abc import Callable, Iterator
 from functools import partial
@@ -10,14 +10,14 @@ from camopt.scene import Scene, build_train
 from camopt.scene.parameters import RATE, SceneNumber, matching, with_numbers
 
 HEAVY = 30.0
-"""Factor of every damping constant in the case of heavy damping, which over-damps the seats of the built-in scenes."""
+"""Factor on every damping constant in the case of heavy damping, which overdamps the seats of the built-in scenes."""
 AS_IT_IS = "as it is"
 COMBINED = "kodama"
-"""The scene on which every two changes of different kinds are combined."""
+"""The scene to which every pair of changes of different kinds is applied."""
 
 
 def contacts(scene: Scene, stiffness_N_per_m: float) -> Scene:
-    """One stiffness for every contact with a linear law, except preloaded contacts that stand for springs."""
+    """Gives every contact with a linear law one stiffness, except preloaded contacts that model springs."""
     stiff = max(e.stiffness_N_per_m or 0.0 for e in scene.element)
     numbers = {
         SceneNumber("element", i, RATE): stiffness_N_per_m
@@ -28,32 +28,32 @@ def contacts(scene: Scene, stiffness_N_per_m: float) -> Scene:
 
 
 def times(scene: Scene, key: str, factor: float) -> Scene:
-    """A number of every mass and element that has it, multiplied."""
+    """Multiplies the number `key` of every mass and element that has it."""
     return with_numbers(scene, {number: factor * number.of(scene) for number in matching(scene, f"*.{key}")})
 
 
 def speed(scene: Scene, speed_rpm: float) -> Scene:
-    """One crankshaft speed [r/min]."""
+    """Sets the listed speeds to one crankshaft speed [r/min]."""
     operation = scene.required_operation.model_copy(update={"speeds_rpm": (speed_rpm,)})
     return scene.model_copy(update={"operation": operation})
 
 
 def clearance(scene: Scene, gap_mm: float) -> Scene:
-    """All the clearance between cam and valve in one contact: where the scene has it, or else at the cam."""
+    """Puts all clearance between cam and valve into one contact: that with the largest gap, or else the cam's."""
     train = build_train(scene)
-    holds = max(train.cam_side, key=lambda e: (train.gap[e], -train.cam_side.index(e)))
-    gaps = {SceneNumber("element", e, "gap_mm"): gap_mm if e == holds else 0.0 for e in train.cam_side}
+    holder = max(train.cam_side, key=lambda e: (train.gap[e], -train.cam_side.index(e)))
+    gaps = {SceneNumber("element", e, "gap_mm"): gap_mm if e == holder else 0.0 for e in train.cam_side}
     return with_numbers(scene, gaps)
 
 
 def fast_mode(scene: Scene, frequency_Hz: float) -> Scene:
-    """The mass with the highest frequency on its own elements as light as the given frequency requires."""
+    """Makes the mass with the highest frequency on its own elements light enough for the given frequency."""
     i, stiffness = _stiffest(scene)
     return with_numbers(scene, {SceneNumber("mass", i, "mass_kg"): stiffness / (2 * np.pi * frequency_Hz) ** 2})
 
 
 def mass_ratio(scene: Scene, ratio: float) -> Scene:
-    """The same mass lighter than the heaviest one by a ratio; a scene of one mass stays as it is."""
+    """Makes the same mass lighter than the heaviest one by a ratio; a scene with one mass is unchanged."""
     if len(scene.mass) == 1:
         return scene
     lightest = max(m.mass_kg for m in scene.mass) / ratio
@@ -61,7 +61,7 @@ def mass_ratio(scene: Scene, ratio: float) -> Scene:
 
 
 def pushing(scene: Scene, factor: float) -> Scene:
-    """Every force by the cam angle multiplied."""
+    """Multiplies every force that depends on the cam angle."""
     tables = [tuple((angle, factor * value) for angle, value in f.table) for f in scene.force]
     forces = [f.model_copy(update={"table": t}) for f, t in zip(scene.force, tables, strict=True)]
     return scene.model_copy(update={"force": tuple(forces)})
@@ -70,7 +70,7 @@ def pushing(scene: Scene, factor: float) -> Scene:
 def _stiffest(scene: Scene) -> tuple[int, float]:
     """The mass with the highest k/m, and the sum of its elements' stiffnesses [N/m]."""
     train = build_train(scene)
-    total = np.zeros(len(train.mass) + 1)  # the last is the ground
+    total = np.zeros(len(train.mass) + 1)  # the last entry belongs to the ground
     np.add.at(total, train.a, train.stiffness)
     np.add.at(total, train.b, train.stiffness)
     i = int(np.argmax(total[:-1] / train.mass))
@@ -92,7 +92,7 @@ CHANGES: dict[str, Changes] = {
     "clearance": {"no clearance": partial(clearance, gap_mm=0.0), "clearance 1 mm": partial(clearance, gap_mm=1.0)},
     "mass": {"72 kHz mode": partial(fast_mode, frequency_Hz=72e3), "mass ratio 1e4": partial(mass_ratio, ratio=1e4)},
 }
-"""Changes of the scene by their kind; two of a kind are not combined."""
+"""Changes of the scene by kind; two changes of one kind are not combined."""
 OF_ELEMENTS: dict[str, Changes] = {
     LEAK: {
         "leaks a thousand times as fast": partial(times, key=LEAK, factor=1e-3),
@@ -107,15 +107,15 @@ OF_ELEMENTS: dict[str, Changes] = {
         "forces of the other sign": partial(pushing, factor=-1.0),
     },
 }
-"""Changes of what only some scenes have, by the key of an element or, for forces by the cam angle, of the scene."""
+"""Changes of features that only some scenes have, by the key of an element, or "force" for forces by the cam angle."""
 
 
 def cases(scene: Scene) -> Iterator[tuple[str, Scene]]:
-    """By name the scene as it is, then with every single change, and on COMBINED with every two."""
+    """Named scenes: the scene as it is, then with each single change, and for COMBINED with each pair of changes."""
     yield AS_IT_IS, scene
-    has = [key for key in OF_ELEMENTS if any(getattr(one, key, None) for one in (scene, *scene.element))]
+    has = [key for key in OF_ELEMENTS if any(getattr(table, key, None) for table in (scene, *scene.element))]
     for changes in (*CHANGES.values(), *(OF_ELEMENTS[key] for key in has)):
         yield from ((name, change(scene)) for name, change in changes.items())
     if scene.name == COMBINED:
-        for one, other in combinations(CHANGES.values(), 2):
-            yield from ((f"{a} + {b}", other[b](one[a](scene))) for a, b in product(one, other))
+        for first, second in combinations(CHANGES.values(), 2):
+            yield from ((f"{a} + {b}", second[b](first[a](scene))) for a, b in product(first, second))

@@ -1,9 +1,9 @@
-"""`camopt extremes`: every method at the extremes, a verdict each; a wrong number without a warning is a defect.
+"""`camopt extremes`: every method on extreme scenes, with a verdict each; a wrong value without a warning is a defect.
 
-One revolution from rest with the scene's Polydyne, changed as `camopt.study.extremes.cases` lists; the truth is
-event-exact (DOP853 where laws are curved), each method halves its step until its figures stand, and
-`camopt.study.extremes.classification` compares. The smooth methods, which alone import JAX, halve the width of the
-contact's layer and the error permitted where the others halve their step.
+The motion is one revolution from rest with the scene's Polydyne, under the changes of `camopt.study.extremes.cases`.
+The reference is event-exact (DOP853 for curved laws), each method halves its step until its metrics converge, and
+`camopt.study.extremes.classification` compares them. The smooth methods, which alone import JAX, halve the width of the
+contact layer and the permitted error instead of a step.
 """
 
 import time
@@ -47,17 +47,17 @@ STEP_METHODS: dict[str, Prepare] = {
     "houbolt": houbolt.prepare,
     "houbolt-explicit": partial(houbolt.prepare, explicit=True),
 }
-"""Methods with fixed steps, which locate no switching."""
+"""Methods with fixed steps, which do not locate switchings."""
 LOCATING: dict[str, Prepare] = {"event": exact.prepare, "dop853": dop853.prepare}
 """Methods that locate every switching."""
 DIAL = 1024
-"""Setting with which the smooth methods begin, in place of steps; at four times this they have their defaults."""
+"""First setting of the smooth methods, in place of a number of steps; at four times DIAL they have their defaults."""
 SINGLE_EPS, SINGLE_TOLERANCE = 1e-6, 1e-7
-"""Width of the layer and error permitted [m] at four times DIAL in single precision, which rounds lifts to 1e-9 m."""
+"""Width of the layer and permitted error [m] at four times DIAL in single precision, which rounds lifts to 1e-9 m."""
 
 
 def smooth(train: Train, lift: Lift, cam_speed: float, dial: int, narrower: float = 1.0) -> Revolve:
-    """The smooth path in double precision; its width and the error permitted are divided by `narrower`."""
+    """The smooth path in double precision; the width of its layer and the permitted error are divided by `narrower`."""
     from camopt.smooth.simulate import EPS, TOLERANCE, prepare
 
     wide = 4 * DIAL / dial / narrower
@@ -86,7 +86,7 @@ def smooth_float32(train: Train, lift: Lift, cam_speed: float, dial: int) -> Rev
         if not np.all(np.isfinite(x)):
             raise MotionRefused("smooth path in single precision: no grid of the steps allowed resolves the motion")
         distinct = np.append(True, np.diff(angle) > 0)
-        angle[-1] = np.pi  # its rounding to single precision lies beyond
+        angle[-1] = np.pi  # pi rounded to single precision is larger
         return Response(train, cam_speed, *(q[distinct] for q in (angle, rise, x, v, force, memory)))
 
     return revolve
@@ -94,12 +94,12 @@ def smooth_float32(train: Train, lift: Lift, cam_speed: float, dial: int) -> Rev
 
 SMOOTH: dict[str, Prepare] = {"smooth": smooth, "smooth-float32": smooth_float32}
 
-PAST = 32
-"""By what the first number of steps is divided to be past every explicit method's limit, twice halved too."""
+UNSTABLE = 32
+"""Divisor that puts the first steps beyond every explicit method's stability limit, also after two halvings."""
 NARROWER = {"eps 2e-13 m": 1e4, "eps 2e-18 m": 1e9, "eps zero": float("inf")}
-"""By what the width of the smooth contact's layer is divided on its way to zero."""
+"""Divisors of the width of the smooth contact layer, by label, for widths that tend to zero."""
 DOP853_STEPS = 20_000
-"""First steps per revolution beyond which DOP853 is left out of a case: it would take minutes."""
+"""First number of steps per revolution above which a case leaves out DOP853, which would take minutes."""
 REFERENCE = "event"
 
 
@@ -110,23 +110,23 @@ def extremes(
     progress: bool = True,
     named: Collection[str] | None = None,
 ) -> list[dict]:
-    """Runs the list over `scenes` and writes `extremes.csv` into `folder`; returns its rows.
+    """Runs all cases of `scenes` and writes `extremes.csv` into `folder`; returns its rows.
 
-    With `named` only the cases of these names are run; with `resume` what was measured already is not run again.
-    Raises InputError for a folder that exists without `resume` or cannot be written.
+    With `named` only the cases of these names are run; with `resume` stored measurements are not repeated. Raises
+    InputError for a folder that exists without `resume` or cannot be written.
     """
-    with run_folder(folder, run_identity("extremes", scenes), resume, [LINES]) as begun:
+    with run_folder(folder, run_identity("extremes", scenes), resume, [LINES]) as run:
         chosen = [(s, *case) for s in scenes for case in cases(s) if named is None or case[0] in named]
-        work = [one for case in chosen for one in _measurements(*case)]
-        rows = measured(Records(begun / LINES, "case", "method"), work, progress)
-        write_csv(begun / "extremes.csv", {name: [row[name] for row in rows] for name in COLUMNS})
+        work = [measurement for case in chosen for measurement in _measurements(*case)]
+        rows = measured(Records(run / LINES, "case", "method"), work, progress)
+        write_csv(run / "extremes.csv", {name: [row[name] for row in rows] for name in COLUMNS})
     return rows
 
 
 def _measurements(scene: Scene, case: str, changed: Scene) -> Iterator[Measurement]:
-    """The measurements of one case at its highest listed speed, that of the reference first.
+    """The measurements of one case at its highest listed speed, beginning with that of the reference.
 
-    Where laws are curved DOP853 is the reference, and event-exact with its chords one of those that are judged.
+    For curved laws DOP853 is the reference, and event-exact with chords is one of the methods judged.
     """
     train, cam_speed = build_train(changed), changed.cam_speed(max(changed.required_operation.speeds_rpm))
     motion = train, polydyne(scene), cam_speed
@@ -147,17 +147,17 @@ def _measurements(scene: Scene, case: str, changed: Scene) -> Iterator[Measureme
             prepare, *dial = arguments or (None,)
             answer = reference.answer if prepare is None else first_answer(prepare, *motion, *dial)
         except InputError as refusal:
-            named = {"setting": str(refusal), "error": None, "error_of": "", "seconds": 0.0}
-            return named | {"converged": False, "verdict": REFUSED}
+            record = {"setting": str(refusal), "error": None, "error_of": "", "seconds": 0.0}
+            return record | {"converged": False, "verdict": REFUSED}
         verdict, name, error = judge(answer, reference)
-        if prepare is None:  # it is beside its own finer steps
+        if prepare is None:  # the reference is judged by its own error estimate
             name, share = doubtful_figure(reference)
             verdict = WITHIN if share <= 1.0 else RANGE if reference.sensitive(name) else NOT_CONVERGED
             error = answer.error[name]
-        told = error if np.isfinite(error) else None if np.isnan(error) else str(error)
+        stated = error if np.isfinite(error) else None if np.isnan(error) else str(error)
         setting, seconds = f"{answer.steps_per_revolution} {unit}", round(time.perf_counter() - begin, 3)
-        named = {"setting": setting, "error": told, "error_of": name, "seconds": seconds}
-        return named | {"converged": answer.converged, "verdict": verdict}
+        record = {"setting": setting, "error": stated, "error_of": name, "seconds": seconds}
+        return record | {"converged": answer.converged, "verdict": verdict}
 
     if train.straight:
         yield (f"{scene.name}: {case}", REFERENCE), partial(row, "samples", None)
@@ -167,9 +167,9 @@ def _measurements(scene: Scene, case: str, changed: Scene) -> Iterator[Measureme
 
 
 def methods(case: str, train: Train, cam_speed: float) -> Iterator[tuple]:
-    """What a case is put to besides the reference: case, method, its `prepare`, and halvings and first steps where they
-    are not those of `first_answer`; with the case as it is come steps past the stability limit and layers of the smooth
-    contact on their way to zero."""
+    """The measurements of a case other than the reference: case, method, its `prepare`, and halvings and first steps
+    where they differ from those of `first_answer`. The unchanged scene is also run with steps beyond the stability
+    limit and with widths of the smooth contact layer that tend to zero."""
     first = first_steps(train, cam_speed)
     yield from ((case, *method) for method in STEP_METHODS.items())
     if not train.straight:
@@ -179,16 +179,16 @@ def methods(case: str, train: Train, cam_speed: float) -> Iterator[tuple]:
     if " + " not in case:
         yield from ((case, *method, 2, DIAL) for method in SMOOTH.items())
     if case == AS_IT_IS:
-        yield from (("steps past the limit", *method, 2, -(-first // PAST)) for method in STEP_METHODS.items())
+        yield from (("steps past the limit", *method, 2, -(-first // UNSTABLE)) for method in STEP_METHODS.items())
         yield from ((label, "smooth", partial(smooth, narrower=by), 2, DIAL) for label, by in NARROWER.items())
 
 
 def defects(rows: list[dict]) -> list[dict]:
-    """Rows that end in a wrong number without a warning."""
+    """The rows with a wrong value without a warning."""
     return [r for r in rows if r["verdict"] == WRONG]
 
 
 def counts(rows: list[dict]) -> dict[str, dict[str, int]]:
-    """How often each method ended in each verdict."""
+    """Number of rows by method and verdict."""
     by_method = {m: [r["verdict"] for r in rows if r["method"] == m] for m in dict.fromkeys(r["method"] for r in rows)}
-    return {m: {v: found.count(v) for v in VERDICTS if v in found} for m, found in by_method.items()}
+    return {m: {v: verdicts.count(v) for v in VERDICTS if v in verdicts} for m, verdicts in by_method.items()}

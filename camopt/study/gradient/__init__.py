@@ -1,1 +1,1 @@
-"""`camopt gradient`: may the gradient be trusted here."""
+"""`camopt gradient`: whether a gradient can be trusted."""

@@ -1,7 +1,6 @@
-"""What `camopt gradient` compares: the metrics and their gradients by bumps on a cam, on each path, from one start.
+"""The quantities compared by `camopt gradient`: the metrics and their gradients with respect to bumps on a cam.
 
-Every path starts from the same state and follows two revolutions; the metrics are those of the first, whose windows run
-into the second.
+Every path covers two revolutions from one state; the metrics of the first have windows that extend into the second.
 """
 
 import time
@@ -33,13 +32,13 @@ from camopt.verifier.methods.dop853 import prepare as prepare_dop853
 
 DEGREE = 5
 SAME = 1e-9
-"""Angle [rad] below which a knot of a bump takes the place of a border of the cam's pieces."""
+"""Distance [rad] within which a knot of a bump is moved onto a border of the cam's pieces."""
 
 
 def with_bumps(lift: Lift, count: int) -> tuple[Lift, Float[np.ndarray, "count p q"]]:
     """The cam on the union of its pieces with those of `count` bumps, 1 or more, and the bumps as changes of its
-    coefficients [m/rad^k] per metre of height: quintic B-splines of height 1 on equal knots over the duration, each six
-    of its intervals wide and zero outside, so that ramps and feet stay."""
+    coefficients [m/rad^k] per metre of height. The bumps are quintic B-splines of height 1 on equal knots over the
+    duration, each six intervals wide and zero outside, so that ramps and feet do not change."""
     knots = np.linspace(-lift.half_duration, lift.half_duration, count + DEGREE + 1)
     nearest = lift.borders[np.argmin(np.abs(lift.borders[:, None] - knots), axis=0)]
     knots = np.where(np.abs(nearest - knots) < SAME, nearest, knots)
@@ -53,12 +52,12 @@ def with_bumps(lift: Lift, count: int) -> tuple[Lift, Float[np.ndarray, "count p
 
 
 def moved(lift: Lift, directions: Float[np.ndarray, "m p q"], heights: Float[np.ndarray, " m"]) -> Lift:
-    """The cam with `heights` [m] of the changes `directions` added to its coefficients."""
+    """The cam with the changes `directions` of its coefficients, multiplied by `heights` [m], added."""
     return replace(lift, coefficients=lift.coefficients + np.tensordot(heights, directions, 1))
 
 
 def _bump(flat: Lift, i: int) -> Lift:
-    """The i-th bump on the pieces of `flat`, whose first and last lie outside the knots."""
+    """The i-th bump on the pieces of `flat`, the first and last of which lie outside the knots."""
     knots = flat.borders[1 + i : 3 + i + DEGREE]
     spline = BSpline.basis_element(knots)
     pieces = PPoly.from_spline(spline.tck)
@@ -69,36 +68,36 @@ def _bump(flat: Lift, i: int) -> Lift:
 
 
 METRICS = tuple(name for name in exact_metrics.METRICS if name in QUANTITIES)
-"""The declared metrics of which both paths have gradients."""
+"""The declared metrics for which both paths have gradients."""
 REVOLUTIONS = 2
 SETTLED = 1e-6, 1e-3
-"""Change of positions [m] and velocities [m/s] over a revolution within which a motion counts as settled."""
+"""Largest change of positions [m] and velocities [m/s] over a revolution of a settled motion."""
 MOST_SETTLING, FOLLOWING = 40, 4
-"""Revolutions in which a motion may settle, and further ones whose gradients one that has not is compared with."""
+"""Most revolutions for settling; revolutions after them, whose gradients are compared if the motion has not settled."""
 SAMPLES = 2880
-"""Samples per revolution of DOP853, whose permitted error is then 1e-8 of the motion."""
+"""Samples per revolution of DOP853, with which its permitted error is 1e-8 of the motion."""
 FIRST_STEPS = 8192
-"""Number of steps per revolution that the smooth path is offered at first."""
+"""First number of steps per revolution allowed to the smooth path."""
 REPEATS = 3
-"""Number of runs, the fastest of which gives the time."""
+"""Number of timed runs, of which the fastest counts."""
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A cam with m bumps in a train at one speed, and the state from which every motion starts."""
+    """A cam with m bumps in a train at one speed, and the common initial state of all motions."""
 
     train: Train
     lift: Lift
     directions: np.ndarray  # (m, p, q)
     cam_speed: float  # rad/s
-    start: np.ndarray  # (2n + r) at -pi, held
+    start: np.ndarray  # (2n + r) at -pi; it does not depend on the bumps
     settled: bool
 
 
 def problem(scene: Scene, lift: Lift, speed_rpm: float, bumps: int) -> Problem:
     """The problem of a cam with a number of bumps at one crankshaft speed [r/min].
 
-    Its start is the state that repeats itself, or else the state after `MOST_SETTLING` revolutions from rest. Raises
+    It starts from the periodic state, or from the state after `MOST_SETTLING` revolutions from rest. Raises
     MotionRefused and InputError where the methods do.
     """
     train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
@@ -113,7 +112,7 @@ def problem(scene: Scene, lift: Lift, speed_rpm: float, bumps: int) -> Problem:
 
 
 def true_values(p: Problem, heights: np.ndarray) -> np.ndarray:
-    """METRICS (l) with the bumps at heights (m) [m], by event-exact, or by DOP853 where a law is curved."""
+    """METRICS (l) with bumps of these heights (m) [m], by event-exact, or by DOP853 where a law is curved."""
     lift = moved(p.lift, p.directions, heights)
     if p.train.straight:
         return TracedMotion(p.train, lift, p.cam_speed, p.start, REVOLUTIONS).values(METRICS)
@@ -127,15 +126,15 @@ class PathGradients:
 
     values: np.ndarray
     gradients: np.ndarray
-    cost_ratio: np.ndarray  # seconds of value and gradient over seconds of the value
+    cost_ratio: np.ndarray  # time of value and gradient over time of the value
 
 
 def exact_gradients(p: Problem) -> tuple[PathGradients, Gradient]:
-    """The answer of the exact path, by its adjoint, and the gradient of all metrics together with their grazing.
+    """Values and gradients of the exact path by its adjoint, and the joint gradient of all metrics with its grazing.
 
-    Times are processor time of one thread, to which other work beside it does not count.
+    Times are processor times of one thread, which other work on the machine does not affect.
     """
-    together, gradients = _by_bumps(p, p.start)
+    together, gradients = _bump_gradients(p, p.start)
     ratio = []
     for name in METRICS:
         motion = partial(TracedMotion, p.train, p.lift, p.cam_speed, p.start, REVOLUTIONS)
@@ -146,14 +145,14 @@ def exact_gradients(p: Problem) -> tuple[PathGradients, Gradient]:
     return PathGradients(together.values, gradients, np.array(ratio)), together
 
 
-def _by_bumps(p: Problem, start: np.ndarray) -> tuple[Gradient, np.ndarray]:
-    """The exact gradient of METRICS from a state, and what it is (l, m) by the bumps."""
+def _bump_gradients(p: Problem, start: np.ndarray) -> tuple[Gradient, np.ndarray]:
+    """The exact gradient of METRICS from a state, and its components along the bumps (l, m)."""
     together = value_and_gradient(p.train, p.lift, p.cam_speed, METRICS, start, revolutions=REVOLUTIONS)
     return together, np.einsum("lpq,mpq->lm", together.by_coefficients, p.directions)
 
 
 def smooth_gradients(p: Problem) -> Callable[[float], PathGradients]:
-    """The answer of the smooth path as a function of eps [m], by two compiled programs; NaN where the path fails."""
+    """Values and gradients of the smooth path by eps [m], from two compiled programs; NaN where the path fails."""
     wall_seconds = partial(fastest, clock=time.perf_counter, first=False)
     system, base = build_system(p.train), jnp.asarray(lift_samples(p.lift))
     units = np.eye(len(p.directions))
@@ -190,17 +189,17 @@ def smooth_gradients(p: Problem) -> Callable[[float], PathGradients]:
 
 
 def repeated_cosines(p: Problem, gradients: np.ndarray) -> np.ndarray:
-    """Least cosines (l) of the exact gradients (l, m) with those of the next revolutions; NaN for zero gradients."""
+    """Smallest cosines (l) of the exact gradients (l, m) with those of the next revolutions; NaN for zero gradients."""
     start, least = p.start, np.full(len(METRICS), np.inf)
     for _ in range(FOLLOWING):
         start = prepare_event(p.train, p.lift, p.cam_speed).advance(start)
-        _, slopes = _by_bumps(p, start)
+        _, slopes = _bump_gradients(p, start)
         least = np.minimum(least, [cosine(a, b) for a, b in zip(gradients, slopes, strict=True)])
     return least
 
 
 def spectral_radius(p: Problem) -> float:
-    """Spectral radius of the cycle map's Jacobian at the start: what of a change is left a revolution later."""
+    """Spectral radius of the cycle map's Jacobian at the start: the growth of a disturbance per revolution."""
     cycle = TracedMotion(p.train, p.lift, p.cam_speed, p.start)
     return float(np.abs(np.linalg.eigvals(cycle.pull_back(ends=np.eye(len(p.start))).by_start)).max())
 

@@ -1,9 +1,9 @@
-"""`camopt gradient`: may the gradient be trusted here, of this cam at this speed?
+"""`camopt gradient`: whether the gradients of a cam at a speed can be trusted.
 
-Gradients by the heights of bumps on the cam are compared, metric by metric, with central differences of the truth at
-several heights: of the event-exact motion or, where a law is curved and event-exact takes chords, whose slope is off by
-a share that falls only with their number, of DOP853. All motions start from one state, and how the cam changes that
-state is left out. What the report's numbers and verdicts mean is told in docs/explanation/gradients.md.
+Gradients with respect to the heights of bumps on the cam are compared, metric by metric, with central differences of
+the true motion at several heights. The true motion is event-exact. Where a law is curved it is DOP853, because
+event-exact then uses chords, whose relative slope error decreases only with their number. All motions start from one
+state; its dependence on the cam is neglected. docs/explanation/gradients.md explains the report.
 """
 
 from itertools import pairwise
@@ -18,15 +18,15 @@ from camopt.study.gradient import paths
 
 MOST_ERROR, LEAST_COSINE, MOST_DISAGREEMENT = 1e-2, 0.9, 0.1
 STILL = 1e-9
-"""A metric that the largest height changes by less than this, in its unit, does not move."""
+"""Change of a metric by the largest height, in its unit, below which the metric counts as constant."""
 BUMPS = {True: 20, False: 4}
-"""Number of bumps for laws of straight lines (True) and curved ones (False), whose truth takes a second per motion."""
+"""Number of bumps for piecewise linear laws (True) and curved ones (False), whose truth takes a second a motion."""
 HEIGHTS = {True: tuple((10.0 ** np.arange(-5.0, -9.6, -0.5)).tolist()), False: (1e-5, 1e-6, 1e-7)}
 """Heights of a bump [m] for central differences."""
 WIDTHS = 1e-5, 1e-6, 1e-7, EPS
 """Widths eps [m] of the smooth path's contact layer."""
 TRUTH = {True: "event-exact motion", False: "DOP853 with located switchings, since a law is curved"}
-"""What the differences are taken of."""
+"""The motion whose differences are taken."""
 
 
 def gradient_report(
@@ -38,11 +38,11 @@ def gradient_report(
     widths: tuple[float, ...] = WIDTHS,
     progress: bool = False,
 ) -> dict:
-    """Judges the gradients of a cam in a scene at a crankshaft speed [r/min] (see the module): the content of
+    """Judges the gradients of a cam in a scene at a crankshaft speed [r/min] (see the module). Returns the content of
     `gradient --json` (docs/run-folder.md).
 
-    `widths` [m] are those of the smooth path, the default `EPS` among them. Raises MotionRefused and InputError where
-    the methods do.
+    `widths` [m] of the smooth path's layer include the default `EPS`. Raises MotionRefused and InputError as the
+    methods.
     """
     straight = build_train(scene).straight
     heights, count = HEIGHTS[straight], bumps or BUMPS[straight]
@@ -78,7 +78,7 @@ def gradient_report(
 
 
 def central_differences(p: paths.Problem, height: float) -> np.ndarray:
-    """Differences (l, m) of the true METRICS by every bump, up and down by `height` [m]; NaN where one is refused."""
+    """Central differences (l, m) of the true METRICS by every bump of `height` [m]; NaN where a motion is refused."""
 
     def values(heights: np.ndarray) -> np.ndarray:
         try:
@@ -99,26 +99,26 @@ def judge(
     smooth: dict[float, paths.PathGradients],
     repeated: float | None,
 ) -> dict:
-    """Report on metric number i with the differences (h, m) by bumps at the heights (h) [m], as `gradient --json` has
-    it; `repeated` as of `verdict`."""
+    """The report on metric number i, as in `gradient --json`, from the differences (h, m) by the bumps at the heights
+    (h) [m]; `repeated` is as in `verdict`."""
     still = truth == 0.0 and bool(np.all(np.abs(differences[0]) * heights[0] < STILL))
     agreement = disagreement(differences)
-    rough = still or not agreement <= MOST_DISAGREEMENT
+    unusable = still or not agreement <= MOST_DISAGREEMENT
 
     def errors(path: paths.PathGradients) -> np.ndarray:
         return relative_errors(path.gradients[i], differences)
 
     def judged(path: paths.PathGradients) -> dict:
-        error, turn, value = np.nan, np.nan, path.values[i]
-        if np.any(np.isfinite(errors(path))) and not still:
-            best = int(np.nanargmin(errors(path)))
-            error, turn = errors(path)[best], paths.cosine(path.gradients[i], differences[best])
+        error, cosine, value, at_heights = np.nan, np.nan, path.values[i], errors(path)
+        if np.any(np.isfinite(at_heights)) and not still:
+            best = int(np.nanargmin(at_heights))
+            error, cosine = at_heights[best], paths.cosine(path.gradients[i], differences[best])
         return {
             "value_bias": abs(value / truth - 1.0) if truth != 0.0 else 0.0 if value == 0.0 else np.nan,
             "relative_error": error,
-            "cosine": turn,
+            "cosine": cosine,
             "cost_ratio": path.cost_ratio[i],
-            "verdict": "none" if rough else verdict(error, turn, repeated),
+            "verdict": "none" if unusable else verdict(error, cosine, repeated),
         }
 
     by_exact = judged(exact)
@@ -134,9 +134,9 @@ def judge(
 
 
 def verdict(relative_error: float, cosine: float, repeated: float | None = None) -> str:
-    """trust, direction only or none, from a gradient's error and cosine.
+    """The verdict "trust", "direction only" or "none" from a gradient's error and cosine.
 
-    `repeated` is the least cosine with the revolutions that follow, None for a motion that repeats itself.
+    `repeated` is its least cosine with the gradients of the next revolutions, None for a periodic motion.
     """
     if repeated is None and relative_error <= MOST_ERROR:
         return "trust"
@@ -145,14 +145,14 @@ def verdict(relative_error: float, cosine: float, repeated: float | None = None)
 
 
 def relative_errors(gradient: np.ndarray, differences: np.ndarray) -> np.ndarray:
-    """Relative errors (h) of a gradient (m) against the differences (h, m) at every height; infinite where these are
-    zero and the gradient is not, NaN where one of them is NaN."""
-    off, size = np.linalg.norm(gradient - differences, axis=1), np.linalg.norm(differences, axis=1)
-    return np.where(size > 0.0, off / np.where(size > 0.0, size, 1.0), np.where(off > 0.0, np.inf, off))
+    """Relative errors (h) of a gradient (m) against the differences (h, m) at every height; infinite where the
+    differences are zero and the gradient is not, NaN where a value is NaN."""
+    distance, size = np.linalg.norm(gradient - differences, axis=1), np.linalg.norm(differences, axis=1)
+    return np.where(size > 0.0, distance / np.where(size > 0.0, size, 1.0), np.where(distance > 0.0, np.inf, distance))
 
 
 def disagreement(differences: np.ndarray) -> float:
-    """Smallest relative change of the differences (h, m) from one height to the next; NaN without values."""
+    """Smallest relative change of the differences (h, m) between neighbouring heights; NaN without values."""
     steps = [relative_errors(a, b[None])[0] for a, b in pairwise(differences)]
     return float(np.nanmin(steps)) if np.any(np.isfinite(steps)) else float("nan")
 
@@ -171,13 +171,13 @@ def _reason(truth: float, still: bool, agreement: float, repeated: float | None)
 
 def report_lines(report: dict) -> list[str]:
     """The report as lines of text."""
-    heights, near = ", ".join(f"{h:.0e}" for h in report["heights_m"]), report["grazing"]
+    heights, grazing = ", ".join(f"{h:.0e}" for h in report["heights_m"]), report["grazing"]
     lines = [
         f"against central differences of {report['truth']}",
         f"by {report['bumps']} bumps of {heights} m on the lift",
         f"trust: error <= {MOST_ERROR:g} in a motion that repeats itself; direction only: cosine >= {LEAST_COSINE:g}",
         "the motion repeats itself" if report["settled"] else "the motion does not repeat itself",
-        f"nearest grazing: closing at {near['approach_m_per_s']:.2g} m/s, missed by {near['gap_m']:.2g} m",
+        f"nearest grazing: closing at {grazing['approach_m_per_s']:.2g} m/s, missed by {grazing['gap_m']:.2g} m",
         f"spectral radius of the cycle map: {report['spectral_radius']:.3g}",
     ]
     for name, metric in report["metrics"].items():
@@ -186,10 +186,10 @@ def report_lines(report: dict) -> list[str]:
         if reason.startswith(("no value", "zero")):
             continue
         lines += [f"  {'path':<16} {'value bias':>10} {'relative error':>14} {'cosine':>8} {'cost':>5}  verdict"]
-        for one in (metric["exact"], *metric["smooth"]):
-            label = f"smooth {one['eps_m']:.0e} m" if "eps_m" in one else "exact"
-            numbers = f"{one['relative_error']:14.1e} {one['cosine']:8.4f} {one['cost_ratio']:5.2f}"
-            lines += [f"  {label:<16} {one['value_bias']:10.1e} {numbers}  {one['verdict']}"]
+        for judged in (metric["exact"], *metric["smooth"]):
+            label = f"smooth {judged['eps_m']:.0e} m" if "eps_m" in judged else "exact"
+            numbers = f"{judged['relative_error']:14.1e} {judged['cosine']:8.4f} {judged['cost_ratio']:5.2f}"
+            lines += [f"  {label:<16} {judged['value_bias']:10.1e} {numbers}  {judged['verdict']}"]
         for path, errors in metric["relative_error_at_heights"].items():
             label = path if path == "exact" else f"smooth {EPS:.0e} m"
             lines += [f"  {label} at each height: {' '.join(f'{e:.1e}' for e in errors)}"]

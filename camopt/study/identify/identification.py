@@ -15,24 +15,24 @@ from camopt.scene.units import DEG, MM, UM
 from camopt.study.identify.lift_fit import Fitted, FreeParameters, LiftFit, Series, fits_from_starts
 
 WIDEST = np.log(2.0)
-"""Half-width of an interval in the logarithm, beyond which a parameter counts as not identified: a linear analysis is
-not to be believed over more than a factor of two."""
+"""Half-width of an interval in the logarithm beyond which a parameter counts as not identified: a linear analysis is
+not reliable over more than a factor of two."""
 ROUNDING = 1e-7
-"""Singular value relative to the largest below which a direction is rounding of the differences, and unknown."""
+"""Singular value, relative to the largest, below which a direction is rounding of the differences, hence unknown."""
 SURPRISING = 5.0
-"""Standard deviations by which noise and correlation of the residual may miss what they should be."""
+"""Allowed deviation of the residual's noise and correlation from their expected values [standard deviations]."""
 ESTIMATE_SPREAD = 3.1
-"""Standard deviation of the relative square of `measured_noise` times the root of the number of samples."""
+"""Relative standard deviation of the square of `measured_noise`, times the root of the number of samples."""
 JACOBIANS_AGREE = 1e-2
-"""Largest relative distance of the differences' Jacobian to the exact adjoint; more: too sensitive."""
+"""Largest relative distance of the differences' Jacobian from the adjoint; beyond, the motion is too sensitive."""
 
 
 @dataclass(frozen=True)
 class MeasuredLift:
     """A measured valve lift at one speed: position of the valve (m) at ascending cam angles (m).
 
-    The position is zero in the installed position (the scene's own), unless `identify` is told otherwise. Angles count
-    from -180, where the first revolution begins, and run on past 180 into the revolutions after it.
+    The position is zero in the scene's installed position, unless `identify` is told otherwise. Angles count from -180,
+    where the first revolution begins, and continue beyond 180 in later revolutions.
     """
 
     speed_rpm: float  # crankshaft
@@ -42,16 +42,16 @@ class MeasuredLift:
 
 @dataclass(frozen=True)
 class Identification:
-    """What the measurement says of the parameters.
+    """The identified parameters with their intervals.
 
-    `table` has coordinate `parameter` (p) with `start`, `estimate`, `low`, `high` (in the units of the names; infinite
-    where not identified), `relative_error` (standard error of the logarithm) and `identified`: nothing where a remark
-    speaks against the fit. `correlation` is that of the estimates (p, p), NaN where unknown. `directions`: combinations
-    of the parameters, weakest first, with their `relative_error`: the noise over the singular value of the Jacobian by
-    the logarithms.
+    `table` has the coordinate `parameter` (p) with `start`, `estimate`, `low`, `high` (in the units of the names;
+    infinite where not identified), `relative_error` (standard error of the logarithm) and `identified`; nothing is
+    identified where a remark speaks against the fit. `correlation` (p, p) is that of the estimates, NaN where unknown.
+    `directions` are combinations of the parameters, weakest first, with their `relative_error`: the noise divided by
+    the singular value of the Jacobian with respect to the logarithms.
     """
 
-    scene: Scene  # with the estimates
+    scene: Scene  # with the estimated values
     table: xr.Dataset
     correlation: xr.DataArray
     directions: xr.Dataset
@@ -59,14 +59,14 @@ class Identification:
     noise_um: float  # root mean square of the residual over its degrees of freedom
     residual_um: tuple[np.ndarray, ...]  # computed less measured, by series
     measured: tuple[MeasuredLift, ...]
-    jacobian_error: float  # relative distance of the differences' Jacobian to the exact adjoint
+    jacobian_error: float  # relative distance between the differences' Jacobian and the adjoint
     steps: int
-    remarks: tuple[str, ...]  # why the intervals are not to be believed; none where they are
+    remarks: tuple[str, ...]  # reasons against the intervals; empty where they are reliable
 
     @property
     def verdict(self) -> str:
-        """Either "identified", where the fit stands, leaves noise alone and fixes every parameter; "partly identified",
-        where it leaves some open; or "not identified", where none is fixed or a remark speaks against the fit."""
+        """The verdict "identified" where the fit converged, leaves only noise and determines every parameter; "partly
+        identified" where some stay open; "not identified" where none is determined or a remark opposes the fit."""
         identified = self.table["identified"].values
         return "identified" if identified.all() else "partly identified" if identified.any() else "not identified"
 
@@ -94,13 +94,13 @@ def identify(
     noise_um: float | None = None,
     confidence: float = 0.95,
 ) -> Identification:
-    """Least-squares estimates of the parameters `free` (p) from measured valve lifts, from the scene's values on.
+    """Least-squares estimates of the parameters `free` (p) from measured valve lifts, starting at the scene's values.
 
-    `free`: such as `valve.mass_kg`, `train.stiffness_N_per_m`, `seat.gap_mm`; `coil_*.damping_N_s_per_m` moves all that
-    match by one factor. The motion starts from rest, `settle` whole revolutions before the angle -180 of the data.
-    `zero_known=False`: the sensor's zero is unknown, series by series. `noise_um`: the sensor's noise, by default taken
-    from the samples. What the intervals of this `confidence` are: `camopt.study.identify`.
-    Raises InputError for unusable data or names; MotionRefused where the start values do not move.
+    `free` holds names such as `valve.mass_kg`, `train.stiffness_N_per_m`, `seat.gap_mm`; `coil_*.damping_N_s_per_m`
+    moves all matching numbers by one factor. The motion starts from rest, `settle` whole revolutions before the angle
+    -180 of the data. With `zero_known=False` the sensor's zero is unknown in each series. `noise_um` is the sensor's
+    noise, by default estimated from the samples. `camopt.study.identify` describes the intervals, which have this
+    `confidence`. Raises InputError for unusable data or names, and MotionRefused where the start values give no motion.
     """
     if not 0 < confidence < 1 or settle < 0 or int(settle) != settle:
         raise InputError(f"identify: confidence {confidence}, settle {settle}: expected 0 to 1, and an integer")
@@ -112,17 +112,18 @@ def identify(
         raise InputError(f"identify: {count} samples for {len(free)} parameters: measure more")
     noise = (measured_noise(series), True) if noise_um is None else (noise_um * UM, False)
     fits = fits_from_starts(fit, largest_residual(*noise, count) ** 2 * count)
-    jacobian = fit.jacobian(fits[0].logs)
-    estimate = _Estimate(fits[0].residual, jacobian, count, confidence)
-    residuals = tuple(part / UM for part in np.split(fits[0].residual, fit.borders))
-    # how far the differences' Jacobian is from the adjoint's, along one random combination of samples
-    bar = np.random.default_rng(0).standard_normal(len(fits[0].residual))
-    apart = np.abs(fit.pulled_back(fits[0].logs, fits[0].motions, bar) - jacobian.T @ bar).max()
-    error = float(apart / (np.linalg.norm(jacobian, axis=0).max() * np.linalg.norm(bar)))
+    best = fits[0]
+    jacobian = fit.jacobian(best.logs)
+    estimate = _Estimate(best.residual, jacobian, count, confidence)
+    residuals = tuple(piece / UM for piece in np.split(best.residual, fit.borders))
+    # distance between the differences' Jacobian and the adjoint's, along one random combination of samples
+    bar = np.random.default_rng(0).standard_normal(len(best.residual))
+    distance = np.abs(fit.pulled_back(best.logs, best.motions, bar) - jacobian.T @ bar).max()
+    error = float(distance / (np.linalg.norm(jacobian, axis=0).max() * np.linalg.norm(bar)))
     remarks = tuple(_remarks(fits, residuals, *noise, estimate, error))
     return Identification(
-        scene=parameters.moved_scene(fits[0].logs),
-        table=_table(parameters, fits[0], estimate, sound=not remarks),
+        scene=parameters.moved_scene(best.logs),
+        table=_table(parameters, best, estimate, sound=not remarks),
         correlation=estimate.correlation(list(free)),
         directions=estimate.directions(list(free)),
         confidence=confidence,
@@ -130,7 +131,7 @@ def identify(
         residual_um=residuals,
         measured=tuple(measured),
         jacobian_error=error,
-        steps=fits[0].steps,
+        steps=best.steps,
         remarks=remarks,
     )
 
@@ -152,19 +153,19 @@ def _series(scene: Scene, measured: MeasuredLift, settle: int) -> Series:
 
 
 def largest_residual(noise: float, estimated: bool, freedom: int) -> float:
-    """The largest residual [m] over so many degrees of freedom that a sensor's noise of this standard deviation [m] may
-    leave, which is stated or `estimated` from the samples themselves."""
+    """The largest residual [m], over this many degrees of freedom, that the sensor's noise explains. The noise is a
+    standard deviation [m], stated or `estimated` from the samples."""
     spread = np.sqrt((2.0 + (ESTIMATE_SPREAD**2 if estimated else 0.0)) / freedom)
     return noise * float(np.sqrt(1 + SURPRISING * spread))
 
 
 def measured_noise(series: Sequence[Series]) -> float:
-    """Standard deviation [m] of white noise in sampled positions, infinite below four samples: from third differences,
-    which a smooth motion hardly has (Gasser, Sroka and Jennen-Steinmetz 1986, Biometrika 73), by their median, which
-    impacts do not move. What the samples are too coarse to follow counts as noise."""
+    """Standard deviation [m] of white noise in sampled positions; infinite for fewer than four samples. It is the
+    median, which impacts do not change, of third differences, which are small for a smooth motion (Gasser, Sroka and
+    Jennen-Steinmetz 1986, Biometrika 73). Motion that the samples are too coarse to resolve counts as noise."""
     differences = []
-    for one in (one for one in series if len(one.angle) >= 4):
-        at, valve = np.lib.stride_tricks.sliding_window_view(np.stack([one.angle, one.valve]), 4, axis=1)
+    for samples in (samples for samples in series if len(samples.angle) >= 4):
+        at, valve = np.lib.stride_tricks.sliding_window_view(np.stack([samples.angle, samples.valve]), 4, axis=1)
         weights = 1 / np.prod(at[:, :, None] - at[:, None, :] + np.eye(4), axis=2)
         weights /= np.linalg.norm(weights, axis=1, keepdims=True)
         differences.append(abs(np.sum(weights * valve, axis=1)))
@@ -172,12 +173,12 @@ def measured_noise(series: Sequence[Series]) -> float:
 
 
 class _Estimate:
-    """The covariance of the logarithms from the Jacobian at the estimate, direction by direction."""
+    """The covariance of the logarithms from the Jacobian at the estimate, by singular directions."""
 
     def __init__(self, residual: np.ndarray, jacobian: np.ndarray, count: int, confidence: float):
         _, s, self.vectors = np.linalg.svd(jacobian, full_matrices=False)
         squares = float(residual @ residual)
-        # directions that the fit left where they were have cost no degree of freedom
+        # directions that the fit did not move use no degree of freedom
         self.freedom = count - int(np.sum(s > np.sqrt(squares / len(residual))))
         self.noise = float(np.sqrt(squares / self.freedom))
         unknown = s <= ROUNDING * s[0]
@@ -202,7 +203,7 @@ def _table(parameters: FreeParameters, fitted: Fitted, estimate: _Estimate, soun
     start = np.array([tied.of(parameters.scene) for tied in parameters.tied])
     identified = (estimate.half_width <= WIDEST) & sound
     value, width = start * np.exp(fitted.logs), np.where(identified, estimate.half_width, 0.0)
-    # a negative value keeps its sign, so its ends change places; beyond a factor of two an interval says nothing
+    # the ends of a negative value's interval are exchanged; without identification the interval is infinite
     ends = np.sort(np.stack([value * np.exp(-width), value * np.exp(width)]), axis=0)
     ends = np.where(identified, ends, np.array([[-np.inf], [np.inf]]))
     columns = {"start": start, "estimate": value, "low": ends[0], "high": ends[1]}
@@ -227,11 +228,9 @@ def _remarks(fits: Sequence[Fitted], residuals, noise: float, estimated: bool, e
             f"{whose}: the model misses something, or the start is too far off"
         )
     count, identified = len(best.logs), estimate.half_width <= WIDEST
-    near = best.squares + count * fisher.ppf(0.99, count, estimate.freedom) * estimate.noise**2  # the F test at 99 %
-    apart = [
-        np.abs(other.logs - best.logs) > SURPRISING * estimate.error for other in fits[1:] if other.squares <= near
-    ]
-    if np.any([one[identified] for one in apart]):
+    bound = best.squares + count * fisher.ppf(0.99, count, estimate.freedom) * estimate.noise**2  # the F test at 99 %
+    differs = [np.abs(fit.logs - best.logs) > SURPRISING * estimate.error for fit in fits[1:] if fit.squares <= bound]
+    if np.any([different[identified] for different in differs]):
         yield "another start leads to other values that fit as well: measure at more speeds, or free fewer parameters"
     # von Neumann's ratio of mean square difference to variance is 2 for white noise, with variance 4 / samples
     squares = sum(float(r @ r) for r in residuals)

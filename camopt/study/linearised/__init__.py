@@ -1,1 +1,1 @@
-"""`camopt.linearised`: paths of tied contacts and their derivatives, from either source."""
+"""`camopt.linearised`: paths of motions with tied contacts and their derivatives, smooth or exact."""

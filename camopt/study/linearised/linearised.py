@@ -1,7 +1,7 @@
-"""Paths of tied contacts along a revolution with their derivatives, labelled: rows for programs of one's own.
+"""Labelled paths of motions with tied contacts along a revolution, and their derivatives: rows for a user's programs.
 
-The paths of the closed periodic response of trains whose laws are straight stand here and need no JAX; those of other
-trains are in `camopt.study.tied_motions`.
+The closed periodic response of trains with piecewise linear laws is computed here, without JAX; that of other trains in
+`camopt.study.tied_motions`.
 """
 
 from collections.abc import Sequence
@@ -32,12 +32,12 @@ LABELS = {
     "gap_mm": ("mm", "gap between cam and valve"),
     "seat_gap_mm": ("mm", "gap at the seat"),
 }
-WHAT = "linearised with source 'exact'"
+EXACT = "linearised with source 'exact'"
 SETTLING = 40
-"""Revolutions of event-exact from rest to the motion at whose angles contacts change, which the derivatives hold."""
+"""Event-exact revolutions from rest up to the motion whose switching angles the derivatives keep constant."""
 
 
-@threadpool_limits.wrap(limits=1, user_api="blas")  # the matrices are small: threads would wait for each other
+@threadpool_limits.wrap(limits=1, user_api="blas")  # the matrices are too small for threads
 def linearised(
     scene: Scene,
     cam: Lift,
@@ -53,32 +53,32 @@ def linearised(
 ) -> "xr.Dataset":
     """Forces and gaps of the settled motion with tied contacts along a revolution, and their derivatives.
 
-    A tied contact between cam and valve pulls where it would part, inside the event; in a train with lash those that
-    are closed at rest are tied all around. So a force has a slope by the cam everywhere, and a linear program can ask
-    for its sign.
+    A tied contact between cam and valve pulls where it would separate, within the event; in a train with lash, contacts
+    that are closed at rest are tied at all angles. A force therefore has a derivative with respect to the cam
+    everywhere, and a linear program can constrain its sign.
 
     The dataset has the dimensions speed_rpm (s crankshaft speeds, by default the scene's listed ones), cam_angle_deg
     (`steps_per_revolution` up to 180, by default every quarter of a degree) and contact (c, those between cam and
-    valve), with `trains` before them train (so many, drawn within the scene's tolerances by `seed`, grinding error and
-    all). Its variables are contact_force_N, gap_mm (negative where a contact is compressed), seat_gap_mm of the valve
-    from its seat, and the derivatives of the three:
+    valve). With `trains` it first has train, this many trains drawn within the scene's tolerances by `seed`, grinding
+    errors included. Its variables are contact_force_N, gap_mm (negative where a contact is compressed), seat_gap_mm
+    between the valve and its seat, and the derivatives of the three:
 
-    - NAME_by_z along coefficient (m), by the coefficients z [mm/deg^2] of the free cam, whose values stand in z;
-    - NAME_by_number along number (f), by the numbers that `free` names as `optimize --free` does, in their keys' units,
-      with their values in number_value; a drawn train's are about its own numbers.
+    - NAME_by_z along coefficient (m), with respect to the coefficients z [mm/deg^2] of the free cam, given in z;
+    - NAME_by_number along number (f), with respect to the numbers that `free` names as `optimize --free` does, in their
+      keys' units, given in number_value; those of a drawn train are taken at its own numbers.
 
-    `moved_um` (speed_rpm) is by how much the positions still change over the revolution: a motion that has not settled
-    has slopes that hold for it alone.
+    `moved_um` (speed_rpm) is the change of the positions over the revolution: the derivatives of a motion that has not
+    settled hold for this revolution only.
 
-    `source` is "smooth", JAX through the motion whose other contacts push across a layer of `width_um` [um] and whose
-    contacts between cam and valve are tied by the share `tie` (0: the law of the scene), for any law; or "exact", the
-    closed periodic response of trains whose laws are straight and that have no friction, without a layer and with a tie
-    of 1. There contacts change where they do in the event-exact motion, at angles that the derivatives hold, as they
-    hold the pieces of the laws and how far adjusters have leaked; a contact that hops on a ramp is held closed from its
-    last closing on. `free` then asks for linear laws.
+    `source` "smooth" applies to any law: JAX differentiates a motion whose other contacts push across a layer of
+    `width_um` [um] and whose contacts between cam and valve are tied by the share `tie` (0: the law of the scene).
+    `source` "exact" is the closed periodic response of trains with piecewise linear laws and without friction, without
+    a layer and with a tie of 1. Its contacts switch at the angles of the event-exact motion, which the derivatives keep
+    constant, together with the pieces of the laws and the leakage of adjusters; a contact that hops on a ramp is held
+    closed from its last closing on. With "exact", `free` requires linear laws.
 
-    Raises InputError for unusable arguments, a cam that is no free cam of the scene, a name of no number, and a train
-    or motion that the source cannot carry.
+    Raises InputError for unusable arguments, a cam that is not a free cam of the scene, an unknown name in `free`, and
+    a train or motion that the source cannot treat.
     """
     speeds = _checked(scene, speeds_rpm, trains, seed, source)
     how = smoothing("linearised", width_um, tie, steps_per_revolution)
@@ -94,23 +94,23 @@ def linearised(
     if source == "exact":
         paths = exact_paths(cases, free_cam, cam_speeds, angle)
     else:
-        from camopt.study.tied_motions import smooth_paths  # the one source that loads JAX
+        from camopt.study.tied_motions import smooth_paths  # this source alone loads JAX
 
         paths = smooth_paths(cases, free_cam, cam_speeds, how)
     train, _ = cases[0].nominal
     contacts = [train.element_names[e] for e in train.cam_side]
     coords = {"speed_rpm": list(speeds), "cam_angle_deg": angle / DEG, "contact": contacts}
-    said = {"scene": scene.name, "source": source, "trains": trains}
-    said |= {"tie": float(tie), "width_um": float(width_um)} if source == "smooth" else {"tie": 1.0}
-    dataset = _dataset(paths, len(z), [number.name for number in numbers], coords).assign_attrs(said)
+    attributes = {"scene": scene.name, "source": source, "trains": trains}
+    attributes |= {"tie": float(tie), "width_um": float(width_um)} if source == "smooth" else {"tie": 1.0}
+    dataset = _dataset(paths, len(z), [number.name for number in numbers], coords).assign_attrs(attributes)
     dataset["z"] = ("coefficient", z, {"units": "mm/deg^2"})
     dataset["number_value"] = ("number", [number.of(scene) for number in numbers])
     return dataset if trains else dataset.isel(train=0, drop=True)
 
 
 def _dataset(trains: list[LinearPaths], m: int, numbers: list[str], coords: dict) -> "xr.Dataset":
-    """The paths of all trains with labels."""
-    import xarray as xr  # loads pandas, which an error has no need of
+    """The paths of all trains as a labelled dataset."""
+    import xarray as xr  # loads pandas, which errors above do not need
 
     variables = {}
     for name, quantity, unit in zip(LABELS, LinearPaths._fields[:3], (1.0, MM, MM), strict=True):
@@ -127,7 +127,7 @@ def _dataset(trains: list[LinearPaths], m: int, numbers: list[str], coords: dict
 
 
 def _checked(scene: Scene, speeds_rpm, trains, seed, source) -> tuple[float, ...]:
-    """The speeds [r/min]; every argument that is a number or a choice is checked."""
+    """The speeds [r/min]; checks every argument that is a number or a choice."""
     if source not in SOURCES:
         raise InputError(f"linearised: source {source!r}: expected one of {', '.join(SOURCES)}")
     if scene.design is None or scene.operation is None or scene.seat is None:
@@ -152,16 +152,16 @@ def exact_paths(
     by_train = []
     for case in cases:
         train, _ = case.nominal
-        train.require_straight(WHAT, "ask for source='smooth'")
+        train.require_straight(EXACT, "ask for source='smooth'")
         if train.laws is not None and np.any(train.laws.kind == FRICTION):
             raise InputError(
-                f"{WHAT} holds the place where friction sticks, which moves with the cam, and derivatives would be "
+                f"{EXACT} holds the place where friction sticks, which moves with the cam, and derivatives would be "
                 f"wrong: ask for source='smooth'"
             )
         if case.beside and not is_linear(train):
             raise InputError(
-                f"{WHAT} and free numbers needs a train whose laws are all linear and without forces by the cam angle: "
-                f"ask for source='smooth', or leave free out"
+                f"{EXACT} and free numbers needs a train whose laws are all linear and without forces by the cam "
+                f"angle: ask for source='smooth', or leave free out"
             )
         at_speeds = [_at_speed(case, cam, speed, angle) for speed in cam_speeds]
         by_train.append(LinearPaths(*map(np.stack, zip(*at_speeds, strict=True))))
@@ -173,20 +173,20 @@ def _at_speed(case: LinearisedCase, cam: FreeCam, cam_speed: float, angle: np.nd
         angles = located_angles(settled_revolution(*case.nominal, cam_speed, SETTLING))
     except NoLoadTransfer as missing:
         raise InputError(
-            f"{WHAT} at {cam_speed / RPM:g} r/min of the camshaft: {missing}, which leaves the "
+            f"{EXACT} at {cam_speed / RPM:g} r/min of the camshaft: {missing}, which leaves the "
             f"closed response no phases: ask for source='smooth', or for another speed"
         ) from None
     columns = [_read(case.nominal, cam, cam_speed, angles, angle)]
-    for step, built in zip(case.steps, case.beside, strict=True):
-        below, above = (_read(one, cam, cam_speed, angles, angle) for one in built)
+    for step, sides in zip(case.steps, case.beside, strict=True):
+        below, above = (_read(side, cam, cam_speed, angles, angle) for side in sides)
         columns.append([(b - a)[..., :1] / (2 * step) for a, b in zip(below, above, strict=True)])
     joined = (np.concatenate(parts, axis=-1) for parts in zip(*columns, strict=True))
     return LinearPaths(*joined, moved=np.zeros(()))
 
 
-def _read(built: TrainAndCam, cam: FreeCam, cam_speed: float, angles: Angles, angle: np.ndarray) -> list[np.ndarray]:
-    """Force (k, c, 1 + m) and gap of the contacts between cam and valve, and gap (k, 1 + m) at the seat."""
-    train, lift = built
+def _read(pair: TrainAndCam, cam: FreeCam, cam_speed: float, angles: Angles, angle: np.ndarray) -> list[np.ndarray]:
+    """Force and gap (k, c, 1 + m) of the contacts between cam and valve, and gap (k, 1 + m) at the seat."""
+    train, lift = pair
     samples = sample_cam(cam, angles, SAMPLE, about=lift)
     response = damped_response(train, samples, cam_speed, angles)
     at = np.searchsorted(samples.edges, angle - 1e-9)

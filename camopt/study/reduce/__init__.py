@@ -1,1 +1,1 @@
-"""`camopt reduce`: smaller models of a scene, with what each gets wrong and saves."""
+"""`camopt reduce`: smaller models of a scene, with their errors and savings."""

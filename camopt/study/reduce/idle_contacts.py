@@ -1,7 +1,7 @@
 """Contacts that are left out of a model because they never switch.
 
-They are watched in every revolution, and a run in which one of them would switch is refused. The seat and the contacts
-between cam and valve are never left out, because the metrics read them.
+They are monitored in every revolution, and a run in which one of them would switch is refused. The seat and the
+contacts between cam and valve are never left out, because the metrics use them.
 """
 
 from collections.abc import Callable, Sequence
@@ -18,16 +18,16 @@ from camopt.scene.units import DEG
 
 @dataclass(frozen=True)
 class LeftOut:
-    """A scene without its idle contacts, and the watch on them."""
+    """A scene without its idle contacts, and the train that monitors them."""
 
-    scene: Scene  # those that never closed are gone, those that never opened are bilateral springs
+    scene: Scene  # without contacts that never closed; those that never opened are bilateral springs
     open: tuple[str, ...] = ()  # names of contacts that stayed open
     closed: tuple[str, ...] = ()  # names of contacts that stayed closed
-    watched: Train | None = None  # the masses of `scene`, and nothing but these contacts; None: nothing is left out
+    watched: Train | None = None  # the masses of `scene` with only these contacts; None: nothing is left out
 
     def prepare(self, method: Callable[..., Revolve], *arguments) -> Revolve:
-        """A method's revolution of this scene, with the `arguments` of the method's own `prepare`; it raises
-        MotionRefused as `check` does, and has no unsampled `advance`, so that every revolution is watched."""
+        """A method's revolution of this scene, with the `arguments` of the method's own `prepare`. It raises
+        MotionRefused as `check` does, and has no unsampled `advance`, so that every revolution is monitored."""
         revolve = method(*arguments)
         if self.watched is None:
             return revolve
@@ -40,7 +40,7 @@ class LeftOut:
         return watched
 
     def check(self, response: Response) -> None:
-        """Raises MotionRefused, naming contact, angle and speed, where a contact left out would have switched."""
+        """Raises MotionRefused, naming contact, angle and speed, where an omitted contact would have switched."""
         t = self.watched
         if t is None:
             return
@@ -65,17 +65,17 @@ class LeftOut:
 
 def idle_contacts(responses: Sequence[Response]) -> tuple[frozenset[str], frozenset[str]]:
     """Names of the contacts that carry no force in any of the records, and of those that always carry some."""
-    t, force = responses[0].train, np.concatenate([response.force for response in responses])
-    other = [e for e in np.flatnonzero(t.contact) if e != t.seat and e not in t.cam_side]
-    never = frozenset(t.element_names[e] for e in other if force[:, e].max() <= 0.0)
-    always = frozenset(t.element_names[e] for e in other if force[:, e].min() > 0.0)
+    train, force = responses[0].train, np.concatenate([response.force for response in responses])
+    candidates = [e for e in np.flatnonzero(train.contact) if e != train.seat and e not in train.cam_side]
+    never = frozenset(train.element_names[e] for e in candidates if force[:, e].max() <= 0.0)
+    always = frozenset(train.element_names[e] for e in candidates if force[:, e].min() > 0.0)
     return never, always
 
 
 def leave_out(scene: Scene, never_closed: frozenset[str], never_open: frozenset[str]) -> LeftOut:
-    """The scene without the contacts `never_closed`, with those `never_open` as springs, and the watch on both.
+    """The scene without the contacts `never_closed` and with those `never_open` as springs; both are monitored.
 
-    A law of contacts keeps its element: a spring cannot have it.
+    An element with a law that only contacts have remains a contact.
     """
     never_open = frozenset(e.name for e in scene.element if e.name in never_open and e.law not in CONTACT_LAWS)
     if not never_closed | never_open:

@@ -1,9 +1,9 @@
-"""Smaller models of a scene: the spring's coils by their lowest surge modes, stiffly held masses condensed statically.
+"""Smaller models of a scene: its spring reduced to the lowest surge modes, stiffly held masses condensed statically.
 
 The spring is reduced after Craig and Bampton (1968, AIAA Journal 6), with the valve's end and the ground as interface.
-Every surge mode that is kept becomes one mass that hangs on the valve's end: a mode of participation l and frequency
-omega becomes the mass l^2 on the stiffness l^2 omega^2. The mass of the other modes moves with that end. So the rate,
-the mass felt at the valve's end and the surge frequencies kept are exact, and keeping all modes changes nothing but
+Each surge mode that is kept becomes one mass attached to the valve's end: a mode of participation l and frequency omega
+becomes the mass l^2 on the stiffness l^2 omega^2. The mass of the other modes moves with that end. The rate, the mass
+felt at the valve's end and the kept surge frequencies are therefore exact, and keeping all modes only changes
 coordinates. Masses are condensed after Guyan (1965, AIAA Journal 3): a mass between two elements follows them
 statically, and the two become one in series.
 """
@@ -21,15 +21,15 @@ from camopt.scene.text_file import scene_toml
 from camopt.scene.units import MM
 
 MOST_SURGE_MASSES = 5
-"""Number of surge masses of the largest reduced spring; a spring with more coils is also kept as it is."""
+"""Surge masses of the largest reduced spring; a spring with more coils is also kept unreduced."""
 Chain = tuple[str, list[Mass], list[Element]]
 """A divided spring: its head, a row of N masses from there to the ground, held by bilateral springs only, and the N + 1
-springs, each turned so that it stands from the head's side to the ground's."""
+springs, each oriented from the head to the ground."""
 
 
 @dataclass(frozen=True)
-class Smaller:
-    """A model made from a scene: an ordinary scene, and what was done to it."""
+class SmallerModel:
+    """A smaller model as an ordinary scene, and the reductions that led to it."""
 
     scene: Scene
     surge_masses: int
@@ -37,15 +37,15 @@ class Smaller:
 
     @property
     def done(self) -> str:
-        """What was done, in words."""
+        """The reductions in words."""
         merged = f"condensed {', '.join(self.condensed)}" if self.condensed else "every other mass kept"
         return f"{self.surge_masses} {'mass' if self.surge_masses == 1 else 'masses'} of the spring; {merged}"
 
 
-def smaller_models(scene: Scene, keep: frozenset[str] = frozenset()) -> list[Smaller]:
-    """Every combination of fewer spring masses and condensed masses, the scene itself first.
+def smaller_models(scene: Scene, keep: frozenset[str] = frozenset()) -> list[SmallerModel]:
+    """Every combination of fewer spring masses and condensed masses, with the scene itself first.
 
-    Masses named in `keep` stay as they are. Masses are condensed by descending frequency of the mass between its two
+    Masses named in `keep` are not changed. Masses are condensed by descending frequency of the mass between its two
     elements. Each model is a checked scene named `<scene>-<masses>m-<surge masses>s`.
     """
     divided = chains(scene, keep)
@@ -59,21 +59,21 @@ def smaller_models(scene: Scene, keep: frozenset[str] = frozenset()) -> list[Sma
             current, condensed = condense(current, name), (*condensed, name)
             try:
                 models.append(_named(scene, current, surge, condensed))
-            except InputError:  # nothing holds what is left at rest: no scene, and so no model
+            except InputError:  # a remaining mass is not held at rest: not a valid scene
                 break
     return models
 
 
-def _named(full: Scene, scene: Scene, surge: int, condensed: tuple[str, ...]) -> Smaller:
+def _named(full: Scene, scene: Scene, surge: int, condensed: tuple[str, ...]) -> SmallerModel:
     if scene is full:
-        return Smaller(full, surge, condensed)
+        return SmallerModel(full, surge, condensed)
     name = f"{full.name[:48]}-{len(scene.mass)}m-{surge}s"
-    named = scene.model_copy(update={"name": name, "tolerance": ()})  # which name numbers that are not there any more
-    return Smaller(parse_scene(scene_toml(named), named.name), surge, condensed)
+    named = scene.model_copy(update={"name": name, "tolerance": ()})  # tolerances may name numbers that no longer exist
+    return SmallerModel(parse_scene(scene_toml(named), named.name), surge, condensed)
 
 
 def chains(scene: Scene, keep: frozenset[str] = frozenset()) -> list[Chain]:
-    """The divided springs of a scene, without those that hold a mass of `keep`."""
+    """The divided springs of a scene, except those that contain a mass of `keep`."""
     coil = {}
     for mass in scene.mass:
         held = _touching(scene, mass.name)
@@ -101,28 +101,29 @@ def chains(scene: Scene, keep: frozenset[str] = frozenset()) -> list[Chain]:
 def fewer_coils(scene: Scene, divided: list[Chain], surge: int) -> Scene:
     """The scene with each divided spring replaced by its rate and its `surge` lowest modes (all, where it has fewer).
 
-    Damping between a mode and the spring's end, zero in a uniform spring, is left out, and so is that between modes.
+    Damping between a mode and the spring's end, zero in a uniform spring, and damping between modes are neglected.
     """
     masses, elements = {m.name: m for m in scene.mass}, {e.name: e for e in scene.element}
-    for number, (end, coils, parts) in enumerate(divided, 1):
-        for part in coils:
-            del masses[part.name]
-        for part in parts:
-            del elements[part.name]
-        modal, residual, springs = _modal((end, coils, parts), number, surge)
-        masses[end] = masses[end].model_copy(update={"mass_kg": masses[end].mass_kg + residual})
+    for number, chain in enumerate(divided, 1):
+        head, coils, springs = chain
+        for coil in coils:
+            del masses[coil.name]
+        for spring in springs:
+            del elements[spring.name]
+        modal, residual, modal_springs = _modal(chain, number, surge)
+        masses[head] = masses[head].model_copy(update={"mass_kg": masses[head].mass_kg + residual})
         masses |= {m.name: m for m in modal}
-        elements |= {e.name: e for e in springs}
+        elements |= {e.name: e for e in modal_springs}
     return scene.model_copy(update={"mass": tuple(masses.values()), "element": tuple(elements.values())})
 
 
 def _modal(chain: Chain, number: int, surge: int) -> tuple[list[Mass], float, list[Element]]:
-    """Masses of the modes kept, mass [kg] that moves with the head, and the springs."""
+    """Masses of the kept modes, the mass [kg] that moves with the head, and the springs."""
     head, coils, parts = chain
     k = np.array([_stiffness(e) for e in parts])
     c = np.array([e.damping_N_s_per_m for e in parts])
     mass = np.array([m.mass_kg for m in coils])
-    rows = np.eye(len(k), len(mass), -1) - np.eye(len(k), len(mass))  # compression by position, the head at rest
+    rows = np.eye(len(k), len(mass), -1) - np.eye(len(k), len(mass))  # compressions, with the head at rest
     static = np.linalg.solve(rows.T @ (k[:, None] * rows), k[0] * np.eye(len(mass))[0])  # for a unit move of the head
     stretch = rows @ static
     stretch[0] += 1.0
@@ -143,11 +144,11 @@ def _modal(chain: Chain, number: int, surge: int) -> tuple[list[Mass], float, li
 
 
 def condense(scene: Scene, name: str) -> Scene:
-    """The scene without a mass that two linear elements hold; these act in series, with damping by their shares.
+    """The scene without a mass that is held by two linear elements; these act in series, with damping by their shares.
 
     Its mass, damping and force go to the masses at its springs by stiffness; between two contacts, to the mass that
-    pushes it open, or past a cam-driven contact to the mass it pushes. A share of the ground is dropped. The valve's
-    part is taken by the mass it hangs on. Raises InputError for a mass held in another way.
+    pushes it open, or past a cam-driven contact to the mass that it pushes. A share of the ground is dropped. If the
+    mass was the valve, the mass it is attached to becomes the valve. Raises InputError for a mass held otherwise.
     """
     pair = _in_series(scene, name)
     if pair is None:
@@ -179,23 +180,23 @@ def condense(scene: Scene, name: str) -> Scene:
 
 
 def _shared(scene: Scene, name: str, first: Element, second: Element) -> tuple[Mass, ...]:
-    """The other masses, with the shares of the condensed one."""
+    """The other masses, with their shares of the condensed one."""
     springs = [(e, e.between[i]) for e, i in ((first, 0), (second, 1)) if e.kind == "spring"]
-    rides_on = second.between[1] if first.cam_driven else first.between[0]  # the lift stands between it and the cam
-    ends = [(end, _stiffness(e)) for e, end in springs] or [(rides_on, 1.0)]
+    carrier = second.between[1] if first.cam_driven else first.between[0]  # the lift lies between the mass and the cam
+    ends = [(end, _stiffness(e)) for e, end in springs] or [(carrier, 1.0)]
     total = sum(weight for _, weight in ends)
     share = {end: weight / total for end, weight in ends}
-    (gone,) = (m for m in scene.mass if m.name == name)
+    (condensed,) = (m for m in scene.mass if m.name == name)
     keys = KEYS["mass"]
     return tuple(
-        m.model_copy(update={key: getattr(m, key) + share.get(m.name, 0.0) * getattr(gone, key) for key in keys})
+        m.model_copy(update={key: getattr(m, key) + share.get(m.name, 0.0) * getattr(condensed, key) for key in keys})
         for m in scene.mass
         if m.name != name
     )
 
 
 def _stiffest(scene: Scene, candidates: set[str]) -> str | None:
-    """The mass that can be condensed and vibrates fastest between its two elements."""
+    """The mass that can be condensed and has the highest frequency between its two elements."""
     squares = {}
     for mass in scene.mass:
         pair = _in_series(scene, mass.name) if mass.name in candidates else None
@@ -206,7 +207,7 @@ def _stiffest(scene: Scene, candidates: set[str]) -> str | None:
 
 
 def _in_series(scene: Scene, name: str) -> tuple[Element, Element] | None:
-    """The two elements of a mass, turned so that the first ends and the second starts there; None where they do not."""
+    """The two elements of a mass, oriented so that the first ends and the second starts there; None if that fails."""
     held = _touching(scene, name)
     if len(held) != 2 or any(e.law != "linear" for e in held):
         return None
@@ -218,7 +219,7 @@ def _in_series(scene: Scene, name: str) -> tuple[Element, Element] | None:
 
 
 def _turned(element: Element, end: str, at_start: bool) -> Element:
-    """The element with `end` at its start or end; a spring turned round has the opposite force and compression."""
+    """The element with `end` at its start or end; reversing a spring changes the signs of its force and compression."""
     if element.between[0 if at_start else 1] == end:
         return element
     update = {"between": element.between[::-1], "preload_N": -_preload(element), "gap_mm": 0.0}
@@ -235,7 +236,7 @@ def _stiffness(element: Element) -> float:
 
 
 def _preload(element: Element) -> float:
-    """Force [N] at zero distance, the gap counted in."""
+    """Force [N] at zero distance, with the gap included."""
     return element.preload_N - _stiffness(element) * element.gap_mm * MM
 
 

@@ -1,4 +1,4 @@
-"""No more model than a scene needs: every smaller model's error and saving, and the least work within a tolerance."""
+"""Error and saving of every smaller model of a scene, and the cheapest model within a tolerance."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -18,33 +18,33 @@ from camopt.scene.text_file import scene_toml
 from camopt.scene.units import DEG, MM
 from camopt.study.measurements import fastest
 from camopt.study.reduce.idle_contacts import LeftOut, idle_contacts, leave_out
-from camopt.study.reduce.reduced_models import Smaller, smaller_models
+from camopt.study.reduce.reduced_models import SmallerModel, smaller_models
 from camopt.verifier.convergence import first_steps
 from camopt.verifier.methods import rkg, tmm
 
 REFINEMENT = 4
-"""Runge-Kutta-Gill's steps where laws are curved, as a multiple of the first ones: its bounce is right to some um."""
+"""Runge-Kutta-Gill's steps for curved laws, as a multiple of the first ones: its bounce is then accurate to some um."""
 COMPARED = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s", "contact_force_max_N")
-"""Metrics whose error is told, beside that of the lift."""
+"""Metrics whose error is stated, beside that of the lift."""
 WITHIN = ("bounce_mm", "jump_mm", "lift_mm")
-"""Errors that the tolerance is about."""
+"""Errors to which the tolerance applies."""
 GRID = np.arange(-180.0, 180.0, 0.1) * DEG
 REPEATS = 5
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A smaller model against the full one: the largest error over the speeds, and the price of a revolution."""
+    """A smaller model against the full one: its largest error over the speeds, and the cost of a revolution."""
 
-    smaller: Smaller
+    smaller: SmallerModel
     model: LeftOut
-    error: dict[str, float]  # COMPARED and lift_mm; NaN where one of the two never seats
-    refusal: str  # why the model was refused, "" where it was not
-    operations: int  # multiplications of a revolution at the top speed, the same on every machine
-    ms: dict[str, float]  # processor time of a revolution at the top speed, by path
+    error: dict[str, float]  # COMPARED and lift_mm; NaN where one of the two motions never seats
+    refusal: str  # reason why the model was refused, or ""
+    operations: int  # multiplications per revolution at the top speed, equal on every machine
+    ms: dict[str, float]  # processor time per revolution at the top speed, by path
 
     def within(self, tolerance_mm: float) -> bool:
-        """Whether the errors of bounce, jump and lift are known and at most the tolerance at every speed."""
+        """Whether the errors of bounce, jump and lift are known and within the tolerance at every speed."""
         return not self.refusal and all(self.error[name] <= tolerance_mm for name in WITHIN)
 
     def as_dict(self) -> dict:
@@ -63,19 +63,19 @@ class Candidate:
 
 @dataclass(frozen=True)
 class Reduction:
-    """What `reduce` found; the first candidate is the full model itself, with idle contacts left out."""
+    """The result of `reduce`; the first candidate is the full model, with idle contacts left out."""
 
     scene: Scene
     cam: str
     speeds_rpm: tuple[float, ...]
-    aperiodic_rpm: dict[float, tuple[float, float]]  # speeds where the full model does not settle: its range of bounce
+    aperiodic_rpm: dict[float, tuple[float, float]]  # ranges of bounce at speeds where the full model does not settle
     tolerance_mm: float
     full_ms: dict[str, float]
     candidates: tuple[Candidate, ...]
 
     @property
     def proposed(self) -> Candidate:
-        """The candidate within the tolerance that takes the fewest counted operations; times are only reported."""
+        """The candidate within the tolerance with the fewest counted operations; measured times are only reported."""
         allowed = [c for c in self.candidates if c.within(self.tolerance_mm)]
         return min(allowed, key=lambda c: c.operations, default=self.candidates[0])
 
@@ -83,7 +83,7 @@ class Reduction:
         return f"<pre>{escape(chr(10).join(reduction_lines(self)))}</pre>"
 
     def as_dict(self) -> dict:
-        """The content of `reduce --json`; the proposed scene as TOML keeps every contact, so that none is unwatched."""
+        """The content of `reduce --json`; the proposed scene as TOML keeps every contact, as none is monitored."""
         return {
             "scene": self.scene.name,
             "cam": self.cam,
@@ -108,13 +108,13 @@ def reduce(
     tolerance_mm: float = 0.01,
     workers: int = 2,
 ) -> Reduction:
-    """Smaller models of a scene, from all its masses down to one, against the full model with a cam.
+    """Smaller models of a scene, from all its masses down to one, compared with the full model for a cam.
 
     `cam` is by default the plain Polydyne, `speeds_rpm` (k) [crankshaft r/min] the scene's. A model is within the
-    tolerance [mm] where bounce, jump and lift at every angle of the settled motion differ by no more at any speed, in
-    event-exact motion, or by Runge-Kutta-Gill under nonlinear laws. Contacts that never switch in the full model, other
-    than the seat and those between cam and valve, are left out and watched. Raises InputError for a scene without valve
-    or operation, or unusable numbers.
+    tolerance [mm] where bounce, jump, and lift at every angle of the settled motion differ by no more at any speed. The
+    motion is event-exact, or that of Runge-Kutta-Gill under nonlinear laws. Contacts that never switch in the full
+    model, except the seat and those between cam and valve, are left out and monitored. Raises InputError for a scene
+    without valve or operation, or unusable numbers.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name}: reduce needs valve, seat and [operation]")
@@ -130,15 +130,15 @@ def reduce(
     full = LeftOut(scene)
     truth = _settled(full, cam, speeds, workers)
     idle = idle_contacts([t.response for t in truth])
-    watched = {end for e in scene.element if e.name in idle[0] | idle[1] for end in e.between} - {"ground"}
-    rows = [_candidate(m, idle, cam, speeds, truth, workers) for m in smaller_models(scene, frozenset(watched))]
+    keep = {end for e in scene.element if e.name in idle[0] | idle[1] for end in e.between} - {"ground"}
+    rows = [_candidate(model, idle, cam, speeds, truth, workers) for model in smaller_models(scene, frozenset(keep))]
     ranges = {s: t.metrics(cam).range("bounce_mm") for s, t in zip(speeds, truth, strict=True) if not t.periodic}
     full_ms = path_times(full, build_train(scene), cam, scene.cam_speed(max(speeds)))
     return Reduction(scene, cam.family, speeds, ranges, tolerance_mm, full_ms, tuple(rows))
 
 
 def reduction_lines(reduction: Reduction) -> list[str]:
-    """The table of `camopt reduce`, what it says about aperiodic speeds, and the proposal in a sentence."""
+    """The table of `camopt reduce`, its remarks on aperiodic speeds, and the proposed model."""
     paths = list(reduction.full_ms)
     speeds = ", ".join(f"{s:g}" for s in reduction.speeds_rpm)
     heads = ("bounce mm", "jump mm", "lift mm", "seating m/s", "peak N", "operations", *(f"{p} ms" for p in paths))
@@ -147,10 +147,10 @@ def reduction_lines(reduction: Reduction) -> list[str]:
         f"counted operations and measured ms per revolution",
         f"{'model':<24}" + "".join(f"{h:>12}" for h in heads),
     ]
-    for c in reduction.candidates:
-        values = [*(c.error[k] for k in (*WITHIN, *COMPARED[2:])), c.operations, *c.ms.values()]
-        told = f"  refused: {c.refusal}" if c.refusal else "".join(f"{v:12.4g}" for v in values)
-        lines.append(f"{c.smaller.scene.name:<24}{told}" + " <" * (c is reduction.proposed))
+    for candidate in reduction.candidates:
+        values = [*(candidate.error[k] for k in (*WITHIN, *COMPARED[2:])), candidate.operations, *candidate.ms.values()]
+        cells = f"  refused: {candidate.refusal}" if candidate.refusal else "".join(f"{v:12.4g}" for v in values)
+        lines.append(f"{candidate.smaller.scene.name:<24}{cells}" + " <" * (candidate is reduction.proposed))
     for speed, (low, high) in reduction.aperiodic_rpm.items():
         lines.append(
             f"at {speed:g} r/min the full model itself does not repeat (bounce {low:.4f} to {high:.4f} mm): its errors "
@@ -159,32 +159,32 @@ def reduction_lines(reduction: Reduction) -> list[str]:
     best = reduction.proposed
     if not best.within(reduction.tolerance_mm) or not best.ms:
         return [*lines, f"no model is within {reduction.tolerance_mm:g} mm: the full one is needed"]
-    saved = ", ".join(f"{path} {reduction.full_ms[path] / ms:.2f}" for path, ms in best.ms.items())
+    speedups = ", ".join(f"{path} {reduction.full_ms[path] / ms:.2f}" for path, ms in best.ms.items())
     lines.append(f"proposed: {best.smaller.scene.name} ({best.smaller.done}), within {reduction.tolerance_mm:g} mm")
-    lines.append(f"times as fast as the full model: {saved}")
-    left = [*(f"{n} (never closes)" for n in best.model.open), *(f"{n} (never opens)" for n in best.model.closed)]
-    return [*lines, f"left out and watched: {', '.join(left)}"] if left else lines
+    lines.append(f"times as fast as the full model: {speedups}")
+    omitted = [*(f"{n} (never closes)" for n in best.model.open), *(f"{n} (never opens)" for n in best.model.closed)]
+    return [*lines, f"left out and watched: {', '.join(omitted)}"] if omitted else lines
 
 
-def _candidate(smaller: Smaller, idle, cam: Lift, speeds, truth: list[Settled], workers: int) -> Candidate:
+def _candidate(smaller: SmallerModel, idle, cam: Lift, speeds, truth: list[Settled], workers: int) -> Candidate:
     model = leave_out(smaller.scene, *idle)
     train, cam_speed = build_train(model.scene), model.scene.cam_speed(max(speeds))
-    # a step costs the (2n)^2 entries of the propagator and two for each element
+    # a step costs (2n)^2 multiplications for the propagator and two per element
     operations = first_steps(train, cam_speed) * ((2 * len(train.mass)) ** 2 + 2 * len(train.a))
     try:
         pairs = list(zip(_settled(model, cam, speeds, workers), truth, strict=True))
         ms = path_times(model, train, cam, cam_speed)
     except MotionRefused as refusal:
         return Candidate(smaller, model, dict.fromkeys((*COMPARED, "lift_mm"), np.nan), str(refusal), operations, {})
-    metrics = [(one.metrics(cam), true.metrics(cam)) for one, true in pairs]
+    metrics = [(motion.metrics(cam), reference.metrics(cam)) for motion, reference in pairs]
     error = {name: float(np.max([abs(a.worst(name) - b.worst(name)) for a, b in metrics])) for name in COMPARED}
-    error["lift_mm"] = max(float(np.abs(_lift(one) - _lift(true)).max()) for one, true in pairs) / MM
+    error["lift_mm"] = max(float(np.abs(_lift(motion) - _lift(reference)).max()) for motion, reference in pairs) / MM
     return Candidate(smaller, model, error, "", operations, ms)
 
 
 def _settled(model: LeftOut, cam: Lift, speeds: Sequence[float], workers: int) -> list[Settled]:
     """The settled motion of a model at each speed [r/min], in threads with a train each: event-exact, or
-    Runge-Kutta-Gill at the step of the verifier's sweeps where laws are nonlinear."""
+    Runge-Kutta-Gill at the step of the verifier's sweeps under nonlinear laws."""
 
     def at(speed: float) -> Settled:
         train, cam_speed = build_train(model.scene), model.scene.cam_speed(speed)
@@ -196,14 +196,14 @@ def _settled(model: LeftOut, cam: Lift, speeds: Sequence[float], workers: int) -
 
 
 def _lift(settled: Settled) -> np.ndarray:
-    """How far the valve is off its seat on `GRID` [m]."""
+    """The valve's distance from its seat on `GRID` [m]."""
     response = settled.response
     velocity = response.v[:, response.train.valve] / response.cam_speed
     return np.maximum(0.0, Hermite(response.angle, response.seat_separation(), velocity)(GRID))
 
 
 def path_times(model: LeftOut, train: Train, cam: Lift, cam_speed: float) -> dict[str, float]:
-    """Processor time [ms] of the first sampled revolution from rest, by each path that carries the scene's laws."""
+    """Processor time [ms] of the first sampled revolution from rest, for each path that supports the scene's laws."""
     steps, rest = first_steps(train, cam_speed), state_at_rest(train)
     paths: dict[str, Revolve] = {"rkg": model.prepare(rkg.prepare, train, cam, cam_speed, steps)}
     if train.straight:
@@ -214,5 +214,5 @@ def path_times(model: LeftOut, train: Train, cam: Lift, cam_speed: float) -> dic
 
 def milliseconds(run: Callable, repeats: int = REPEATS) -> float:
     """Least processor time of a call in this thread [ms], after one call that compiles and builds tables."""
-    # the clock of a whole process has coarse ticks where its processor time is limited: a revolution falls between them
+    # where processor time is limited, the clock of the whole process ticks too coarsely for one revolution
     return 1e3 * float(fastest(run, repeats, time.thread_time)[0])

@@ -1,4 +1,4 @@
-"""A motion as a labelled dataset, with its metrics; the dataset in lines and as a table."""
+"""A motion as a labelled dataset with its metrics; the dataset as lines of text and as a table."""
 
 from collections.abc import Mapping
 from typing import TYPE_CHECKING
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
 
 
 def recorded_metrics(response: Response, cam: Lift) -> dict[str, np.ndarray]:
-    """The declared metrics of all revolutions of a record but the last; NaN where the lift never takes up the lash."""
+    """The declared metrics of all revolutions but the last; NaN where the lift never takes up the lash."""
     measured = response.revolutions - 1
     if not response.train.cam_side:
         return {}
@@ -28,12 +28,12 @@ def recorded_metrics(response: Response, cam: Lift) -> dict[str, np.ndarray]:
 def motion_dataset(
     scene: Scene, cam: Lift, speed_rpm, method: str, response: Response, metrics: Mapping
 ) -> "xr.Dataset":
-    """A record on a regular grid with metrics of its revolutions but the last, as `simulate` returns it."""
-    import xarray as xr  # loads pandas, which motions without labels have no need of
+    """A motion on a regular grid, with metrics of all revolutions but the last, as `simulate` returns it."""
+    import xarray as xr  # loads pandas, which unlabelled motions do not need
 
     train, steps = response.train, (len(response.angle) - 1) // response.revolutions
     sample = np.arange(len(response.angle))
-    revolution = np.minimum(sample // steps, response.revolutions - 1)  # the last sample closes the last revolution
+    revolution = np.minimum(sample // steps, response.revolutions - 1)  # the last sample belongs to the last revolution
     angle_deg = -180.0 + (sample - revolution * steps) * (360.0 / steps)
     variables = {
         "lift_mm": ("sample", response.lift / MM, {"units": "mm", "long_name": "lift"}),
@@ -58,7 +58,7 @@ def motion_dataset(
 
 
 def motion_lines(motion: "xr.Dataset", scene: Scene) -> list[str]:
-    """By revolution the largest valve position and the forces of the contacts, a line each."""
+    """The largest valve position and the range of each contact force, by revolution."""
     lines = []
     for revolution, samples in motion.groupby("revolution"):
         valve = samples["position_mm"].sel(mass=scene.valve)
@@ -70,7 +70,7 @@ def motion_lines(motion: "xr.Dataset", scene: Scene) -> list[str]:
 
 
 def motion_table(motion: "xr.Dataset") -> Mapping[str, np.ndarray]:
-    """Columns of `simulate --csv`: revolution, cam_angle_deg, time_s, then every mass and every element."""
+    """Columns of `simulate --csv`: revolution, cam_angle_deg, time_s, then those of every mass and every element."""
     columns = {name: motion[name].values for name in ("revolution", "cam_angle_deg", "time_s")}
     for variable, dimension, unit in (
         ("position_mm", "mass", "mm"),
@@ -83,9 +83,9 @@ def motion_table(motion: "xr.Dataset") -> Mapping[str, np.ndarray]:
 
 
 def resampled(response: Response, steps: int) -> Response:
-    """A record on `steps` + 1 equally spaced angles over its whole range."""
+    """A motion on `steps` + 1 equally spaced angles over its whole range."""
     grid = np.linspace(response.angle[0], response.angle[-1], steps + 1)
-    # a sample that misses its grid angle by round-off is that grid angle's sample, not the end of the interval before
+    # a sample that differs from its grid angle by round-off must not end the interval before that angle
     left = np.searchsorted(response.angle, grid + 1e-12 * np.abs(grid[-1]), side="right") - 1
     left = np.minimum(left, len(response.angle) - 2)
     width = np.diff(response.angle)[left]

@@ -18,27 +18,27 @@ from camopt.verifier.methods import verdict_methods
 from camopt.verifier.verdict import chords_at, method_named
 
 if TYPE_CHECKING:
-    import xarray as xr  # loads pandas, which a job has no need of
+    import xarray as xr  # loads pandas, which the main job does not need
 
     from camopt.study.simulate.accuracy_control import Delivered, Run
 
 SMOOTH = "camopt.smooth.simulate"
-"""The smooth path's module, which imports JAX; every other method is one that a verdict can ask."""
+"""The smooth path's module, which imports JAX; every other method is one of a verdict's."""
 DIFFERENTIABLE = {"smooth": SMOOTH, "event": "camopt.smooth.exact_rule"}
-"""Modules with a `differentiable_motion`, by the method that `simulate(parameters=...)` takes."""
+"""Modules with a `differentiable_motion`, by the method of `simulate(parameters=...)`."""
 LARGEST_PHASE = 0.3
-"""Step times the train's highest rate [rad]: MOTORI 2004's rule for explicit steps (0.31), and for drawn curves."""
+"""Largest step times highest rate of the train [rad]: MOTORI 2004's rule for explicit steps (0.31), also for plots."""
 MOST_VALUES = 4e7
-"""Numbers that a record may hold (320 MB, and three times that while it is made)."""
+"""Largest number of values of a record (320 MB, and three times that while it is computed)."""
 FEWEST_STEPS = 720
-"""Steps per revolution at least where an accuracy chooses them: the cam of a slow train has to be followed, too."""
+"""Least steps per revolution where an accuracy chooses them: the cam of a slow train must be resolved, too."""
 TOLERANCE_OF_WIDTH = 5e-3
-"""The smooth path's error per step over the width of its layer, where an accuracy or a width chooses them."""
+"""The smooth path's error per step relative to its layer width, where an accuracy or a width chooses them."""
 LEAST_WIDTH = 2.5e-10
-"""Finest layer [m] that an accuracy may choose."""
+"""Least layer width [m] that an accuracy may choose."""
 FEWEST_CHORDS, MOST_CHORDS = 16, 128
-"""Chords of a curved law with which event-exact begins and ends where an accuracy chooses them: twice as many have a
-quarter of the error and cost about four times as much."""
+"""Smallest and largest number of chords of a curved law in event-exact, where an accuracy chooses them: twice as many
+have a quarter of the error and cost about four times as much."""
 
 
 def simulate(
@@ -58,24 +58,24 @@ def simulate(
 ) -> "xr.Dataset":
     """Motion of the valve train from rest at -180 degrees, `revolutions` of the cam at a crankshaft speed [r/min].
 
-    Returned is a dataset over `sample`, every `step_deg` [cam degrees, which must divide 360], with coordinates
+    The result is a dataset over `sample`, every `step_deg` [cam degrees, which must divide 360], with coordinates
     revolution (from 1), cam_angle_deg (-180 to 180), time_s, and variables lift_mm, position_mm and velocity_m_per_s
     (sample, mass), force_N (sample, element). It also holds the declared metrics (`camopt.scene.quantities`) over
-    `measured`, the revolutions but the last, which only ends the window of the one before.
+    `measured`, all revolutions but the last, which only completes the window of the previous one.
 
-    `method`: "event", "smooth" or one of `camopt.verifier.methods.INDEPENDENT`. With an `accuracy`, a name or
-    micrometres of the valve's position, its dial is chosen and refined until the motion stands, or until its budget is
-    spent; the attributes say what error is estimated (`camopt.study.simulate.accuracy_control`), and with `progress` a
-    bar shows the budget. Without one they say so of event-exact where it has chords in place of curved laws.
-    `parameters` (see `motion_parameters`) replaces numbers of scene and cam by arrays that JAX may trace;
-    `camopt.study.simulate` tells of steps and of gradients.
+    `method` is "event", "smooth" or one of `camopt.verifier.methods.INDEPENDENT`. With an `accuracy`, a name or
+    micrometres of the valve's position, its dial is refined until the motion converges or the budget is spent. The
+    attributes then state the estimated error (`camopt.study.simulate.accuracy_control`), and with `progress` a bar
+    shows the budget. Without an accuracy they state it for event-exact where chords replace curved laws. `parameters`
+    (see `motion_parameters`) replaces numbers of scene and cam by arrays that JAX may trace; `camopt.study.simulate`
+    describes steps and gradients.
 
-    By "smooth" a contact begins to push across `width_um` [um], by default 0.002, on steps that follow it. Where a
-    share `tie` or `steps_per_revolution` are given, the motion is that of `linearised`, with 1 um by default.
+    By "smooth" a contact begins to push across `width_um` [um], by default 0.002, with steps adapted to this width. If
+    a share `tie` or `steps_per_revolution` is given, the motion is that of `linearised`, with 1 um by default.
 
     Raises InputError for unusable arguments, a motion that the method refuses, or a record that would be too large.
     """
-    train, cam_speed, known_speed, steps, finer = _planned(scene, speed_rpm, method, revolutions, step_deg)
+    train, cam_speed, known_speed, steps, finer = _checked_settings(scene, speed_rpm, method, revolutions, step_deg)
     how = _smoothing(method, width_um, tie, steps_per_revolution, parameters, accuracy)
     if parameters is not None:
         _check_parameters(scene, cam, method, parameters)
@@ -83,25 +83,25 @@ def simulate(
         layer = {} if width_um is None else {"eps": how.width}
         shown, metrics = rule(train, cam, parameters, cam_speed, revolutions, steps, known_speed, **layer)
         return motion_dataset(scene, cam, speed_rpm, method, shown, metrics)
-    said: dict[str, Any] = {}
+    attributes: dict[str, Any] = {}
     if accuracy is not None:
-        done = delivered(train, cam, cam_speed, method, revolutions, accuracy, progress=progress)
-        response, said = done.response, done.attributes()
+        motion = delivered(train, cam, cam_speed, method, revolutions, accuracy, progress=progress)
+        response, attributes = motion.response, motion.attributes()
     elif tie is not None or steps_per_revolution is not None:
-        tied = import_module("camopt.study.tied_motions")
-        response = tied.tied_motion(train, cam, cam_speed, revolutions, how)
+        module = import_module("camopt.study.tied_motions")
+        response = module.tied_motion(train, cam, cam_speed, revolutions, how)
     elif width_um is not None:
         response = dialled(train, cam, cam_speed, method, revolutions)(how.width)
     else:
         response = _motion(train, cam, cam_speed, method, revolutions, steps * finer)
         if method == "event" and not train.straight:
-            said = _error_of_chords(train, cam, cam_speed, response, steps * finer)
+            attributes = _chord_error(train, cam, cam_speed, response, steps * finer)
     shown, metrics = resampled(response, steps * revolutions), recorded_metrics(response, cam)
-    return motion_dataset(scene, cam, speed_rpm, method, shown, metrics).assign_attrs(said)
+    return motion_dataset(scene, cam, speed_rpm, method, shown, metrics).assign_attrs(attributes)
 
 
 def _smoothing(method: str, width_um, tie, steps, parameters, accuracy) -> Smoothing:
-    """The smoothing that is asked for; raises InputError where it goes with nothing else that is."""
+    """The requested smoothing; raises InputError where it does not apply to the other arguments."""
     how = smoothing("simulate", width_um, tie, steps)
     named = [name for name, value in zip(NAMES, (width_um, tie, steps), strict=True) if value is not None]
     if named and (method != "smooth" or accuracy is not None):
@@ -112,20 +112,20 @@ def _smoothing(method: str, width_um, tie, steps, parameters, accuracy) -> Smoot
 
 
 def recorded(scene: Scene, cam: Lift, speed_rpm: float, method: str, *, revolutions: int) -> Response:
-    """The motion that `simulate` labels by default, as plain arrays; InputError as of `simulate`."""
-    train, cam_speed, _, steps, finer = _planned(scene, speed_rpm, method, revolutions, 0.1)
+    """The motion of `simulate` with its default settings, as plain arrays; raises InputError as `simulate` does."""
+    train, cam_speed, _, steps, finer = _checked_settings(scene, speed_rpm, method, revolutions, 0.1)
     return resampled(_motion(train, cam, cam_speed, method, revolutions, steps * finer), steps * revolutions)
 
 
-def _planned(scene: Scene, speed_rpm, method, revolutions, step_deg) -> tuple[Train, Any, float, int, int]:
-    """Train, cam speed and a known one [rad/s], which is the lowest that the scene names where JAX traces the speed,
-    steps of the result in a revolution, and the method's own in each of these; numbers and choices are checked."""
+def _checked_settings(scene: Scene, speed_rpm, method, revolutions, step_deg) -> tuple[Train, Any, float, int, int]:
+    """Train, cam speed [rad/s], a known cam speed (the lowest that the scene names where JAX traces the speed), steps
+    of the result per revolution, and steps of the method in each of these; numbers and choices are checked."""
     methods = *verdict_methods(), "smooth"
     if method not in methods:
         raise InputError(f"simulate: method {method!r}: expected one of {', '.join(methods)}")
     try:
         number = float(speed_rpm)
-    except TypeError:  # JAX traces it
+    except TypeError:  # traced by JAX
         number = None
     if number is not None and not (np.isfinite(number) and number > 0):
         raise InputError(f"simulate: speed {speed_rpm}: a crankshaft speed above 0 r/min is needed")
@@ -140,12 +140,12 @@ def _planned(scene: Scene, speed_rpm, method, revolutions, step_deg) -> tuple[Tr
         number = min(*scene.operation.speeds_rpm, *scene.operation.band_rpm)
     train, known_speed = build_train(scene), scene.cam_speed(number)
     finer = max(1, int(np.ceil(highest_rate(train) * step_deg * DEG / known_speed / LARGEST_PHASE)))
-    kept, each = steps * finer * revolutions, 2 + 2 * len(train.mass) + len(train.a)
-    if kept * each > MOST_VALUES:
+    rows, each = steps * finer * revolutions, 2 + 2 * len(train.mass) + len(train.a)
+    if rows * each > MOST_VALUES:
         raise InputError(
             f"simulate at {speed_rpm} r/min: the train's highest mode of {highest_rate(train) / 2e3 / np.pi:.3g} kHz "
-            f"turns so often in these revolutions that {kept / 1e6:.3g} million steps of {each} numbers would have to "
-            f"be kept ({8e-9 * kept * each:.2g} GB), and {8e-9 * MOST_VALUES:.2g} GB are allowed: raise the speed, ask "
+            f"turns so often in these revolutions that {rows / 1e6:.3g} million steps of {each} numbers would have to "
+            f"be kept ({8e-9 * rows * each:.2g} GB), and {8e-9 * MOST_VALUES:.2g} GB are allowed: raise the speed, ask "
             f"for fewer revolutions, or take a smaller model (camopt reduce)"
         )
     return train, scene.cam_speed(speed_rpm), known_speed, steps, finer
@@ -169,8 +169,8 @@ def delivered(
 def dialled(train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int) -> "Run":
     """The motion from rest as a function of the method's dial: step times highest rate [rad], or layer width [m].
 
-    Event-exact has chords in place of curved laws. Their number grows with the inverse root of the dial, so that their
-    error falls as the dial does; the number of steps, which are samples alone there, grows likewise.
+    Event-exact has chords in place of curved laws. Their number is proportional to the inverse square root of the dial,
+    so that their error is proportional to the dial; the number of steps, which are only samples there, grows likewise.
     """
     rate, chorded = highest_rate(train), method == "event" and not train.straight
 
@@ -186,32 +186,32 @@ def dialled(train: Train, cam: Lift, cam_speed: float, method: str, revolutions:
     return run
 
 
-def _error_of_chords(train: Train, cam: Lift, cam_speed: float, response: Response, steps: int) -> dict:
-    """What a dataset says of the error that chords leave in a motion by event-exact at so many steps: estimated as with
-    an accuracy, by motions with as many fewer chords as the coarser settings have."""
-    from camopt.study.simulate.accuracy_control import CHORDS_DIAL, ESTIMATES, error_said, estimate_um, valve_position
+def _chord_error(train: Train, cam: Lift, cam_speed: float, response: Response, steps: int) -> dict:
+    """The attributes on the error of chords in an event-exact motion with this number of steps: the error is estimated,
+    as with an accuracy, from motions with the smaller numbers of chords of the coarser settings."""
+    from camopt.study.simulate.accuracy_control import CHORDS_DIAL, ESTIMATES, error_text, estimate_um, valve_position
 
     chords, revolutions = min(MOST_CHORDS, chords_at(train, cam_speed, steps)), response.revolutions
     fewer = [round(chords * 0.5 ** (k / 2)) for k in range(ESTIMATES[CHORDS_DIAL][0], 0, -1)]
     coarser = [_motion(train, cam, cam_speed, "event", revolutions, steps, count) for count in fewer]
     answers = [valve_position(motion, revolutions) for motion in (*coarser, response)]
-    error, said = error_said(estimate_um(answers, CHORDS_DIAL, revolutions))
-    return {"accuracy_statement": f"{error}, from {chords} chords in place of curved laws", **said}
+    error, attributes = error_text(estimate_um(answers, CHORDS_DIAL, revolutions))
+    return {"accuracy_statement": f"{error}, from {chords} chords in place of curved laws", **attributes}
 
 
 def motion_parameters(scene: Scene, cam: Lift) -> dict[str, np.ndarray]:
-    """The numbers by which `simulate(parameters=...)` may be differentiated, in SI units and with the scene's values.
+    """The numbers by which `simulate(parameters=...)` may be differentiated, in SI units, with the scene's values.
 
     By mass (n): mass [kg], mass_damping [N s/m], mass_force [N]; by element (e): stiffness [N/m, of a hertz contact
-    N/m^exponent], damping [N s/m], preload [N], gap [m]; where a train has other laws than linear ones, also by element
-    the table (q, 2) of compressions [m] and forces [N] or stiffnesses [N/m], leak [N s/m] and travel [m] of oil, and
-    slip [N] of friction (`camopt.scene.laws.Laws`); and of the cam lift (p, q) [m/rad^k], the coefficients of its
-    pieces, borders (p + 1) [rad] of these, and half_duration [rad], within which contacts are judged. Any part of it
-    may be given to `simulate`. Turns on JAX's 64-bit floats. Of a free cam the pieces are linear in z
-    (`FreeCam.piece_basis`). A family's parameters move the borders too: `DifferentiableCam.motion_parameters` gives all
-    three, and lift coefficients alone are refused where they do not join between the borders as they are.
+    N/m^exponent], damping [N s/m], preload [N], gap [m]. Where a train has nonlinear laws, also by element: the table
+    (q, 2) of compressions [m] and forces [N] or stiffnesses [N/m], leak [N s/m] and travel [m] of oil, and slip [N] of
+    friction (`camopt.scene.laws.Laws`). Of the cam: lift (p, q) [m/rad^k], the coefficients of its pieces, their
+    borders (p + 1) [rad], and half_duration [rad], within which contacts are judged. Any subset may be given to
+    `simulate`. This function turns on JAX's 64-bit floats. The pieces of a free cam are linear in z
+    (`FreeCam.piece_basis`). A family's parameters also move the borders: `DifferentiableCam.motion_parameters` gives
+    all three, and lift coefficients alone are refused where they do not join at the given borders.
     """
-    import_module("camopt.smooth")  # before anything is traced: it turns on JAX's 64-bit floats
+    import_module("camopt.smooth")  # turns on JAX's 64-bit floats before anything is traced
     numbers = {name: number.copy() for name, number in build_train(scene).parameters.items()}
     pieces = {"lift": cam.coefficients.copy(), "borders": cam.borders.copy()}
     return {**numbers, **pieces, "half_duration": np.asarray(cam.half_duration)}
@@ -240,13 +240,13 @@ def _check_parameters(scene: Scene, cam: Lift, method: str, parameters: Mapping[
 def _motion(
     train: Train, cam: Lift, cam_speed: float, method: str, revolutions: int, steps: int, chords: int = 0, **layer
 ) -> Response:
-    """The motion from rest at `steps` in a revolution, or of "smooth" at its own with this `layer`; event-exact has
-    `chords` in place of each curved law, or as many as a verdict at these steps would have, MOST_CHORDS at most."""
+    """The motion from rest with `steps` per revolution, or of "smooth" with its own steps and this `layer`. Event-exact
+    replaces each curved law by `chords`, by default as many as a verdict with these steps has, at most MOST_CHORDS."""
     state = state_at_rest(train)
     if method == "event" and not train.straight:
         chords = chords or min(MOST_CHORDS, chords_at(train, cam_speed, steps))
         train = import_module("camopt.exact.affine.lines").with_chords(train, chords)
-    if method == "smooth":  # equal steps would miss its layers
+    if method == "smooth":  # equal steps would miss the contact layers
         revolve = import_module(SMOOTH).prepare(train, cam, cam_speed, **layer)
     else:
         revolve = method_named(method)(train, cam, cam_speed, steps)

@@ -1,1 +1,1 @@
-"""`camopt tradeoff`: what accuracy costs, of every method and of every dial of the job."""
+"""`camopt tradeoff`: the cost of accuracy for every method and every dial of the job."""

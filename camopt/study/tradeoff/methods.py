@@ -1,10 +1,10 @@
-"""What `camopt tradeoff` measures: work-precision of every method on a revolution, and what each dial of the job costs.
+"""Measurements of `camopt tradeoff`: work-precision of every method on a revolution, cost of each dial of the job.
 
 The error of a method is that of the first revolution from rest at the lowest and the highest listed speed; its time is
-processor time per revolution, with compilation and tables in `setup_seconds`. `experiments.work_precision` has general
-solvers beside them, `experiments.tradeoff` gradients, single precision and many speeds side by side. A dial of the job
-is held against its finest setting: errors of bounce are those of event-exact's largest bounce, seconds are processor
-time of the whole step of the job.
+processor time per revolution, with compilation and tables in `setup_seconds`. `experiments.work_precision` adds general
+solvers, `experiments.tradeoff` gradients, single precision and many speeds side by side. A dial of the job is compared
+with its finest setting: errors of bounce are those of event-exact's largest bounce, seconds are processor time of the
+whole step of the job.
 """
 
 import time
@@ -39,18 +39,18 @@ from camopt.verifier.methods import METHOD_NAMES, dop853, houbolt, rkg, tmm
 
 FIGURES = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s")
 ANGLES = 720
-"""Angles of the revolution at which lifts are compared."""
+"""Number of angles of the revolution at which lifts are compared."""
 
 PHASES = {"small": (0.3,), "full": (0.6, 0.3, 0.1, 0.03)}
 """Step times highest rate [rad] of the fixed-step methods."""
 EVENT_STEPS = {"small": (720,), "full": (360, 1440, 5760)}
 CHORDS = {"small": (16,), "full": (8, 16, 32, 64, 128)}
-"""Chords under each curved law, with which event-exact takes it."""
+"""Numbers of chords of each curved law in event-exact."""
 DOP853_STEPS = {"small": (), "full": (1440, 5760)}
 REFERENCE_STEPS = 20_000
 LOCATED = "DOP853, located"
 SMOOTH_EPS = {"small": (), "full": (1e-6, 1e-7, 1e-8, 2e-9)}
-"""Widths of the contact's layer [m], for the smooth path on its refined grid."""
+"""Widths of the contact layer [m] of the smooth path on its refined grid."""
 SETTLING_UM = {"small": (1.0, 1e-3), "full": (100.0, 10.0, 1.0, 0.1, 1e-3)}
 BAND_STEPS = {"small": (200, 100), "full": (200, 100, 50, 20, 10, 5)}
 SAMPLES = {"small": (2, 4), "full": (2, 6, 20, 100)}
@@ -60,7 +60,7 @@ JUDGED_STEP_RPM = 10
 
 
 class RevolutionCase:
-    """One crankshaft speed [r/min]: train, cam and rest state, and how figures are taken from a motion."""
+    """Train, cam and rest state at one crankshaft speed [r/min], and the metrics of a motion."""
 
     def __init__(self, scene: Scene, cam: Lift, speed_rpm: float):
         self.cam, self.speed_rpm = cam, speed_rpm
@@ -69,7 +69,7 @@ class RevolutionCase:
         self.name = f"revolution at {speed_rpm:g} r/min"
 
     def two(self, revolve: Revolve) -> Response:
-        """Two revolutions from rest: the bounce of the first ends in the second."""
+        """Two revolutions from rest, because the bounce of the first ends in the second."""
         return record_of(revolve, self.rest, 2)
 
     def figures(self, motion: Response) -> dict:
@@ -78,19 +78,19 @@ class RevolutionCase:
         return {**{name: metrics[name][0] for name in FIGURES}, "lift_mm": valve_lift(motion)}
 
     def measured(self, revolve: Revolve) -> dict:
-        """The figures with the times of a revolution, as a record."""
+        """The metrics with the times of a revolution, as a record."""
         times, motion = timed(lambda: self.two(revolve), 2)
         return {**times, "figures": self.figures(motion)}
 
 
 def valve_lift(motion: Response) -> np.ndarray:
-    """Valve position at ANGLES + 1 angles of the first revolution [mm]."""
+    """Valve position [mm] at ANGLES + 1 angles of the first revolution."""
     return valve_position(motion, 1, ANGLES) / MM
 
 
 def method_work(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:
-    """The measurements of all methods. The reference is event-exact at fine samples, or located DOP853 where laws are
-    curved; it has no time of its own."""
+    """The measurements of all methods. The reference, which is not timed, is event-exact with fine samples, or located
+    DOP853 for curved laws."""
     speeds = sorted({*scene.required_operation.speeds_rpm})
     for speed in speeds[-1:] if size == "small" else sorted({speeds[0], speeds[-1]}):
         case = RevolutionCase(scene, cam, speed)
@@ -100,7 +100,7 @@ def method_work(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:
 
 
 def reference(case: RevolutionCase) -> Measurement:
-    """The figures of a case as nearly true as they can be had."""
+    """The reference metrics of a case."""
     name, prepare = (METHOD_NAMES["event"], exact.prepare) if case.train.straight else (LOCATED, dop853.prepare)
     prepared = partial(prepare, case.train, case.cam, case.cam_speed, REFERENCE_STEPS)
     key = case.name, REFERENCE, f"{name}, {REFERENCE_STEPS} samples"
@@ -108,8 +108,8 @@ def reference(case: RevolutionCase) -> Measurement:
 
 
 def prepared_methods(case: RevolutionCase, size: str) -> Iterator[tuple[str, str, Callable]]:
-    """(method, setting, what prepares it): event-exact, Runge-Kutta-Gill, both transition matrix methods, Houbolt,
-    located DOP853, the smooth path on its refined grid."""
+    """Method, setting and the function that prepares it, for event-exact, Runge-Kutta-Gill, both transition matrix
+    methods, Houbolt, located DOP853, and the smooth path on its refined grid."""
     motion, event = (case.cam, case.cam_speed), METHOD_NAMES["event"]
     fixed = {METHOD_NAMES["rkg"]: rkg.prepare}
     if case.train.straight:
@@ -129,7 +129,6 @@ def prepared_methods(case: RevolutionCase, size: str) -> Iterator[tuple[str, str
             yield name, f"{steps} steps", partial(prepare, case.train, *motion, steps)
     for steps in DOP853_STEPS[size]:
         yield LOCATED, f"{steps} samples", partial(dop853.prepare, case.train, *motion, steps)
-
     for eps in SMOOTH_EPS[size]:
         dials = {"eps": eps, "tolerance": eps * TOLERANCE_OF_WIDTH}
         prepare = import_module("camopt.smooth.simulate").prepare
@@ -137,29 +136,34 @@ def prepared_methods(case: RevolutionCase, size: str) -> Iterator[tuple[str, str
 
 
 def job_work(scene: Scene, cam: Lift, size: str, folder: Path) -> Iterator[Measurement]:
-    """The measurements of all dials; a design that one of them finds is kept in `folder`."""
+    """The measurements of all dials; the designs that they produce are stored in `folder`."""
     settled, band, perturbed = (partial(_bounce, partial(run, scene, cam)) for run in (_settled, _band, _perturbed))
     yield from _dial("settling tolerance", "event-exact, listed speeds", "{:g} um", settled, SETTLING_UM[size])
     yield from _dial("band step", "event-exact sweep", "{:g} r/min", band, BAND_STEPS[size])
     yield from _dial("perturbation samples", "event-exact, highest speed", "{:g} samples", perturbed, SAMPLES[size])
     yield from _masses(scene, cam, size)
     if size == "full":
-        designed, designs = partial(_designed, scene), folder / "designs"
-        knots = lambda deg: designed("nominal", replace(ACCURACIES[DRAFT], knot_deg=deg), designs)  # noqa: E731
-        yield from _dial("knots", "search, listed speeds", "{:g} deg", knots, KNOTS_DEG)
-        effort = lambda name: designed("band", ACCURACIES[name], designs)  # noqa: E731
-        yield from _dial("search effort", "search, band", "{}", effort, ACCURACY_NAMES)
+        designs = folder / "designs"
+
+        def by_knots(deg: float) -> dict:
+            return _designed(scene, "nominal", replace(ACCURACIES[DRAFT], knot_deg=deg), designs)
+
+        def by_effort(name: str) -> dict:
+            return _designed(scene, "band", ACCURACIES[name], designs)
+
+        yield from _dial("knots", "search, listed speeds", "{:g} deg", by_knots, KNOTS_DEG)
+        yield from _dial("search effort", "search, band", "{}", by_effort, ACCURACY_NAMES)
 
 
 def _dial(dial: str, method: str, shown: str, run: Callable, settings: Sequence) -> Iterator[Measurement]:
-    """Settings of a dial; the last and finest is the reference."""
+    """The measurements of a dial's settings; the last and finest is the reference."""
     for setting in settings:
         name = REFERENCE if setting == settings[-1] else method
         yield (f"job: {dial}", name, shown.format(setting)), partial(run, setting)
 
 
 def _bounce(run: Callable, setting: float) -> dict:
-    """The bounce that a step of the job finds at a setting, with its processor time."""
+    """The bounce by a step of the job at a setting, with its processor time."""
     begin = time.process_time()
     bounce = run(setting)
     return {"seconds": time.process_time() - begin, "figures": {"bounce_mm": bounce}}
@@ -167,16 +171,14 @@ def _bounce(run: Callable, setting: float) -> dict:
 
 def _settled(scene: Scene, cam: Lift, um: float) -> np.ndarray:
     """Bounce at each listed speed after settling to `um`."""
-    train, bounces = build_train(scene), []
-    for speed in scene.required_operation.speeds_rpm:
-        revolve = engine.prepare(train, cam, scene.cam_speed(speed))
-        settled = settle(revolve, state_at_rest(train), most=80, position=um * UM)
-        bounces.append(settled.metrics(cam).worst("bounce_mm"))
-    return np.array(bounces)
+    train = build_train(scene)
+    revolves = (engine.prepare(train, cam, scene.cam_speed(s)) for s in scene.required_operation.speeds_rpm)
+    settled = (settle(revolve, state_at_rest(train), most=80, position=um * UM) for revolve in revolves)
+    return np.array([motion.metrics(cam).worst("bounce_mm") for motion in settled])
 
 
 def _band(scene: Scene, cam: Lift, step: float) -> float:
-    """Largest bounce of the band in steps of `step` r/min."""
+    """Largest bounce over the band in steps of `step` r/min."""
     low, high = scene.required_operation.band_rpm
     return _largest_bounce(scene, cam, np.unique(np.append(np.arange(low, high, step), high)))
 
@@ -187,7 +189,7 @@ def _largest_bounce(scene: Scene, cam: Lift, speeds_rpm: Sequence[float] | np.nd
 
 
 def _perturbed(scene: Scene, cam: Lift, count: int) -> float:
-    """Largest bounce over `count` neighbouring speeds, lifts and states, those of the verdict, drawn uniformly."""
+    """Largest bounce over `count` neighbouring speeds, lifts and states of the verdict's size, drawn uniformly."""
     rng, train = np.random.default_rng(0), build_train(scene)
     cam_speed, rest = scene.cam_speed(max(scene.required_operation.speeds_rpm)), state_at_rest(train)
     away = np.repeat(STATE_NEIGHBOUR, len(train.mass))
@@ -201,13 +203,12 @@ def _perturbed(scene: Scene, cam: Lift, count: int) -> float:
 
 
 def _masses(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:
-    """Smaller models against the full one, from `reduce`; seconds: of a revolution, event-exact."""
+    """Smaller models against the full one, by `reduce`; seconds are those of an event-exact revolution."""
     speeds = (min(scene.required_operation.speeds_rpm),) if size == "small" else None
 
     @cache
     def candidates() -> dict[str, Candidate]:
-        found = reduce(scene, cam, speeds).candidates
-        return {c.smaller.scene.name: c for c in found}
+        return {c.smaller.scene.name: c for c in reduce(scene, cam, speeds).candidates}
 
     def compared(name: str) -> dict:
         c = candidates()[name]
@@ -220,7 +221,7 @@ def _masses(scene: Scene, cam: Lift, size: str) -> Iterator[Measurement]:
 
 
 def _designed(scene: Scene, speeds: str, effort: Accuracy, folder: Path) -> dict:
-    """Area of the cam that a search finds and a verdict confirms, its bounce on a grid finer than the search's."""
+    """Area of the cam that a search finds and a verdict confirms, its bounce on a finer grid than the search's."""
     from camopt.optimizer.candidates import largest_confirmed
     from camopt.optimizer.search.search import find_cam
 

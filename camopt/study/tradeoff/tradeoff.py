@@ -1,7 +1,7 @@
-"""What accuracy costs on a scene: every method and every dial of the job, error against time.
+"""The cost of accuracy on a scene: error against time for every method and every dial of the job.
 
-Measurements are lines of `measured.jsonl`, each written once it is known, so that an interrupted run goes on where it
-stood; `tradeoff.csv`, `setup.csv`, the figures and the tables are made from these lines.
+Each measurement is a line of `measured.jsonl`, written as soon as it is known, so that an interrupted run resumes;
+`tradeoff.csv`, `setup.csv`, the figures and the tables are made from these lines.
 """
 
 from collections.abc import Sequence
@@ -20,20 +20,20 @@ from camopt.storage.journal import Records
 from camopt.study.measurements import COLUMNS, LINES, REFERENCE, Measurement, aligned, measured
 
 KNOT_DEG = 3.0
-"""Knot interval of the cam that is taken where none is given."""
+"""Knot interval [deg] of the default cam."""
 MARGIN_N = 40.0
-"""Force [N] with which it presses on its contacts, where it can."""
+"""Least contact force [N] of the default cam, where that is possible."""
 SIZES = ("small", "full")
 TARGET_UM = 1.0
-"""Error of the valve's lift within which the cheapest setting of each method is shown, what a drawing asks of a cam."""
+"""Error of the lift [um] within which each method's cheapest setting is shown: what a drawing requires of a cam."""
 JOB = "job: "
-"""How the cases of the job's dials begin."""
+"""Prefix of the case names of the job's dials."""
 
 
 @dataclass(frozen=True)
 class Tradeoff:
-    """What was measured: the folder, the rows of `tradeoff.csv`, and the lines of a table with the cheapest setting of
-    each method within a micrometre at the highest speed, one of them recommended."""
+    """The measurements: the folder, the rows of `tradeoff.csv`, and the lines of a table with the cheapest setting of
+    each method within a micrometre at the highest speed, one of which is recommended."""
 
     folder: Path
     rows: list[dict]
@@ -51,10 +51,10 @@ def tradeoff(
 ) -> Tradeoff:
     """Measures a scene's methods and job, and writes tradeoff.csv, setup.csv, tradeoff.txt and figures into `out`.
 
-    `size` "small" takes a few settings only and leaves out JAX and the optimiser. With `resume` an interrupted run in
-    `out` goes on. The motions are those of `cam`, by default one that keeps its contacts (`holding_cam`): where a valve
-    bounces, no method is right. Raises InputError for a scene that cannot be simulated, or for which there is no cam,
-    before the folder is made; or for an unusable folder.
+    With `size` "small" there are only a few settings, and neither JAX nor the optimiser is used. With `resume` an
+    interrupted run in `out` is continued. The motions are those of `cam`, by default a cam that keeps contact
+    (`holding_cam`), because no method is accurate where a valve bounces. Raises InputError for a scene that cannot be
+    simulated, or for which there is no cam, before the folder is created; or for an unusable folder.
     """
     from camopt.plots.studies import figures
     from camopt.plots.style import save
@@ -89,9 +89,9 @@ def tradeoff(
         return Tradeoff(folder, rows, by_method[-1] if by_method else [])
 
 
-def or_failure(one: Measurement) -> Measurement:
-    """A measurement that stays in the table with its reason where it fails."""
-    key, run = one
+def or_failure(measurement: Measurement) -> Measurement:
+    """A measurement whose failure is recorded in the table with its reason."""
+    key, run = measurement
 
     def tried() -> dict:
         try:
@@ -103,8 +103,8 @@ def or_failure(one: Measurement) -> Measurement:
 
 
 def holding_cam(scene: Scene) -> Lift:
-    """The cam of the no-jump program at the listed speeds, under `MARGIN_N` or what margin there is; the plain Polydyne
-    where the program has none."""
+    """The cam of the no-jump program at the listed speeds, with `MARGIN_N` or the largest possible smaller margin; the
+    plain Polydyne where the program has no solution."""
     from camopt.cam.families.polydyne import polydyne
     from camopt.optimizer.program.no_jump import no_jump_program
     from camopt.optimizer.program.program_cam import program_cam
@@ -118,8 +118,8 @@ def holding_cam(scene: Scene) -> Lift:
 
 
 def rows_of(lines: Sequence[dict]) -> list[dict]:
-    """Rows of tradeoff.csv: one per figure of a measurement, its error against the case's reference; that of a verdict
-    is 1 where it differs. A reference that took its time for the same job is a row of error 0."""
+    """Rows of tradeoff.csv: one per metric of a measurement, with its error against the case's reference; the error of
+    a verdict is 1 where it differs. A reference that was timed for the same job is a row with error 0."""
     references = {line["case"]: line for line in lines if line["method"] == REFERENCE}
     rows = []
     for line in lines:
@@ -139,42 +139,42 @@ def rows_of(lines: Sequence[dict]) -> list[dict]:
 
 
 def error_of(figure, reference) -> float | None:
-    """Largest absolute difference; None where either has no figure."""
+    """Largest absolute difference; None where either value is missing."""
     figure, reference = (np.asarray(q, dtype=float) for q in (figure, reference))
     difference = figure - reference
     return float(np.abs(difference).max()) if np.all(np.isfinite(difference)) else None
 
 
 def tables_of(rows: Sequence[dict]) -> dict[str, list[str]]:
-    """By case of the rows of tradeoff.csv the lines of a table: what each method costs, or each setting of a dial."""
+    """The lines of a table by case of the rows of tradeoff.csv: costs by method, or by setting of a dial."""
     answered, tables = [r for r in rows if r["converged"] and r["seconds"] is not None], {}
     for case in dict.fromkeys(r["case"] for r in answered):
-        here = [r for r in answered if r["case"] == case]
-        tables[case] = _by_setting(case, here) if case.startswith(JOB) else _by_method(case, here)
+        rows_of_case = [r for r in answered if r["case"] == case]
+        tables[case] = _by_setting(case, rows_of_case) if case.startswith(JOB) else _by_method(case, rows_of_case)
     return {case: lines for case, lines in tables.items() if lines}
 
 
 def _by_method(case: str, rows: Sequence[dict]) -> list[str]:
-    """Of each method the cheapest setting within `TARGET_UM`, or else its most accurate one."""
+    """The cheapest setting of each method within `TARGET_UM`, or else its most accurate one."""
     best: dict[str, tuple] = {}
     for row in rows:
         if row["error_of"] == "lift_mm" and row["method"] != REFERENCE:
             um, ms, method = 1e3 * row["error"], 1e3 * row["seconds"], row["method"]
             beyond = um > TARGET_UM
-            one = beyond, um if beyond else ms, ms, (method, row["setting"], f"{ms:.3g}", f"{um:.2g}")
-            best[method] = min(best.get(method, one), one)
-    order = sorted(best.values(), key=lambda one: (one[0], one[2]))
+            entry = beyond, um if beyond else ms, ms, (method, row["setting"], f"{ms:.3g}", f"{um:.2g}")
+            best[method] = min(best.get(method, entry), entry)
+    order = sorted(best.values(), key=lambda entry: (entry[0], entry[2]))
     cells = [("*" * (i == 0 and not beyond), *words) for i, (beyond, _, _, words) in enumerate(order)]
-    said = f"A {case}, the valve's lift within {TARGET_UM:g} um, or as near as a method came; * is recommended:"
-    return [said, *aligned([("", "method", "setting", "time ms", "error um"), *cells], "<<<>>")] if cells else []
+    heading = f"A {case}, the valve's lift within {TARGET_UM:g} um, or as near as a method came; * is recommended:"
+    return [heading, *aligned([("", "method", "setting", "time ms", "error um"), *cells], "<<<>>")] if cells else []
 
 
 def _by_setting(case: str, rows: Sequence[dict]) -> list[str]:
-    """Every setting of a dial with its time, what it gets wrong, and the verdict on the cam that it found."""
+    """Every setting of a dial with its time, its errors, and the verdict on its cam."""
     cells = [("setting", "time s", "bounce um off", "area mm deg off", "verdict")]
-    for setting, one in {r["setting"]: r for r in rows}.items():
+    for setting, row in {r["setting"]: r for r in rows}.items():
         errors = {r["error_of"]: r["error"] for r in rows if r["setting"] == setting}
         bounce = f"{1e3 * errors['bounce_mm']:.2g}" if "bounce_mm" in errors else ""
         area = f"{errors['area_mm_deg']:.2g}" if "area_mm_deg" in errors else ""
-        cells.append((setting, f"{one['seconds']:.3g}", bounce, area, one["verdict"]))
+        cells.append((setting, f"{row['seconds']:.3g}", bounce, area, row["verdict"]))
     return [f"{case.removeprefix(JOB).capitalize()}, against the finest:", *aligned(cells, "<>>>>")]
