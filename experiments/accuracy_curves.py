@@ -1,10 +1,11 @@
-"""Which setting of each dial gave which error, over 40 drawn scenes, cams and speeds?
+"""What error does each accuracy setting give, over 40 random scenes, cams and speeds?
 
-Writes the curves from which `--accuracy` picks its settings. Methods: step times highest rate [rad] (smooth: width of
-the layer [m]) against the largest error of the valve's position over two revolutions from rest. "settling": how far a
-state may still move per revolution [um] against the error of the settled bounce. "band_step": step of a band [r/min]
-against what it misses of the largest bounce. The truth is event-exact at finer samples, settled to 1e-10 m; draws that
-event-exact itself does not know to 1 um are left out and counted.
+The script writes the curves from which `--accuracy` picks its settings. Of a method: the step times the train's highest
+natural frequency [rad] (of the smooth path: the width of the layer [m]) against the largest error of the valve's
+position over two revolutions from rest. "settling": the change of the state over a revolution [um] at which a motion
+counts as settled, against the error of the settled bounce. "band_step": the step of a band [r/min] against the part of
+the largest bounce that it misses. The reference is event-exact with finer samples, settled to 1e-10 m; cases in which
+event-exact with two steps differs by more than 1 um are left out and counted.
 """
 
 from functools import partial
@@ -40,7 +41,7 @@ SETTLED = 1e-10
 
 
 def of_methods(cases: list[DrawnCase], phases, smooth: int) -> tuple[dict, int]:
-    """Errors [um] by method: (draws, settings); and how many draws have no truth."""
+    """Errors [um] (cases, settings) by method, and the number of cases without a reference."""
     errors: dict[str, list] = {name: [] for name in ("event", "dop853", "rkg", "tmm", "houbolt", "smooth")}
     unknown = 0
     for i, case in enumerate(cases):
@@ -65,7 +66,7 @@ def _error(run, setting: float, truth: np.ndarray) -> float:
 
 
 def of_settling(cases: list[DrawnCase]) -> list[list[float]]:
-    """Errors of the settled bounce [um]: (draws that settle, tolerances)."""
+    """Errors of the settled bounce [um]: (cases that settle, tolerances)."""
     rows = []
     for case in cases:
         train = build_train(case.scene)
@@ -79,7 +80,7 @@ def of_settling(cases: list[DrawnCase]) -> list[list[float]]:
 
 
 def of_bands(cases: list[DrawnCase], steps) -> list[list[float]]:
-    """What a band's step misses of the largest bounce in the finest one [um]: (draws, steps)."""
+    """Part of the largest bounce that each step of the band misses [um], relative to the finest: (cases, steps)."""
     rows = []
     for case in cases:
         low, high = case.scene.required_operation.band_rpm

@@ -1,11 +1,12 @@
-"""Is what `--accuracy` delivers as accurate as asked, and does it say so where it is not?
+"""Is a result as accurate as `--accuracy` asks, and is it flagged where it is not?
 
-200 scenes, cams and speeds drawn at random, each with an accuracy between 0.1 and 100 um: the valve's position over two
-revolutions from rest by `simulate` (event-exact, and a step method drawn for the same case), and the settled bounce by
-`verify`. A promise is an answer that is not flagged; it is kept where the true error is at most what was asked. Truth:
-event-exact at finer samples, on some draws held against DOP853 with located switchings; how far two such answers differ
-and how far a motion that never repeats wanders is not known. An answer is good where it is within what was asked with
-all of that, and where that cannot be told there is no truth and the answer must be flagged.
+200 scenes, cams and speeds are drawn at random, each with a requested accuracy between 0.1 and 100 um. Computed are the
+valve's position over two revolutions from rest by `simulate` (with event-exact, and with a fixed-step method chosen at
+random), and the settled bounce by `verify`. An answer that is not flagged is a promise, which is kept if the true error
+is at most what was requested. The reference is event-exact with finer samples, in some cases compared with DOP853 with
+located switchings. It has an uncertainty of its own: the difference of two such answers, and the range of a motion that
+never repeats. An answer is good if its error plus this uncertainty is within what was requested, and off if the error
+less the uncertainty is not; between the two there is no reference and the answer must be flagged.
 """
 
 import math
@@ -40,7 +41,7 @@ ALL = "all"
 
 
 def lift_rows(case: DrawnCase, asked_um: float, other: str, dop853: bool) -> list[dict]:
-    """`simulate` by event-exact and by another method."""
+    """Rows of `simulate` by event-exact and by another method."""
     train, cam_speed = build_train(case.scene), case.scene.cam_speed(case.speed_rpm)
     event = dialled(train, case.lift, cam_speed, "event", REVOLUTIONS)
     truth, again = (valve_position(event(phase), REVOLUTIONS) for phase in TRUTH_PHASES)
@@ -61,7 +62,7 @@ def lift_rows(case: DrawnCase, asked_um: float, other: str, dop853: bool) -> lis
 
 
 def bounce_row(case: DrawnCase, asked_um: float) -> dict:
-    """`verify` by event-exact; a motion that does not repeat is known to its range."""
+    """Row of `verify` by event-exact; the bounce of an aperiodic motion is uncertain by its range."""
     effort, train = effort_of(asked_um), build_train(case.scene)
     begin = time.perf_counter()
     verdict = verdict_on(case.scene, case.lift, (case.speed_rpm,), ("event",), None, effort.tolerances)
@@ -81,9 +82,9 @@ def bounce_row(case: DrawnCase, asked_um: float) -> dict:
 
 
 def row(quantity: str, asked: float, estimate: float, true: float, unknown: float, seconds: float) -> dict:
-    """What came of one promise."""
+    """The row of one answer: its errors and its outcome."""
     flagged = not estimate <= asked
-    # a NaN is neither: it has no truth
+    # where an error is NaN neither comparison holds: there is no reference
     found = "good" if true + unknown <= asked else "off" if true - unknown > asked else "no truth"
     outcome = f"{found}, {'flagged' if flagged else 'promised'}"
     names = "quantity", "asked_um", "estimated_um", "true_um", "truth_unknown_um", "seconds", "outcome"
@@ -91,7 +92,7 @@ def row(quantity: str, asked: float, estimate: float, true: float, unknown: floa
 
 
 def counts(rows: list[dict]) -> dict[str, dict]:
-    """By quantity and for all: outcomes, and the two shares that were asked for."""
+    """By quantity and for all: outcomes, and the shares of promises kept and of good answers flagged."""
     found = {}
     for quantity in (*dict.fromkeys(r["quantity"] for r in rows), ALL):
         of = Counter(r["outcome"] for r in rows if quantity in (r["quantity"], ALL))
@@ -105,7 +106,7 @@ def counts(rows: list[dict]) -> dict[str, dict]:
 
 
 def main(size: str, folder=RESULTS) -> dict:
-    """Draws and judges."""
+    """Draws the cases and evaluates them."""
     rng, cases = np.random.default_rng(SEED[size] + 1), []
     for number in range(DRAWS[size]):
         asked_um = float(10 ** rng.uniform(*np.log10(ASKED_UM)))
@@ -115,7 +116,7 @@ def main(size: str, folder=RESULTS) -> dict:
 
 
 def judged(number: int, asked_um: float, other: str, size: str) -> dict:
-    """The rows of the draw of a number."""
+    """The rows of the random case of a number."""
     case = next(islice(drawn_cases(SEED[size], DRAWS[size]), number, None))
     rows = [*lift_rows(case, asked_um, other, number % DOP853_EVERY == 0), bounce_row(case, asked_um)]
     where = {"scene": case.scene.name, "cam": case.cam_name, "speed_rpm": case.speed_rpm}

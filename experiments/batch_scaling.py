@@ -1,10 +1,10 @@
-"""What does a motion cost, and its gradient, when many trains or cams run side by side in one program?
+"""What do a motion and its gradient cost when many trains or cams are simulated as one batch?
 
-Drawn trains of `kodama`, each at five speeds, and many cams at many speeds, as one batch of the tied motion in double
-and in single precision: one revolution, and its gradient by the lift. The program is the same on a processor and on an
-accelerator; JAX takes the latter where it finds one, and the result says which it was. Times are the least of two,
-per train or cam and speed: by the clock, and of the processor's threads together, beside which other work does not
-count.
+Randomly varied trains of `kodama`, each at five speeds, and many cams at many speeds are simulated as one batch of the
+tied motion in double and in single precision: one revolution, and its gradient by the lift. The program is the same on
+a processor and on an accelerator; JAX uses an accelerator if it finds one, and the result names the device. Each time
+is the smaller of two measurements, per train or cam and per speed: the time by the clock, and the processor time of all
+threads, which does not include other work of the machine.
 """
 
 import resource
@@ -30,23 +30,23 @@ from experiments.support.record import RESULTS, run_script, write_result
 
 TRAINS = {"small": (2,), "full": (1, 4, 16, 64, 256, 1000)}
 CAMS = {"small": ((2, 2),), "full": ((1, 16), (64, 16))}
-"""Numbers of cams, and of the speeds at which each runs in the train as designed."""
+"""(number of cams, number of speeds) of each batch of cams in the train as designed."""
 LEFT_OUT = {"small": 1, "full": 0}
-"""How many of the last batches: many cams in single precision only repeat both in what they compile."""
+"""Number of batches skipped at the end: many cams in single precision compile nothing new."""
 BAND_RPM = (5000, 7000)
 SPEEDS = 5
 """Speeds over the band at which each drawn train runs."""
 PRECISIONS = {"float64": jnp.float64, "float32": jnp.float32}
 HEIGHT = 1e-3
-"""Share of its height by which one cam of a batch differs from the next."""
+"""Relative difference of the height of a cam of a batch from the next one."""
 REPEATS = 2
 CLOCKS = "ms", "processor_ms"
 Batch = tuple[jax.Array, tuple, jax.Array, jax.Array]
-"""Samples of the lift, systems, cam speeds, and states at rest; trains or cams come first where there are many."""
+"""Samples of the lift, systems, cam speeds, and states at rest; the first axis is that of trains or of cams."""
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
-    """By precision and batch the milliseconds and the memory, and how far single precision is off [N]."""
+    """Time [ms] and memory by precision and batch, and the largest error of the force in single precision [N]."""
     scene = camopt.load_scene("kodama")
     free = camopt.free_cam(scene.design, 6.0)
     cam = free.lift(np.zeros(free.Z.shape[1]))
@@ -78,7 +78,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
 
 @styled
 def figure(rows: list[dict]) -> Figure:
-    """Processor time of a motion and of its gradient, each per train and speed, by how many trains run at once."""
+    """Processor time of a motion and of its gradient, per train and speed, against the number of trains in a batch."""
     drawn = new_figure(6.4, 3.6)
     axes = drawn.subplots()
     for (work, colour), precision in product({"motion": "#0072B2", "gradient": "#D55E00"}.items(), PRECISIONS):
@@ -91,7 +91,7 @@ def figure(rows: list[dict]) -> Figure:
 
 
 def as_batch(precision: str, trains: list, samples: np.ndarray, speeds: np.ndarray) -> Batch:
-    """Trains under one cam, or many cams in one train, as arrays of a precision."""
+    """Many trains with one cam, or many cams in one train, as arrays of a precision."""
     dtype = PRECISIONS[precision]
     systems = [tied_system(one) for one in trains]
     rests = [np.repeat(np.asarray(rest_state(one))[:, :, None], len(speeds), axis=2) for one in trains]

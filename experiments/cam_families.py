@@ -1,10 +1,11 @@
-"""What do the literature's cams reach under the paper's Table 4, and under all limits of `kodama`?
+"""What area do the cam families of the literature reach under the paper's Table 4, and under all limits of `kodama`?
 
-All families on the conditions of the paper's Table 4 (no jerk limit, no limit on the nose; the ramp is 0.265 mm for
-all), and under all limits of `kodama`: area ratio, peaks, and the order of continuity of every junction. Under Table 4
-also the bounce on `kodama` at its listed speeds, by event-exact and Runge-Kutta-Gill. Polydyne and the exponent
-polynomial have no searched parameters: they are the members with exponents 2-10-18-26-34, and may break a limit. Plain
-`new-design` starts at a12* = 0.95 a12 where there is no jerk limit and at 0 where there is one.
+All families are designed for the conditions of the paper's Table 4 (no jerk limit, no limit on the nose; a ramp of
+0.265 mm for all), and under all limits of `kodama`. The result has their area ratio, peak values, and the order of
+continuity at every junction, and for Table 4 also the bounce on `kodama` at its listed speeds by event-exact and
+Runge-Kutta-Gill. Polydyne and the exponent polynomial have no searched parameters: they are the members with exponents
+2-10-18-26-34, and may break a limit. Plain `new-design` starts at a12* = 0.95 a12 where there is no jerk limit and at 0
+where there is one.
 """
 
 from pathlib import Path
@@ -28,9 +29,9 @@ from experiments.support.record import RESULTS, run_script, write_result
 CONTINUOUS = 1e-6
 """Largest step at a junction, relative to the derivative's largest value in the event, that counts as round-off."""
 HIGHEST = 4
-"""Highest derivative that is looked at."""
+"""Highest derivative that is checked."""
 SAME_MM = 0.005
-"""Ranges of bounce that are wider are printed."""
+"""Width of a range of bounce above which the range is printed in place of one value."""
 HEADS = (
     "cam", "area ratio", "acceleration [mm/deg²]", "jerk [mm/deg³]", "continuity: ramp; sections; nose",
 )  # fmt: skip
@@ -40,7 +41,8 @@ def orders_of_continuity(lift: Lift) -> dict[str, list[int]]:
     """Order of the highest continuous derivative where the opening ramp ends, where sections meet, and at the nose.
 
     A derivative counts as continuous where all lower ones are and its step is at most CONTINUOUS of its largest value
-    in the event; none above HIGHEST is looked at. Cams without sections have no junction but ramp and nose.
+    in the event; derivatives above HIGHEST are not checked. Cams without sections have junctions at the ramp and the
+    nose only.
     """
     half = lift.half_duration
     first, last = np.searchsorted(lift.borders, [-half - 1e-9, half - 1e-9])
@@ -63,7 +65,7 @@ def orders_of_continuity(lift: Lift) -> dict[str, list[int]]:
 
 
 def bounces(verdict: Verdict) -> list[dict]:
-    """Bounce per speed: the first method's with its error, its range over neighbouring motions, agreement."""
+    """By speed the bounce of the first method, its error and range, and whether the methods agree."""
     keys = ("speed_rpm", "bounce_mm", "bounce_error_mm", "bounce_range_mm")
     found = [speed.as_dict() for speed in verdict.speeds]
     return [{**{k: s[k] for k in keys}, "methods_agree": s["verdict"] != "not converged"} for s in found]
@@ -83,7 +85,7 @@ def markdown(cams: list[dict]) -> list[str]:
 
 
 def _bounce(found: dict) -> str:
-    """A bounce [mm] with the range of neighbouring motions where it is wide, marked where the methods disagree."""
+    """A bounce [mm], or its range over neighbouring motions where wide; an asterisk marks disagreeing methods."""
     if found["bounce_mm"] is None:
         return "never seats"
     mark = "" if found["methods_agree"] else "*"
@@ -124,7 +126,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
 
 
 def opening_flanks(cams: dict[str, Lift], design: Design) -> Figure:
-    """The opening flanks over each other; few jerk axes show a step of 0.015 and a curve of 0.002 mm/deg3 at once."""
+    """The opening flanks of all cams; the jerk axis is cut: steps of 0.015 would hide curves of 0.002 mm/deg3."""
     figure = profiles([(name, lift_table(lift, 0.05)) for name, lift in cams.items()], design)
     _, velocity, _, jerk = figure.axes
     velocity.set_ylim(bottom=-0.02)
@@ -138,7 +140,7 @@ def opening_flanks(cams: dict[str, Lift], design: Design) -> Figure:
 
 
 def motion(lift: Lift, scene: Scene, where: str, size: str) -> dict:
-    """Bounce at the listed speeds by two methods, where it is asked for: under the conditions of Table 4."""
+    """Bounce at the listed speeds by two methods, for the conditions of Table 4 only."""
     if where != "Table 4":
         return {}
     tolerances = Tolerances(TOLERANCE_UM, HALVINGS[size])
@@ -146,7 +148,7 @@ def motion(lift: Lift, scene: Scene, where: str, size: str) -> dict:
 
 
 def figures(lift: Lift, scene: Scene) -> dict:
-    """Area ratio, peaks inside the duration, continuity of the junctions, limits that are broken."""
+    """Area ratio, peaks inside the duration, continuity of the junctions, and broken limits."""
     half = lift.half_duration
     low, high = (value / MM * DEG**2 for value in lift.extremes(2, -half, half))
     return {

@@ -1,9 +1,10 @@
-"""When does the follower of arXiv 0711.1008 leave its cam, how does it move then, which cam keeps it longest?
+"""At what speed does the follower of arXiv 0711.1008 leave its cam, how does it move then, and which cam keeps contact
+to the highest speed?
 
 A rigid follower of 1.221 kg on a spring of 1430.8 N/m, with restitution 0.8, on a cam of circular arcs
-(siconos-tutorials, CamFollower, CamState.h), symmetric about beta = pi. camopt's own contact is stiff, with the damping
-of that restitution; the motions are told at three stiffnesses, so that one sees what depends on them. Long motions are
-classed by what their states at -180 deg do over the last revolutions.
+(siconos-tutorials, CamFollower, CamState.h), symmetric about beta = pi. camopt's contact is stiff, with the damping
+that gives this restitution; the motions are computed with three stiffnesses to show which results depend on the
+stiffness. Long motions are classified by their states at -180 deg over the last revolutions.
 """
 
 from dataclasses import replace
@@ -43,7 +44,7 @@ def arcs(beta: np.ndarray) -> np.ndarray:
 
 
 def profile() -> Lift:
-    """The source's cam: every arc as polynomials of so high a degree that rounding is what is left."""
+    """The source's cam: every arc as polynomials of so high a degree that only rounding errors remain."""
     marks = np.pi / 2 + np.array([-np.pi / 2, 0.0, FLANK, TIP, np.pi / 2])
     half = np.concatenate([np.linspace(a, b, PIECES_PER_ARC, endpoint=False) for a, b in pairwise(marks)])
     half = np.append(half, np.pi)
@@ -77,10 +78,10 @@ def rigid_detachment(lift: Lift, train: Train) -> tuple[float, float]:
 
 
 def damping_of(restitution: float, stiffness: float, mass: float) -> float:
-    """Damping [N s/m] with which a mass leaves a contact that only pushes at `restitution` times its approach speed.
+    """Damping [N s/m] of a non-pulling contact from which a mass rebounds at `restitution` times its approach speed.
 
-    While they touch, x = sin(w t) exp(-z t / ...) as of any damped oscillator; the force is zero again at w t =
-    pi - atan2(2 z sqrt(1 - z^2), 1 - 2 z^2) with the damping ratio z (Schwager and Poeschel 2007, Granular Matter 9).
+    During contact the mass moves as a damped oscillator; the force is zero again at w t = pi - atan2(2 z sqrt(1 - z^2),
+    1 - 2 z^2) with the damping ratio z (Schwager and Poeschel 2007, Granular Matter 9).
     """
 
     def returned(ratio: float) -> float:
@@ -104,8 +105,8 @@ def highest_rise(decline: float, most: float, shift: float, angle: float, knots:
     """The highest rise within `angle` [rad] whose acceleration stays below `most` [m/rad^2] and never sinks below
     -decline * (shift + lift), which is where a follower on a spring leaves the cam.
 
-    A linear program in the accelerations at the knots. The lower limit holds at every angle, because the cubic in each
-    interval stands with its four control points.
+    A linear program in the accelerations at the knots. The lower limit holds at every angle, because it is imposed on
+    the four control points of the cubic in each interval.
     """
     h = angle / (knots - 1)
     eye = np.eye(knots)
@@ -132,13 +133,14 @@ def least_decline(height: float, most: float, shift: float, angle: float, knots:
 def bound_on_decline(height: float, most: float, shift: float, angle: float) -> float:
     """The least `decline` [1/rad^2] of any rise of that height and angle with accelerations up to `most` [m/rad^2].
 
-    The best rise pushes with `most` as long as it can and then follows the spring: theta^2 / 2 with a switch at t, then
-    lift + shift = (height + shift) cos(sqrt(decline) (angle - theta)). Whoever pushes less, or leaves the spring's arc,
-    is lower at the end. So the switch and the decline are the two unknowns of two equations.
+    The best rise accelerates with `most` as long as possible and then follows the spring: lift = most theta^2 / 2 up to
+    a switch at t, then lift + shift = (height + shift) cos(sqrt(decline) (angle - theta)). A rise that accelerates
+    less, or leaves the spring's arc, is lower at the end. The switch and the decline are the two unknowns of two
+    equations.
     """
 
     def apart(t: float) -> tuple[float, float]:
-        """(decline that the arc needs at the switch t for its lift, and what is left of its velocity there)."""
+        """(decline of the arc that has the lift of the switch t, residual of the velocity there)."""
         low = most * t**2 / 2
         root = np.arccos((low + shift) / (height + shift)) / (angle - t)
         return root**2, (height + shift) * root * np.sin(root * (angle - t)) - most * t
@@ -169,22 +171,21 @@ SCENE = Path(__file__).parent / "support" / "cam_follower.toml"
 PUBLISHED_RPM = (358, 660, 700)
 STIFFNESS = {"small": (1e8,), "full": (1e8, 1e9, 1e10)}
 FADING = {"small": 100, "full": 1000}
-"""Revolutions before a long motion is looked at."""
+"""Revolutions before a long motion is recorded."""
 LOOKED_AT = {"small": 32, "full": 256}
 SAME = 1e-6
 """Distance of two states [m] below which they count as one."""
 NEIGHBOUR = 1e-9
-"""Distance [m] at which a second motion starts, to see whether it stays near."""
+"""Distance [m] at which a second motion starts, which measures the growth of small differences."""
 OVERDAMPED = 20.0
-"""Damping ratio of the contact that the detachment is looked for with: where the cam's acceleration steps, the force
-overshoots by a 1600th part of the step."""
+"""Damping ratio of the contact for the detachment speed: at a step of acceleration the force overshoots by 1/1600."""
 KNOTS = {"small": 101, "full": 801}
 PUSHES = (None, 1.0, 10.0)
-"""Largest accelerations [m/rad^2] of the cams that keep the follower on longest; None: that of the source's cam."""
+"""Largest accelerations [m/rad^2] of the cams with the highest detachment speed; None: that of the source's cam."""
 
 
 def main(size: str, folder=RESULTS) -> dict:
-    """Detachment, motions and the cams that keep the follower on longest."""
+    """Detachment, motions and the cams that keep contact to the highest speed."""
     scene = load_scene(SCENE)
     cam, given = profile(), build_train(scene)
     speed, angle = rigid_detachment(cam, given)
@@ -200,14 +201,14 @@ def main(size: str, folder=RESULTS) -> dict:
 
 
 def with_contact(train: Train, stiffness: float, damping: float) -> Train:
-    """The train with that contact at the cam, its first element."""
+    """The train with another stiffness and damping of the contact at the cam, its first element."""
     stiffnesses, dampings = train.stiffness.copy(), train.damping.copy()
     stiffnesses[0], dampings[0] = stiffness, damping
     return replace(train, stiffness=stiffnesses, damping=dampings)
 
 
 def first_loss(given: Train, cam: Lift, stiffness: float) -> float:
-    """Speed [r/min] from which a contact so damped that its force hardly overshoots loses its force, to 0.01."""
+    """Speed [r/min], to 0.01, above which the force of an overdamped contact reaches zero."""
     train = with_contact(given, stiffness, 2.0 * OVERDAMPED * np.sqrt(stiffness * given.mass[0]))
 
     def lost(rpm: float) -> bool:
@@ -222,7 +223,7 @@ def first_loss(given: Train, cam: Lift, stiffness: float) -> float:
 
 
 def motion(given: Train, cam: Lift, stiffness: float, rpm: float, size: str) -> dict:
-    """What a long motion is: its period in revolutions, or none, and how fast a neighbour leaves it."""
+    """Period of a long motion in revolutions, or None, its hops, and the growth of small differences."""
     train = with_contact(given, stiffness, damping_of(RESTITUTION, stiffness, given.mass[0]))
     revolve, state = prepare(train, cam, rpm * RPM), state_at_rest(train)
     state = revolve.advance(state, FADING[size])
@@ -247,7 +248,7 @@ def motion(given: Train, cam: Lift, stiffness: float, rpm: float, size: str) -> 
 
 
 def longest_on(train: Train, cam: Lift, push: float | None, knots: int) -> dict:
-    """The symmetric cam of the same rise and dwell that a rigid follower leaves last, with the bound on its speed."""
+    """Detachment speed of the best symmetric cam of the same rise and dwell for a rigid follower, with its bound."""
     most = cam.extremes(2)[1] if push is None else push
     natural = np.sqrt(train.stiffness[1] / train.mass[0])
     shift = train.preload[1] / train.stiffness[1]
@@ -262,7 +263,7 @@ def longest_on(train: Train, cam: Lift, push: float | None, knots: int) -> dict:
 
 
 def draw(given: Train, cam: Lift) -> Figure:
-    """Follower and cam over three revolutions at the published speeds, after the motion's beginning has faded."""
+    """Follower and cam over three revolutions at the published speeds, after the start-up transient has decayed."""
     chart = new_figure(7.0, 7.0)
     chart.subplots(3, 1, sharex=True)
     train = with_contact(given, 1e9, damping_of(RESTITUTION, 1e9, given.mass[0]))

@@ -1,8 +1,8 @@
-"""What do the classical laws of dwell-rise-dwell cams leave on the table at their own jerk?
+"""By how much could the peak acceleration of the classical dwell-rise-dwell laws be lowered at their own peak jerk?
 
-Each rises by one in unit time. Its peak acceleration stands beside the least one that its own largest jerk allows, from
-the program and from the bound that no motion is below. Beside them stands the least peak jerk of a motion through all
-numbers of Table 5.4 of Rothbart's Cam Design Handbook (2004), a rise, a fall and a dwell.
+Each law rises by one in unit time. Its peak acceleration is compared with the least one that its own peak jerk allows,
+from a linear program, and with a lower bound for every motion. The result also has the least peak jerk of a motion
+through all numbers of Table 5.4 of Rothbart's Cam Design Handbook (2004), a rise, a fall and a dwell.
 """
 
 from collections.abc import Sequence
@@ -32,7 +32,7 @@ TABLE_INTERVALS = {"small": 540, "full": 2160}
 
 
 def modified_trapezoid(t: np.ndarray) -> np.ndarray:
-    """Acceleration of sine quarters of an eighth each and flats of a quarter (Neklutin 1952)."""
+    """Acceleration of quarter sines, each an eighth of the rise long, and flats of a quarter (Neklutin 1952)."""
     peak = 8 * pi / (2 + pi)
     first = np.where(t < 0.5, t, 1.0 - t)
     falling = np.where(first < 3 / 8, 1.0, np.sin(4 * pi * (first - 1 / 4)))
@@ -81,9 +81,10 @@ def main(size: str, folder=RESULTS) -> dict:
 def least_peak_through(conditions: Sequence[tuple[float, int, float]], order: int, intervals: int) -> DwellRise:
     """The motion from rest through `conditions` whose derivative of `order` m has the least peak.
 
-    Each condition (x, k, value) says that s^(k)(x) = integral of (x - t)_+^(m-1-k) / (m-1-k)! u(t) is the value, with
-    k < m and x > 0; the control u = s^(m) is constant on equal intervals up to the last x. With any multipliers, their
-    sum with the values is at most the peak times the integral of |p|, p being their sum with the kernels.
+    Each condition (x, k, value) says that s^(k)(x) = integral of (x - t)_+^(m-1-k) / (m-1-k)! u(t) is the value, with k
+    < m and x > 0; the control u = s^(m) is constant on equal intervals up to the last x. For any multipliers, the sum
+    of multiplier times value is at most the peak times the integral of |p|, where p is the sum of multiplier times
+    kernel: this is the bound.
     """
     at, orders, values = (np.array(column, float) for column in zip(*conditions, strict=True))
     edges = np.linspace(0.0, at.max(), intervals + 1)
@@ -128,7 +129,7 @@ def law_row(name: str, acceleration: np.ndarray, t: np.ndarray, intervals: int) 
 
 
 def draw(t: np.ndarray, best: dict[str, DwellRise]) -> Figure:
-    """The laws' accelerations, and the best ones at the same jerk."""
+    """Acceleration of each law, and that of the least peak at the same jerk."""
     figure = new_figure(7.0, 9.0)
     axes = figure.subplots(len(LAWS), sharex=True)
     for ax, (name, law) in zip(axes, LAWS.items(), strict=True):
@@ -141,7 +142,7 @@ def draw(t: np.ndarray, best: dict[str, DwellRise]) -> Figure:
 
 
 def draw_table(table: DwellRise) -> Figure:
-    """Lift, velocity and acceleration of the motion through Table 5.4, and the numbers that the table asks for."""
+    """Lift, velocity and acceleration of the motion through Table 5.4, and the numbers of the table."""
     figure = new_figure(7.0, 6.0)
     axes = figure.subplots(3, sharex=True)
     angle = np.linspace(0.0, TABLE_5_4[-1][0], len(table.derivative) + 1)

@@ -1,11 +1,11 @@
-"""What do the settled metrics of 1000 drawn trains of `kodama` cost, and does the compiled path agree with the slow
-one?
+"""What do the settled metrics of 1000 randomly varied trains of `kodama` cost, and does the compiled driver agree with
+the slow path?
 
-Trains of `kodama` with masses, stiffnesses, dampings and preloads scattered by 2 % each; 11 speeds of the band. A cam
-whose contacts keep closed on the train as given, and, with a tenth of the trains, the plain `polydyne`, which bounces
-from 6000 r/min on. The fast path is `camopt.exact.settled`, started from the states of the train as given; the slow one
-settles event-exact from rest, samples it and takes the metrics of its cubics. Processor time of all threads,
-compilation apart.
+The trains are `kodama` with masses, stiffnesses, dampings and preloads scattered by 2 % each, at 11 speeds of the band.
+The cams are one that keeps contact on the nominal train, and, with a tenth of the trains, the plain `polydyne`, which
+bounces from 6000 r/min on. The fast path is `camopt.exact.settled`, started from the states of the nominal train. The
+slow path settles event-exact from rest, samples the motion and takes the metrics from cubics between the samples. Times
+are processor times of all threads, without compilation.
 """
 
 import time
@@ -34,17 +34,17 @@ SPEEDS = {"small": 3, "full": 11}
 MARGIN_N = 60.0
 POLYDYNE_SHARE = 10
 EVERY = 5
-"""Every so many speeds are compared with the slow path."""
+"""Interval, in speeds of the band, at which the paths are compared."""
 
 
 def drawn_trains(train: Train, count: int) -> list[Train]:
-    """Trains whose masses, stiffnesses, dampings and preloads are scattered, each number by itself."""
+    """Trains whose masses, stiffnesses, dampings and preloads are scattered independently."""
     rng = np.random.default_rng(0)
     return [perturbed(train, rng, (*PERTURBED, "preload"), SCATTER) for _ in range(count)]
 
 
 def held(scene: Scene, speeds_rpm: np.ndarray) -> Lift:
-    """A cam whose contacts keep a margin of force at every speed of the band."""
+    """A cam with a margin of contact force at every speed of the band."""
     cam, cam_speeds = free_cam(scene.design, 6.0), [scene.cam_speed(s) for s in speeds_rpm]
     return no_jump_program(build_train(scene), scene.design, cam, cam_speeds).solve(MARGIN_N).lift
 
@@ -66,9 +66,9 @@ def measured(trains: list[Train], nominal: Train, lift: Lift, cam_speeds: list[f
 
 
 def compared(trains: list[Train], lift: Lift, cam_speeds: list[float], found: SettledMetrics) -> dict:
-    """Largest differences of the first trains' metrics from those of the slow path at every few speeds.
+    """Largest differences between the two paths in the metrics of the first trains, at every fifth speed.
 
-    Where a contact parts it may multiply the last micrometre of a settled state, so such motions are counted apart.
+    A contact that opens may amplify the last micrometre of a settled state, so such motions are counted separately.
     """
     begin, speeds = time.process_time(), cam_speeds[::EVERY]
     slow = [[_slow(train, lift, speed) for speed in speeds] for train in trains]

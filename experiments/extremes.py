@@ -1,7 +1,7 @@
-"""Does any method, put to the fixed list of extremes on any built-in scene, end in a wrong number without a warning?
+"""Does any method give a wrong result without a warning on the fixed list of extreme cases of any built-in scene?
 
-What `camopt extremes` runs, on every scene that moves (combinations of two extremes on `kodama`), kept row by row in
-`runs/extremes`, from where an interrupted run goes on; the small size takes the case without change on `motori-2`.
+The cases are those of `camopt extremes`, on every scene with a motion (on `kodama` also pairs of extremes). Rows are
+stored in `runs/extremes`, from which an interrupted run resumes. The small size is the unchanged scene `motori-2`.
 """
 
 import tempfile
@@ -20,7 +20,7 @@ RUN = Path("runs") / "extremes"
 
 
 def main(size: str, folder=RESULTS) -> dict:
-    """Runs the list, prints the counts and writes `extremes.json`, at full size with a figure per scene."""
+    """Runs the list of cases, prints the counts and writes `extremes.json`, at full size with a figure per scene."""
     scenes = [load_scene(name) for name in SCENES[size]]
     if size == "full":
         rows = study.extremes(scenes, RUN, resume=RUN.exists())

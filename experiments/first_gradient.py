@@ -1,10 +1,10 @@
-"""How long does it take from `python` to the first gradient, in the first process and in the next one?
+"""How long does it take from the start of `python` to the first gradient, in the first process and in the next one?
 
-Each process begins with nothing loaded and ends with a gradient in hand; the first has an empty folder for compiled
-programs, the second has what the first left there. Two gradients are asked for: that of a Lagrangian by the
-coefficients of a free cam, through the tied motion at nine speeds of the band, from its settled start, as `ascend` with
+Each process starts with nothing loaded and ends with a gradient; the first has an empty folder for compiled programs,
+the second has the programs that the first stored there. Two gradients are measured: that of a Lagrangian by the
+coefficients of a free cam, through the tied motion at nine speeds of the band from its settled start, as `ascend` with
 path constraints takes it; and that of the seating velocity by the gaps, through `simulate(method="smooth")`. Processor
-time is that of all threads of a process, the clock's is shared with whatever else the machine does.
+time is that of all threads of a process; the time by the clock includes other work of the machine.
 """
 
 import os
@@ -48,7 +48,7 @@ GRADIENTS = {"path constraints": PATHS, "motion": MOTION}
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
-    """Seconds of the clock and of the processor by gradient, scene and process, and whether the first said anything."""
+    """Clock and processor time [s] by gradient, scene and process, and the number of compilation notices."""
     rows = []
     for gradient, script in GRADIENTS.items() if size == "full" else [("path constraints", PATHS)]:
         for scene in SCENES[size]:
@@ -61,7 +61,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
 
 
 def timed(script: str, cache: str) -> dict:
-    """The times of a process that keeps compiled programs in a folder, and how often it said that it compiles."""
+    """Times of a process with a folder of compiled programs, and the number of its compilation notices."""
     environment = {name: value for name, value in os.environ.items() if name != "JAX_COMPILATION_CACHE_DIR"}
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     done = subprocess.run(

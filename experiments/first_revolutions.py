@@ -1,8 +1,9 @@
-"""Which revolution from rest says of the settled motion whether it holds its limits?
+"""Which revolution after a start from rest shows whether the settled motion keeps its limits?
 
-On every built-in scene with a design: four families' plain members and the free cam of largest area under the limits on
-the shape, at speeds over the band. Event-exact's bounce and jump of the first revolutions from rest are held against
-the settled motion's, both against `LIMIT_MM`. A valve that never seats bounces without bound.
+On every built-in scene with a design the plain members of four families and the free cam of largest area under the
+limits on the shape run at speeds over the band. Bounce and jump of the first revolutions from rest by event-exact are
+compared with those of the settled motion, both with respect to `LIMIT_MM`. A valve that never seats counts as an
+infinite bounce.
 """
 
 from collections.abc import Iterator
@@ -33,11 +34,11 @@ METRICS = ("bounce_mm", "jump_mm")
 LIMIT_MM = 0.05
 REVOLUTIONS = 8
 NEAR = 0.2
-"""Share of the settled figure by which a revolution's may differ."""
+"""Relative difference from the settled value up to which a revolution counts as near."""
 
 
 def cams(scene: Scene) -> Iterator[Lift]:
-    """The scene's cams; a family without a member there has none."""
+    """The cams of a scene; a family without a member for it is left out."""
     for family in FAMILIES:
         with suppress(InputError):
             yield read_cam(family, scene)

@@ -1,8 +1,9 @@
-"""How accurate is every method on the fixed problems that the tests hold it to?
+"""How accurate is every method on the fixed problems of the tests?
 
-The motion of one mass over one revolution is compared with a formula where there is one, and else with event-exact in
-smaller steps, which tests hold to DOP853 and to formulas. `PROBLEMS` has the tolerance that each method must meet on
-each problem; here the error falls with some power of the step, as steps grow tenfold up to the number of the table.
+The motion of one mass over one revolution is compared with a formula where there is one, and otherwise with event-exact
+in smaller steps, which the tests compare with DOP853 and with formulas. `PROBLEMS` has the tolerance that each method
+must meet on each problem. The error falls with a power of the step, which is fitted over numbers of steps from a tenth
+of the table's number up to that number.
 """
 
 import time
@@ -30,7 +31,7 @@ MICROMETRE = 1e-6
 
 @dataclass(frozen=True)
 class Setting:
-    """A train under a cam at one speed, from a state (2n) on; `mass` is the index of the mass compared."""
+    """A train with a cam at one speed, with its initial state (2n); `mass` is the index of the compared mass."""
 
     train: Train
     lift: Lift
@@ -41,8 +42,8 @@ class Setting:
 
 @dataclass(frozen=True)
 class Problem:
-    """`tolerance` [m]: largest error of the position by method at `steps` per revolution; `motion` is the position [m]
-    at times [s] from the start where a formula gives it."""
+    """`tolerance` [m]: largest error of the position by method at `steps` per revolution; `motion`: position [m] at
+    times [s] from the start, where a formula gives it."""
 
     name: str
     setting: Callable[[], Setting]
@@ -51,7 +52,7 @@ class Problem:
     motion: Callable[[np.ndarray], np.ndarray] | None = None
 
     def reference(self, angle: np.ndarray) -> np.ndarray:
-        """Position [m] at cam angles (k) [rad], of which event-exact knows every REFERENCE_STEPS-th of a revolution."""
+        """Position [m] at cam angles (k) [rad], which must be among the REFERENCE_STEPS samples of event-exact."""
         s = self.setting()
         if self.motion is not None:
             return self.motion((angle + np.pi) / s.cam_speed)
@@ -92,13 +93,13 @@ HEIGHT, GRAVITY, FLOOR = 0.2, 10.0, 4e4
 
 @cache
 def ball() -> Setting:
-    """1 kg let go HEIGHT above an undamped seat, under a cam that does nothing; a revolution lasts 1 s."""
+    """1 kg that falls from HEIGHT above an undamped seat, with a cam without lift; a revolution lasts 1 s."""
     flat = Lift(np.array([-np.pi, np.pi]), np.zeros((1, 7)), np.pi / 2)
     return Setting(build_train(parse_scene(BALL, "ball")), flat, 2 * np.pi, np.array([HEIGHT, 0.0]), 0)
 
 
 def bouncing(time: np.ndarray) -> np.ndarray:
-    """Position [m] of the ball at times [s]: parabolas, and arcs of a sine about the sag while it touches."""
+    """Position [m] of the ball at times [s]: parabolas, and sine arcs about the static deflection during contact."""
     fall, omega, sag = np.sqrt(2 * HEIGHT / GRAVITY), np.sqrt(FLOOR), GRAVITY / FLOOR
     speed = GRAVITY * fall
     contact = 2 * (np.pi - np.arctan(speed / (omega * sag))) / omega
@@ -110,7 +111,7 @@ def bouncing(time: np.ndarray) -> np.ndarray:
 
 @cache
 def valve(name: str, speed_rpm: float, frequency_Hz: float | None = None) -> Setting:
-    """The valve of a built-in scene under its plain Polydyne from rest, with a highest mode of its own if asked."""
+    """The valve of a built-in scene with its plain Polydyne from rest; `frequency_Hz` sets the highest frequency."""
     scene = load_scene(name)
     changed = scene if frequency_Hz is None else fast_mode(scene, frequency_Hz)
     train = build_train(changed)
@@ -118,12 +119,12 @@ def valve(name: str, speed_rpm: float, frequency_Hz: float | None = None) -> Set
 
 
 def micrometres(**by_method: float) -> dict[str, float]:
-    """Tolerances [m] from micrometres, by method with underscores for hyphens."""
+    """Tolerances [m] from values in micrometres; keyword names have underscores in place of the methods' hyphens."""
     return {name.replace("_", "-"): value * MICROMETRE for name, value in by_method.items()}
 
 
 FINE = 36_000
-PROBLEMS = (  # three times what was measured, but for the locating method, which is held to round-off
+PROBLEMS = (  # three times the measured error, except for the locating method, whose tolerance is round-off
     Problem(
         "ball on its seat",
         ball,
@@ -160,7 +161,7 @@ PROBLEMS = (  # three times what was measured, but for the locating method, whic
 ANGLE = np.linspace(-np.pi, np.pi, 361)
 DIVISORS = {"small": (5, 1), "full": (10, 5, 2, 1)}
 LOCATED_STEPS = {"event": 3600, "dop853": 7200}
-"""A locating method's steps are samples; these are the finest."""
+"""Largest numbers of samples of the locating methods, used in place of steps."""
 
 
 def errors(problem: Problem, method: str, divisors: tuple[int, ...], reference: np.ndarray) -> dict:
@@ -175,7 +176,7 @@ def errors(problem: Problem, method: str, divisors: tuple[int, ...], reference: 
         motion = revolve(setting.start)
         seconds = time.process_time() - begin
         found.append(float(np.abs(position(setting, motion, ANGLE) - reference).max() / UM))
-    known = np.isfinite(found)  # not where the step is past the stability limit
+    known = np.isfinite(found)  # a step above the stability limit gives no finite error
     power = np.polyfit(np.log(np.array(divisors)[known]), np.log(np.array(found)[known]), 1)[0]
     return {
         "problem": problem.name,

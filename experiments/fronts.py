@@ -1,9 +1,10 @@
-"""What does each limit of `kodama` cost in area over the band, and what would a spring of its own allow?
+"""What does each limit of `kodama` cost in area over the band, and how much area does a better valve spring allow?
 
-`kodama`, accuracy draft, rows of the exact response: the largest area that the event-exact judge confirms over the band
-against the limit on bounce (jump and seating velocity released, which would hide it), on jump (seating velocity
-released) and on jerk; then the factors on the valve spring's rate and preload, each within 10 %, that give the largest
-area together with the cam, confirmed by a search with the spring found.
+The scene is `kodama` at accuracy draft, with constraint rows of the exact response. Computed is the largest area that
+event-exact confirms over the band, against the limit on bounce (without limits on jump and seating velocity, which
+would hide its effect), on jump (without the limit on seating velocity) and on jerk. Then the factors on rate and
+preload of the valve spring, each within 10 %, are optimised together with the cam, and the area is confirmed by a
+search with this spring.
 """
 
 from dataclasses import replace
@@ -20,7 +21,7 @@ RELEASED = {
     "jump_max_mm": ("seating_velocity_max_m_per_s",),
     "jerk_max_mm_per_deg3": (),
 }
-"""Limits that would hide what the one in question costs."""
+"""By limit the other limits that are removed because they would hide its effect."""
 GRADIENT = "exact"
 SMALL = {"jerk_max_mm_per_deg3": (0.002, 0.004)}
 

@@ -1,10 +1,10 @@
-"""What does a gradient through the contacts cost for 64 cams at 4 speeds, beside one diffrax trajectory?
+"""What does a gradient through the contacts cost for 64 cams at 4 speeds, compared with one diffrax trajectory?
 
-One run times, per trajectory with its gradient by 20 bumps on the lift: diffrax's Tsit5 alone with the recursive
-checkpoint adjoint, the exact path (its NumPy interface, and `jax.vmap` of `jax.grad`), the smooth path on equal steps
-(all cams and speeds in one call), and the smooth path on the refined grid. Tsit5 and the equal steps use the loosest
-setting whose valve stays within 1e-3 mm of the same smoothed model resolved finely; gradients are judged against
-central differences of event-exact.
+Times are measured in one run, per trajectory with its gradient by 20 bumps on the lift: diffrax's Tsit5 alone with the
+recursive checkpoint adjoint, the exact path (its NumPy interface, and `jax.vmap` of `jax.grad`), the smooth path on
+equal steps (all cams and speeds in one call), and the smooth path on the refined grid. Tsit5 and the equal steps use
+the loosest setting whose valve position is within 1e-3 mm of a fine solution of the same smoothed model; gradients are
+compared with central differences of event-exact.
 """
 
 import os
@@ -40,7 +40,7 @@ from experiments.support.smooth_batch import BATCH_EPS, batch_motion, stage_lift
 SIZES = {"small": (2, 3, (5000.0, 6000.0)), "full": (64, 20, (5000.0, 6000.0, 6500.0, 7000.0))}
 """Cams, bumps, speeds."""
 DESIGN = Path(__file__).parents[1] / "tests" / "data" / "kodama-design.json"
-"""The cam that `camopt optimize kodama` delivered: calm enough at every speed that 1e-3 mm has a meaning."""
+"""The design of `camopt optimize kodama`; its motion is calm enough for an error of 1e-3 mm to mean something."""
 ON_KNOTS = {"interval_deg": 4.0, "last_deg": 38.0}
 """Bumps whose knots are every second of the cam's own, which are 2 deg apart."""
 SPACING = 2 * DEG
@@ -52,9 +52,9 @@ REFERENCE_STEPS = 28_800
 DIFFRAX_SAMPLES = 720
 WORKERS = os.cpu_count() or 1
 Timed = tuple[np.ndarray, np.ndarray, dict]
-"""Wall and processor seconds per trajectory with gradient, gradients (s, m) of the first cam, and the setting."""
+"""Wall and processor time [s] per trajectory with gradient, gradients (s, m) of the first cam, and the setting."""
 HEIGHT = 1e-6
-"""Scale of the random heights that make one cam of the batch from another [m]."""
+"""Standard deviation of the random heights of bumps by which the cams of the batch differ [m]."""
 
 
 def main(size: str, folder=RESULTS) -> dict:
@@ -63,11 +63,11 @@ def main(size: str, folder=RESULTS) -> dict:
     scene = load_scene("kodama")
     p = problem(scene, read_design(DESIGN, scene), speeds, bumps, **ON_KNOTS)
     z = HEIGHT * np.random.default_rng(4).normal(size=(bumps, cams))
-    z[:, 0] = 0.0  # the cam whose gradient is judged
+    z[:, 0] = 0.0  # the cam whose gradient is compared
     truth = [exact_differences(p, s) for s in range(len(speeds))]
     rows = []
     for name, method in METHODS.items():
-        with threadpool_limits(limits=1, user_api="blas"):  # its threads wait busily, on the cores of the others
+        with threadpool_limits(limits=1, user_api="blas"):  # its threads spin on the cores of the others
             (seconds, processor), gradients, setting = method(p, z)
         judged = [against(g, t) for g, t in zip(gradients, truth, strict=True)]
         times = {"ms_per_trajectory": 1e3 * seconds, "processor_ms_per_trajectory": 1e3 * processor}
@@ -136,7 +136,7 @@ def equal_steps(p: Problem, z: np.ndarray) -> Timed:
 
 
 def refined_grid(p: Problem, z: np.ndarray) -> Timed:
-    """The smooth path at its defaults, whose gradients are those of the exact motion: a few cams stand for all."""
+    """The smooth path at its defaults, whose gradients are those of the exact motion; two cams represent all."""
     system, some = build_system(p.train), z[:, :2].T
     under = p.under(system)
 
@@ -150,7 +150,7 @@ def refined_grid(p: Problem, z: np.ndarray) -> Timed:
 
 
 def exact_numpy(p: Problem, z: np.ndarray) -> Timed:
-    """All cams and speeds in threads, gradients by the pieces turned into those by the bumps."""
+    """All cams and speeds in threads; gradients by the pieces are converted to gradients by the bumps."""
     lift, bumps = on_common_pieces(p)
     speeds, states = np.tile(p.cam_speeds, z.shape[1]), np.tile(p.states, (z.shape[1], 1))
 
@@ -214,11 +214,11 @@ METHODS: dict[str, Callable[[Problem, np.ndarray], Timed]] = {
     "smooth, equal steps, batch": equal_steps,
     "smooth, refined grid, batch": refined_grid,
 }
-"""The first is the yardstick."""
+"""The first is the reference for the ratios of times."""
 
 
 def loosest(p: Problem, settings, valve) -> tuple[float, float]:
-    """First of the settings whose valve position keeps within ERROR_MM of the finely resolved one at every speed."""
+    """First setting whose valve position is within ERROR_MM of the fine solution at every speed, and its error [mm]."""
     fine = []
     for s in range(len(p.speeds_rpm)):
         record = prepare(p.train, p.lift, p.cam_speeds[s], eps=BATCH_EPS)(p.states[s])

@@ -1,8 +1,8 @@
-"""What do the width of the contact's layer, the step and the precision do to the smooth path's values and gradients?
+"""How do the width of the contact's layer, the step and the precision affect values and gradients of the smooth path?
 
-The seating velocity of a Polydyne cam and its gradient by bumps on the lift, at four speeds, against central
-differences of event-exact motion (several heights, the one that agrees best). Settings that fail stay in the table as
-NaN, which JSON writes as null.
+The seating velocity of a Polydyne cam and its gradient by bumps on the lift are computed at four speeds and compared
+with central differences of the event-exact motion (with several heights, of which the one that agrees best is used).
+Settings that fail are kept in the table as NaN, which JSON writes as null.
 """
 
 import jax
@@ -23,11 +23,11 @@ SPEEDS = {"small": (5000.0, 7000.0), "full": (5000.0, 6000.0, 6500.0, 7000.0)}
 BUMPS = {"small": 3, "full": 10}
 EPS = {"small": (1e-6, 2e-9), "full": (1e-5, 1e-6, 1e-7, 1e-8, 2e-9)}
 GRIDS = {"small": ("refined",), "full": ("refined", 2880, 11520, 46080)}
-"""Refined at the default tolerance, or a number of equal steps per revolution."""
+"""A grid that is refined at the default tolerance, or a number of equal steps per revolution."""
 TOLERANCE_32 = 1e-8
-"""In single precision positions of 9 mm are rounded by 1e-9 m."""
+"""Tolerance of the refined grid [m] in single precision, in which positions of 9 mm are rounded by 1e-9 m."""
 FLOOR, TOP = 1e-7, 1e2
-"""Range of errors that the figure shows."""
+"""Range of errors in the figure."""
 
 
 def main(size: str, folder=RESULTS) -> dict:
@@ -44,7 +44,7 @@ def main(size: str, folder=RESULTS) -> dict:
                 found, gradient = (np.asarray(q, float) for q in run(eps, s))
                 gradient = (
                     gradient if np.isfinite(found) else np.full_like(gradient, np.nan)
-                )  # no value has no gradient
+                )  # without a value there is no gradient
                 row = {"speed_rpm": p.speeds_rpm[s], "eps_m": eps, "grid": str(grid), "precision": precision}
                 rows.append({**row, "value_bias": abs(float(found) / value - 1.0), **against(gradient, differences)})
     content = {"metric": METRIC, "bumps": BUMPS[size], "exact_m_per_s": [v for v, _ in truth], "rows": rows}

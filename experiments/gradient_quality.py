@@ -1,11 +1,12 @@
-"""How right are gradients through a damped contact by what researchers use, beside the exact and the smooth path?
+"""How accurate are gradients through a damped contact by the tools that researchers use, compared with the exact and
+the smooth path?
 
-First one mass that flies onto a damped contact and off again, whose end has a closed form: the derivatives of its end
-by speed, distance, damping and stiffness. Then `kodama` with its Polydyne: the seating velocity of a settled revolution
-by the heights of bumps on the cam, against central differences of the exact motion. A damped contact closes with a
-force that jumps by damping times speed, so that derivatives jump there too; a solver that merely switches its
-right-hand side does not know it. MuJoCo MJX and NVIDIA Warp are left out, with a line that says so, where they are not
-installed.
+The first problem is one mass that flies onto a damped contact and off again, whose end state has a closed form: the
+derivatives of its end state by speed, distance, damping and stiffness. The second is `kodama` with its Polydyne: the
+derivatives of the seating velocity of a settled revolution by the heights of bumps on the cam, compared with central
+differences of the exact motion. When a damped contact closes, its force jumps by damping times speed, so that
+derivatives jump there too; a solver that merely switches its right-hand side does not include this. MuJoCo MJX and
+NVIDIA Warp are left out, with a line that says so, where they are not installed.
 """
 
 import time
@@ -49,11 +50,11 @@ ENGINES = {"mujoco": "MuJoCo MJX", "warp": "NVIDIA Warp"}
 REPEATS = {"small": 1, "full": 5}
 SPEED_RPM, BUMPS = 6000.0, {"small": 2, "full": 10}
 SAMPLES = 11_520
-"""Angles at which diffrax tells its motion: between them the touch of the seat is sought on cubics."""
+"""Number of angles at which diffrax records its motion; between them the seating is located on cubics."""
 
 
 class Switch(Layer):
-    """No ramp at all: the law of the non-smooth model by `where`, through which diffrax is to step."""
+    """The non-smooth contact law by `where`, without a layer, over which diffrax has to step."""
 
     def ramp(self, r):
         return jax.nn.relu(r)
@@ -73,7 +74,7 @@ def main(size: str = "full", folder=RESULTS) -> dict:
 
 
 def ball_methods(size: str) -> dict[str, Callable[[], Callable[[], Answer]]]:
-    """What makes each method, by its name in the table."""
+    """A function that prepares each method, by its name in the table."""
     methods: dict[str, Callable[[], Callable[[], Answer]]] = {"exact path": lambda: exact_path}
     methods |= {f"smooth path, {w:g} m": lambda w=w: smooth_path(w) for w in WIDTHS[size]}
     methods["diffrax, switch by where"] = lambda: diffrax_switch(TOLERANCE)
@@ -88,7 +89,7 @@ def ball_methods(size: str) -> dict[str, Callable[[], Callable[[], Answer]]]:
 
 
 def of_kodama(size: str) -> list[dict]:
-    """The same question on `kodama`."""
+    """The rows of the problem on `kodama`."""
     scene = load_scene("kodama")
     p = problem(scene, polydyne(scene), (SPEED_RPM,), BUMPS[size])
     value, differences = exact_value(p, p.lift, 0), exact_differences(p, 0)

@@ -1,9 +1,10 @@
-"""Do masses, stiffnesses and dampings come back from a simulated valve lift with 2 um of noise?
+"""Can masses, stiffnesses and dampings be identified from a simulated valve lift with 2 um of noise?
 
-The truth is the built-in scene with a polydyne cam; valve positions every 0.1 cam degrees over the event, in the first
-revolution from rest, at speeds below the first jump, with white noise of 2 um. Every fit starts with each free
-parameter off by up to 20 %. Taken as known: what a bench gives (static rates and preloads of the spring, masses on the
-cam's side of the rocker), without which positions leave the scale of all forces open.
+The true train is the built-in scene with a polydyne cam. The data are valve positions every 0.1 cam degrees over the
+event, in the first revolution from rest, at speeds below the first jump, with white noise of 2 um. In every fit the
+start value of each free parameter is wrong by up to 20 %. Known are the values that a test bench gives (static rates
+and preloads of the spring, masses on the cam's side of the rocker); without them positions do not determine the scale
+of all forces.
 """
 
 import numpy as np
@@ -38,7 +39,7 @@ SIZES = {"small": (("motori-1",), 1, 0.2), "full": (tuple(CASES), 12, 0.1)}
 
 
 def main(size: str, folder=RESULTS) -> dict:
-    """Fits of every scene and seed: truth, start, estimate, interval, covered or not; and the counts."""
+    """Fits every scene and seed: true value, start, estimate, interval and its coverage; with the counts."""
     scenes, seeds, step_deg = SIZES[size]
     content: dict = {"noise_um": NOISE_UM, "confidence": 0.95, "fits": []}
     figures = {}
@@ -53,7 +54,7 @@ def main(size: str, folder=RESULTS) -> dict:
 
 
 def fit(name: str, seed: int, step_deg: float) -> dict:
-    """One simulated measurement of a built-in scene and what is identified from it."""
+    """One simulated measurement of a built-in scene, and the parameters identified from it."""
     speeds, free = CASES[name]
     scene, random = load_scene(name), np.random.default_rng(seed)
     lift, truth = polydyne(scene), FreeParameters(scene, free)
@@ -79,7 +80,7 @@ def fit(name: str, seed: int, step_deg: float) -> dict:
 
 @styled
 def figure(name: str, fits: list[dict]) -> Figure:
-    """Every interval over its truth, the seeds side by side; start values as crosses."""
+    """Every interval over its true value, for all seeds; start values are crosses."""
     names = [row["parameter"] for row in fits[0]["parameters"]]
     drawn = new_figure(7.6, 1.2 + 0.6 * len(names))
     axes = drawn.subplots()

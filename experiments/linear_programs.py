@@ -1,10 +1,10 @@
-"""Does HiGHS decide every linear program of drawn scenes, and what does the box of the free columns change?
+"""Does HiGHS decide every linear program of randomly drawn scenes, and what do bounds on the free columns change?
 
-Scenes drawn far beyond ordinary ones: 1 to 60 mm of lift, two-stroke and four-stroke, slow and fast, limits from tight
-to contradictory. Of each the programs that a design solves: largest area, the same without jump at several margins, and
-the same short of them at a price. Each is solved twice, by working sets that grow: with columns that are free in sign,
-and as camopt does, with columns that begin in a box. Undecided is a program of which neither an optimum nor a
-contradiction nor unboundedness comes out by any of the solver's attempts.
+Scenes are drawn far beyond ordinary values: 1 to 60 mm of lift, two-stroke and four-stroke, slow and fast, limits from
+tight to contradictory. For each scene the programs of a design are solved: the largest area, the same without jump at
+several margins, and the same with penalised violation of the margins. Each is solved twice, by working sets that grow:
+with free columns, and as camopt does, with columns that are first bounded by a box. A program is undecided if none of
+the solver's attempts gives an optimum, infeasibility or unboundedness.
 """
 
 import time
@@ -28,7 +28,7 @@ from experiments.support.record import RESULTS, called, run_script, write_result
 
 PROGRAMS = {"small": 20, "full": 2000}
 PER_SCENE = 10
-"""Programs of a scene: five at either number of knots."""
+"""Programs of a scene: five for each number of knots."""
 KNOTS_PER_DURATION = 24, 48
 MARGINS_N = -300.0, 100.0
 KINDS = ("largest area", "without jump", "short of margins")
@@ -90,7 +90,7 @@ def design(rng: np.random.Generator) -> dict:
 
 
 def programs(number: int) -> Iterator[Posed]:
-    """The programs of a scene; those that differ in their right sides alone share their rows, and with them a basis."""
+    """The programs of a scene; those that differ in right-hand sides only share their rows, and so a basis."""
     scene, rng = drawn(number), np.random.default_rng([35, number])
     design = scene.required_design
     speeds = [scene.cam_speed(speed) for speed in scene.required_operation.speeds_rpm]
@@ -113,14 +113,14 @@ def programs(number: int) -> Iterator[Posed]:
 
 
 class FreeInSign(WarmModel):
-    """A model whose columns are free in sign from the beginning."""
+    """A model whose columns are free from the beginning."""
 
     def within(self, reach: float) -> None:
         super().within(np.inf)
 
 
 def one(number: int) -> dict:
-    """What became of the programs of a scene; none where its numbers contradict each other before any."""
+    """Outcomes of the programs of a scene; empty where its numbers contradict each other before any program."""
     free: dict[str, Rows] = {}
     try:
         return {"programs": [solved(posed, free) for posed in programs(number)]}
@@ -129,8 +129,7 @@ def one(number: int) -> dict:
 
 
 def solved(posed: Posed, free: dict[str, Rows]) -> dict:
-    """How a program ended as camopt solves it, and with columns that are free in sign, whose rows `free` keeps
-    as long as the program has the same ones."""
+    """Outcome of a program as camopt solves it, and with free columns, whose rows are kept in `free`."""
     found: dict = {"kind": posed.kind, "rows": len(posed.bound), "columns": len(posed.objective)}
     if free.get("of") is not posed.rows:
         free |= {"of": posed.rows, "rows": Rows(posed.rows.matrix, posed.rows.column)}
@@ -143,7 +142,7 @@ def solved(posed: Posed, free: dict[str, Rows]) -> dict:
 
 
 def decided(posed: Posed, rows: Rows) -> str:
-    """How a program ends; where its first rows leave it unbounded, all of them are given."""
+    """Outcome of a program; where its first working set leaves it unbounded, all rows are used."""
     try:
         try:
             maximise(posed.objective, rows, posed.bound, posed.working)
@@ -174,7 +173,7 @@ def main(size: str, folder=RESULTS) -> dict:
 
 
 def counted(rows: list[dict], kind: str | None = None) -> dict:
-    """How many programs of a kind, or of all, ended in what way, and what they took."""
+    """Numbers of programs of a kind, or of all, by outcome, and their processor times [s]."""
     rows = [row for row in rows if kind in (None, row["kind"])]
     ways = ("free", "boxed")
     found: dict = {way: dict(Counter(row[way] for row in rows)) for way in ways}

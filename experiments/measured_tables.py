@@ -1,11 +1,12 @@
-"""How well does a measured lift table give the cam's acceleration?
+"""How accurate is the cam acceleration that is computed from a measured lift table?
 
-The truth is the polydyne of `kodama`; its table is read over a whole turn in steps of 0.25 to 2 cam degrees with normal
-noise of 0.5 to 10 um on every row, base circle included, and rounded to 0.1 um. Each table is smoothed as camopt does
-it (the noise is not told) and interpolated plainly. Errors are over the event, angles as the table has them. Then the
-same tables are drawn from every family, with and without the jerk limit, and the true errors of the acceleration (root
-mean square over the event, and the larger one of its extremes) are counted against what is stated at 95 %. Both
-measured motorbike tables are drawn where they lie in ../shared/data/lift beside the repository.
+The true cam is the polydyne of `kodama`. Its tables cover a whole turn in steps of 0.25 to 2 cam degrees with normal
+noise of 0.5 to 10 um on every row, base circle included, rounded to 0.1 um. Each table is smoothed by camopt, which
+does not know the noise, and is also interpolated without smoothing. Errors are over the event, at the angles of the
+table. The same kind of tables is then generated for every family, with and without the jerk limit, and the true errors
+of the acceleration (root mean square over the event, and the larger error of its two extremes) are compared with the
+errors stated at 95 %. The two measured motorbike tables are included where they exist in ../shared/data/lift beside the
+repository.
 """
 
 from itertools import product
@@ -37,7 +38,7 @@ COLOURS = [colour for colour, _ in lines().values()]
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
-    """Errors over noise, step and seed; the measured tables where they are; writes JSON and figures."""
+    """Errors over noise, step and seed, and the measured tables where they exist; writes JSON and figures."""
     scene = load_scene("kodama")
     truth = read_cam("polydyne", scene)
     noises, steps, seeds = (NOISES_UM, STEPS_DEG, 20) if size == "full" else ((1.0, 10.0), (0.5, 2.0), 2)
@@ -73,7 +74,7 @@ def generated(truth, noise_um: float, step: float, seed: int) -> tuple[np.ndarra
 
 
 class ReadTable(NamedTuple):
-    """A generated table and the law that camopt makes of it."""
+    """A generated table and the lift law that camopt fits to it."""
 
     degrees: np.ndarray  # (r) over a turn
     lift: np.ndarray  # (r) [mm]
@@ -97,7 +98,7 @@ def read_table(truth, noise_um: float, step: float, seed: int) -> ReadTable | No
 
 
 def coverage(truth, noises, steps, seeds: int) -> dict:
-    """Share of tables within the errors stated at 95 %, and true over stated: the median, and what 95 % stay below."""
+    """Share of tables within the errors stated at 95 %, and median and 95th percentile of true over stated error."""
     tables = [read_table(truth, *drawn) for drawn in product(noises, steps, range(1000, 1000 + seeds))]
     accepted = [table for table in tables if table is not None]
     ratios, acceleration = [], truth(EVENT * DEG, 2) / MM * DEG**2
@@ -116,14 +117,14 @@ def coverage(truth, noises, steps, seeds: int) -> dict:
 
 
 def cell(truth, noise_um: float, step: float, seeds: int) -> dict:
-    """Errors at one noise and step, averaged over the seeds that are accepted (largest values: the worst of them)."""
+    """Errors at one noise and step, averaged over the accepted tables (largest values: over all of them)."""
     true = [truth(EVENT * DEG, k) / MM * DEG**k for k in (0, 2)]
     tables = [read_table(truth, noise_um, step, seed) for seed in range(seeds)]
     accepted = [table for table in tables if table is not None]
     shared = {"noise_um": noise_um, "step_deg": step, "tables": seeds, "refused": seeds - len(accepted)}
     if not accepted:
         return shared
-    errors = []  # of each table: ours and the plain interpolation's, in lift and in acceleration
+    errors = []  # of each table: those of camopt and of plain interpolation, in lift and in acceleration
     for table in accepted:
         plain = make_interp_spline(table.degrees, table.lift, 5, bc_type="periodic")
         ours = [table.over_event(k) - t for k, t in zip((0, 2), true, strict=True)]
@@ -149,7 +150,7 @@ def cell(truth, noise_um: float, step: float, seeds: int) -> dict:
 
 @styled
 def draw_errors(rows: list[dict], peak: float) -> Figure:
-    """Root mean square error of lift and acceleration against the noise, a colour per step, plain dashed."""
+    """RMS error of lift and acceleration against the noise, a colour per step; dotted: plain interpolation."""
     figure = new_figure(7.2, 3.6)
     left, right = figure.subplots(1, 2)
     for colour, step in zip(COLOURS, STEPS_DEG, strict=False):

@@ -1,9 +1,9 @@
-"""What area do a scene's limits allow, and what does each demand cost?
+"""What area do the limits of a scene allow, and what does each of them cost?
 
-camopt's designs on three scenes. `kodama`, `kodama` with its spring's coils a quarter heavier, and `pushrod-5mass`:
-nominal speeds and band, the band judged by event-exact on a 20 r/min grid that the search did not use. On `kodama`
-further: without jump, without the jerk limit, without the nose window, and up to 4850 and 7210 r/min. Every row has the
-certified bound beside it.
+camopt designs cams for three scenes: `kodama`, `kodama` with the masses of its spring a quarter heavier, and
+`pushrod-5mass`, at the nominal speeds and over the band. The band is evaluated by event-exact on a 20 r/min grid that
+the search did not use. Further designs on `kodama` are without jump, without the jerk limit, without the nose window,
+and for the band from 4850 to 7210 r/min. Every row has the certified bound.
 """
 
 import time
@@ -57,7 +57,7 @@ def cases(size: str) -> list[tuple[str, Scene, str]]:
 
 
 def row(name: str, scene: Scene, speeds: str, size: str) -> dict:
-    """One design: areas, its worst figures at speeds the search did not use, sign changes of acceleration, time."""
+    """One design: areas, worst metrics at speeds not used in the search, sign changes of the acceleration, time."""
     started = time.perf_counter()
     try:
         found = find_cam(scene, speeds, EFFORT[size], GRADIENT[size]).confirmed[-1]

@@ -1,14 +1,15 @@
-"""Does an engine that nobody here wrote confirm the motions of camopt, and does it notice what is not so?
+"""Do independently developed simulation engines confirm the motions of camopt, and do they detect small changes of the
+model?
 
-Exudyn gets the scene file and the pieces of a design file alone (`camopt.verifier.outside`). The valve is compared at
-every half degree of the first two revolutions from rest; beyond a jump of 0.05 mm only in the first, since the motion
-is chaotic there. Settled figures are compared too, with event-exact's; where the motion wanders, as ranges. The cams
-are a draft's delivered design of each built-in scene that has one, and its Polydyne. Then ten small changes are made to
-what the judge is given, and each of them must show.
+Exudyn is given only the scene file and the pieces of a design file (`camopt.verifier.outside`). The valve positions are
+compared at every half degree of the first two revolutions from rest; with jumps above 0.05 mm only in the first,
+because the motion is then chaotic. The metrics of the settled motion are compared with those of event-exact, and as
+ranges where the motion is aperiodic. The cams are the design at accuracy draft of each built-in scene that has one, and
+its Polydyne. Then ten small changes are made to the model that Exudyn is given, and each of them must be detected.
 
-A second engine, Siconos, poses contact as complementarity and judges undamped copies of the trains with linear laws
-(`experiments.support.undamped`): a row each for the first revolution from rest at the scene's first speed, with the
-delivered cam or, where there is none, the Polydyne, and with the step that it took.
+A second engine, Siconos, formulates contact as complementarity and computes undamped copies of the trains with linear
+laws (`experiments.support.undamped`). Each has a row for the first revolution from rest at the scene's first speed,
+with the design or, where there is none, the Polydyne, and with the step that was used.
 """
 
 from pathlib import Path
@@ -36,18 +37,18 @@ from experiments.support.undamped import Case, undamped_part
 
 FIGURES = "bounce_mm", "jump_mm", "seating_velocity_m_per_s", "contact_force_max_N"
 WITHIN_MM, WITHIN = 1e-4, 0.01
-"""How far settled figures may differ: lengths by so many millimetres, anything by this share of itself."""
+"""Tolerances of settled metrics: lengths [mm], and the relative tolerance of every metric."""
 MEASURED = 4, 8
-"""Revolutions that are measured of a settled motion, and of one that wanders."""
+"""Measured revolutions of a settled motion, and of an aperiodic one."""
 CHANGED, CHANGED_RPM = "kodama", 6000.0
-"""Scene and speed at which the judge is given something else."""
+"""Scene and speed [r/min] of the changed models."""
 DRAWN = ("kodama", 6000.0), ("exhaust-gas", 6000.0), ("finger-hydraulic", 6000.0)
 SMALL_STEPS = 57_600
-"""Most steps of an undamped revolution at the small size."""
+"""Largest number of steps of an undamped revolution at the small size."""
 
 
 def main(size: str = "full", folder=RESULTS) -> dict:
-    """Differences from rest and of settled figures, what of the changes shows, and what the judge costs."""
+    """Differences from rest and of settled metrics, the detected changes, and the computing times."""
     with TemporaryDirectory() as made:
         if size == "small":
             scene, other = load_scene("motori-1"), load_scene(CHANGED)
@@ -71,7 +72,7 @@ def main(size: str = "full", folder=RESULTS) -> dict:
 
 
 def delivered(scene: Scene, runs: Path) -> Lift | None:
-    """The cam that a draft delivers for a scene; None where it finds none."""
+    """The design of a scene at accuracy draft; None where none is found."""
     run = runs / scene.name
     if not run.is_dir():
         try:
@@ -82,7 +83,7 @@ def delivered(scene: Scene, runs: Path) -> Lift | None:
 
 
 def cases_of(scene: Scene, design: Lift | None) -> list[Case]:
-    """A scene's delivered cam, where there is one, and its Polydyne, each at the scene's speeds."""
+    """A scene's design, where there is one, and its Polydyne, each at the scene's speeds."""
     cams = {"design": design, "polydyne": polydyne(scene)}
     speeds = list(scene.required_operation.speeds_rpm)
     return [(scene, name, lift, speeds) for name, lift in cams.items() if lift]
@@ -112,10 +113,10 @@ def of_cam(scene: Scene, cam: str, lift: Lift, speeds_rpm: list[float]) -> list[
 
 
 def _beside(name: str, ours: tuple[float, float], error: float, theirs: list[dict], periodic: bool) -> dict:
-    """One settled figure on both sides: the range of each, and whether they are the same.
+    """One settled metric of both engines: the range of each, and whether they agree.
 
-    The worst revolution counts where the motion repeats itself; where it wanders, ranges must overlap. Our own stated
-    error is allowed for.
+    The worst revolutions are compared where the motion is periodic; where it is aperiodic, the ranges must overlap. The
+    tolerance includes camopt's own error estimate.
     """
     values = [np.nan if f.get(name) is None else f[name] for f in theirs]
     low, high = min(values), max(values)
@@ -135,7 +136,7 @@ def revolution_ms(scene: Scene, lift: Lift, speed_rpm: float) -> float:
 
 
 def changed(scene: Scene, lift: Lift, count: int) -> list[dict]:
-    """What shows of the first `count` changes where the judge, and it alone, is given them."""
+    """Rows of the first `count` changes, of which only Exudyn is given the changed model."""
     lift = as_written(lift)
     valve, rows = valve_from_rest(scene, lift, CHANGED_RPM), []
     for change in CHANGES[:count]:
@@ -147,7 +148,7 @@ def changed(scene: Scene, lift: Lift, count: int) -> list[dict]:
 
 
 def summary(rows: list[dict], changes: list[dict]) -> dict:
-    """The claims as numbers."""
+    """The numbers that the page states."""
     calm = [row for row in rows if row["revolutions"] == 2]
     settled = [row for row in rows if row["periodic"]]
     return {
@@ -171,7 +172,7 @@ def needed(cam: Lift | None) -> Lift:
 
 
 def _drawn(cams: dict[str, Lift | None], name: str, speed_rpm: float) -> dict:
-    """A motion of a delivered cam for the figure: the valve by camopt [m], and the judge's less that [nm]."""
+    """A motion of a design for the figure: the valve by camopt [m], and the difference of Exudyn's from it [nm]."""
     scene, lift = load_scene(name), as_written(needed(cams[name]))
     ours, _ = valve_from_rest(scene, lift, speed_rpm)
     theirs = np.array(outside_motions(scene, lift, [speed_rpm])["speeds"][0]["valve_m"])
@@ -179,12 +180,12 @@ def _drawn(cams: dict[str, Lift | None], name: str, speed_rpm: float) -> dict:
 
 
 COLOURS = "#0072B2", "#D55E00", "#009E73", "#B0518E", "#E69F00", "#56B4E9"
-"""By scene."""
+"""Colours of the scenes."""
 
 
 @styled
 def motion_figure(cases: list[dict]) -> Figure:
-    """A column for each motion; its two revolutions from rest one after the other."""
+    """A column for each motion, with its two revolutions from rest in sequence."""
     drawing = new_figure(9.6, 4.2)
     axes = np.atleast_2d(drawing.subplots(2, len(cases), sharex=True, height_ratios=(3, 2)))
     for (above, below), case in zip(axes.T, cases, strict=True):
@@ -201,7 +202,7 @@ def motion_figure(cases: list[dict]) -> Figure:
 
 @styled
 def halvings_figure(rows: list[dict]) -> Figure:
-    """How far Siconos's valve is off against its step, a line for each undamped motion, over the slope of order two."""
+    """Difference of Siconos's valve against its step, a line for each undamped motion, with the slope of order two."""
     drawing = new_figure(5.6, 3.8)
     axes = drawing.subplots()
     scenes = list(dict.fromkeys(row["scene"] for row in rows))

@@ -1,10 +1,11 @@
-"""Does the search come to the same cam from every start, by either source of its rows?
+"""Does the search converge to the same cam from every start, with either source of its constraint rows?
 
-Every built-in scene with a design, over its band at the accuracy of a job: from the calmest cam, from the literature's
-plain cams, and from random free cams within the limits on the shape, with rows of the smoothed motion by JAX and with
-those of the closed periodic response. Of each search the largest cam that the full verdict confirms, with the rounds,
-the Jacobians and the processor time that it took; beside them the areas of the job before there were paths (at commit
-066e876). First-order methods from the calmest cam are compared by `experiments.optimisers`. An interrupted run goes on.
+The search runs on every built-in scene with a design, over its band at the accuracy of a job: from the calmest cam,
+from the literature's plain cams, and from random free cams within the limits on the shape, with constraint rows of the
+smoothed motion by JAX and with those of the closed periodic response. The result of each search is the largest cam that
+the full verdict confirms, with the numbers of rounds and Jacobians and the processor time. The areas are compared with
+those of the job before its search used paths (commit 066e876). First-order methods from the calmest cam are compared by
+`experiments.optimisers`. An interrupted run resumes.
 """
 
 import time
@@ -41,13 +42,13 @@ BEFORE = {
 SCENES = {"small": ("motori-1",), "full": tuple(BEFORE)}
 FAMILIES = {"Polydyne": camopt.polydyne, "Multi-Pol": camopt.multi_pol, "New Design": camopt.new_design}
 RANDOM = {"random 1": 1, "random 2": 2}
-"""Random cams by their seed."""
+"""Seeds of the random cams."""
 STARTS = {"small": ("calmest", "Polydyne", "random 1"), "full": ("calmest", *FAMILIES, *RANDOM)}
 SOURCES = {"small": ("exact",), "full": ("smooth", "exact")}
 SPEEDS = {"small": "nominal", "full": "band"}
 ACCURACY = {"small": "draft", "full": "standard"}
 DRAWN, DRAWN_STARTS = "kodama", ("calmest", "Polydyne", "Multi-Pol", "random 1")
-"""What the figure shows."""
+"""Scene and starts of the figure."""
 COLOURS = ("#222222", "#0072B2", "#D55E00", "#009E73")
 LINES = {"smooth": "-", "exact": "--"}
 
@@ -66,8 +67,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
 
 
 def searched(scene: str, start: str, gradient: str, size: str = "small") -> dict:
-    """One search from a start, and the largest of its cams that the full verdict confirms; why there is none where
-    there is none."""
+    """One search from a start, and the largest of its cams that the full verdict confirms, or why there is none."""
     loaded, lines, speeds, effort = load_scene(scene), [], SPEEDS[size], ACCURACIES[ACCURACY[size]]
     try:
         search = find_cam(loaded, speeds, effort, gradient, show=lines.append, start=start_cam(loaded, start, effort))
@@ -88,15 +88,15 @@ def searched(scene: str, start: str, gradient: str, size: str = "small") -> dict
 
 
 def start_cam(scene: Scene, name: str, effort: Accuracy) -> Lift | None:
-    """The cam that a search begins from; None for the calmest one, with which it begins by itself."""
+    """The start of a search; None for the calmest cam, from which it starts by default."""
     if name == "calmest":
         return None
     return random_cam(scene, RANDOM[name], effort) if name in RANDOM else FAMILIES[name](scene)
 
 
 def random_cam(scene: Scene, seed: int, effort: Accuracy) -> Lift:
-    """The free cam within the limits on the shape that is nearest to drawn coefficients, which are normal with the
-    largest acceleration that the scene allows for their standard deviation."""
+    """The free cam within the limits on the shape that is nearest to random coefficients. These are normal; their
+    standard deviation is the largest acceleration that the scene allows."""
     design = scene.required_design
     cam = program_cam(design, effort.knot_deg)
     drawn = np.random.default_rng(seed).normal(0.0, largest_acceleration(design), cam.Z.shape[1])
@@ -104,8 +104,8 @@ def random_cam(scene: Scene, seed: int, effort: Accuracy) -> Lift:
 
 
 def summary(scene: str, rows: list[dict]) -> dict:
-    """Of each source the least and the largest confirmed area ratio, how many of how many searches were confirmed, and
-    the median of their rounds, Jacobians and processor seconds. The first smooth search in a process compiles."""
+    """By source the least and the largest confirmed area ratio, the numbers of searches and of confirmed ones, and the
+    medians of their rounds, Jacobians and processor times [s]. The first smooth search in a process compiles."""
     found: dict = {"before": BEFORE[scene]}
     for source in dict.fromkeys(row["gradient"] for row in rows):
         tried = [row for row in rows if (row["scene"], row["gradient"]) == (scene, source)]
@@ -122,7 +122,7 @@ def summary(scene: str, rows: list[dict]) -> dict:
 
 
 def median(values: list[float]) -> float | None:
-    """Their median; None where there are none."""
+    """The median; None of an empty list."""
     return float(np.median(values)) if values else None
 
 

@@ -1,4 +1,4 @@
-"""What the two gradient experiments share: a cam, bumps on it, and the truth of its seating velocity."""
+"""Gradient of the seating velocity by bumps on a cam: the problem, and its reference by central differences."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -24,9 +24,9 @@ from camopt.smooth.system import System, SystemState
 
 METRIC = "seating_velocity_m_per_s"
 STEPS_OF_DIFFERENCES = (1e-7, 1e-8, 1e-9)
-"""Heights of a bump [m] for the central differences, of which the one that agrees best is taken."""
+"""Heights of a bump [m] for the central differences, of which the best agreement is used."""
 SETTLING = 8
-"""Event-exact revolutions from rest before the one that is differentiated."""
+"""Number of event-exact revolutions from rest before the one that is differentiated."""
 
 
 @cache
@@ -46,7 +46,7 @@ def scaled(lift: Lift, height: float) -> Lift:
 
 @dataclass(frozen=True)
 class Problem:
-    """Gradients of the seating velocity by the heights z (m) of bumps on a cam, from a settled state per speed."""
+    """Gradients of the seating velocity by the heights z (m) of bumps on a cam, from a settled state at each speed."""
 
     scene: Scene
     train: Train
@@ -77,7 +77,7 @@ class Problem:
 
 
 def problem(scene: Scene, lift: Lift, speeds_rpm: tuple[float, ...], bumps: int, **grid: float) -> Problem:
-    """From settled states; `grid` as of `bump`."""
+    """The problem with settled states; `grid` are the intervals of `bump`."""
     train = build_train(scene)
     rest = state_at_rest(train)
     states = np.array([prepare(train, lift, scene.cam_speed(rpm)).advance(rest, SETTLING) for rpm in speeds_rpm])
@@ -85,13 +85,13 @@ def problem(scene: Scene, lift: Lift, speeds_rpm: tuple[float, ...], bumps: int,
 
 
 def exact_value(p: Problem, lift: Lift, speed: int) -> float:
-    """The metric of one event-exact revolution, on the verifier's side."""
+    """The metric of one event-exact revolution, measured by the verifier."""
     revolve = prepare(p.train, lift, p.cam_speeds[speed], 2880)
     return float(measure(record_of(revolve, p.states[speed], 2), lift)[METRIC][0])
 
 
 def exact_differences(p: Problem, speed: int) -> np.ndarray:
-    """Central differences of event-exact by each bump (steps, m), for every step of `STEPS_OF_DIFFERENCES`."""
+    """Central differences of event-exact by each bump (steps, m), with every height of `STEPS_OF_DIFFERENCES`."""
 
     def slope(b: Lift, h: float) -> float:
         up, down = (exact_value(p, p.lift.shifted(scaled(b, sign * h)), speed) for sign in (1.0, -1.0))

@@ -30,7 +30,7 @@ def panels(
 ) -> Figure:
     """Draws rows of panels over a shared abscissa, with one legend.
 
-    Cam families keep their own colour; other labels get one in the order in which they first appear.
+    Cam families have their usual colours; other labels get colours in the order of their first appearance.
     """
     labels = list(dict.fromkeys(label for row in rows for panel in row for label, _, _ in panel.curves))
     line = _lines(labels)
@@ -49,7 +49,7 @@ def panels(
         axes.set_xlabel(xlabel)
     if xlim is not None:
         grid[0, 0].set_xlim(xlim)
-    for label in labels:  # the legend's own lines: not every panel shows every label
+    for label in labels:  # lines for the legend: not every panel has every label
         grid[0, 0].plot([], [], label=label, **line[label])
     figure.align_ylabels()
     legend_above(figure, grid[0, 0], 6)
@@ -57,7 +57,7 @@ def panels(
 
 
 def _lines(labels: Sequence[str]) -> dict[str, dict]:
-    """Line properties by label: cams look as in all figures, other labels take the colours that no cam here has."""
+    """Line properties by label: cams as in all figures, other labels in colours that no cam of this figure has."""
     own = {family_of(label) for label in labels}
     free = [colour for family, (colour, _) in lines().items() if family not in own]
     found, taken = {}, 0

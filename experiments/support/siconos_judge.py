@@ -1,17 +1,18 @@
-"""The motion of an undamped train by Siconos, an engine that poses contact as complementarity, from a file of numbers.
+"""The motion of an undamped train by Siconos, an engine that formulates contact as complementarity, from a file of
+numbers.
 
     python3 siconos_judge.py GIVEN.json --out motion.json
 
-It runs with the interpreter that has Siconos (Debian's `python3-siconos` belongs to the system's), and imports nothing
-of camopt. `experiments.support.undamped.given` writes its file: the train, its state at rest and the pieces of the lift
-as the judge from outside reads them from scene and design (`camopt.verifier.outside`), in SI and radians.
+It runs with an interpreter that has Siconos (Debian's `python3-siconos` installs it for the system's Python), and
+imports nothing of camopt. Its input file is written by `experiments.support.undamped`: the train, its state at rest and
+the pieces of the lift as `camopt.verifier.outside` reads them from scene and design, in SI units and radians.
 
-Siconos (Acary and Brogliato 2008, Numerical methods for nonsmooth dynamical systems) gets a linear system
-x' = A x + b + B f for positions and velocities x, and for the forces f of the contacts the complementarity
-0 <= f, 0 <= y = C x + f / k + e, f y = 0: a contact either pushes as its spring does or is open. A contact with a
-damper has no such form, which is why trains are judged here without any. One revolution from rest is taken in equal
-steps by the trapezoidal rule (EulerMoreauOSI with theta and gamma of 1/2) and a linear complementarity problem in
-each; no switching is located. The step is halved until the valve stands.
+Siconos (Acary and Brogliato 2008, Numerical methods for nonsmooth dynamical systems) gets a linear system x' = A x + b
++ B f for positions and velocities x, and for the forces f of the contacts the complementarity 0 <= f, 0 <= y = C x + f
+/ k + e, f y = 0: a contact either pushes like its spring or is open. A contact with a damper has no such form, which is
+why the trains have none here. One revolution from rest is computed in equal steps by the trapezoidal rule
+(EulerMoreauOSI with theta and gamma of 1/2) and a linear complementarity problem in each; no switching is located. The
+step is halved until the valve position has converged.
 """
 
 import argparse
@@ -27,11 +28,11 @@ import numpy as np
 
 NM = 1e-9
 SAMPLES = 720
-"""Equal parts of the revolution at whose ends the valve is recorded."""
+"""Number of equal parts of the revolution at whose ends the valve position is recorded."""
 COARSEST, FINEST = 28_800, 460_800
-"""Steps of the revolution, from the first to the last: multiples of SAMPLES."""
+"""First and last number of steps of the revolution, multiples of SAMPLES."""
 STANDS_NM = 2.0
-"""The valve stands where two halvings of the step move it by less than this [nm] each: one may do so by chance."""
+"""The valve has converged if each of two halvings moves it by less than this [nm]; one may do so by chance."""
 
 
 def lift_of(cam: dict, angle: np.ndarray) -> np.ndarray:
@@ -45,7 +46,7 @@ def lift_of(cam: dict, angle: np.ndarray) -> np.ndarray:
 
 
 class SiconosModel:
-    """A train under a cam at one cam speed [rad/s]."""
+    """A train with a cam at one cam speed [rad/s]."""
 
     def __init__(self, given: dict, cam_speed: float):
         self.given, self.speed = given, cam_speed
@@ -80,7 +81,7 @@ class SiconosModel:
         rule.setGamma(0.5)
         run = sk.TimeStepping(model, sk.TimeDiscretisation(0.0, period / steps), rule, sk.LCP())
         run.initialize()
-        # the rule takes the mean force of a step's two ends, and Siconos would begin with none
+        # the rule uses the mean force of a step's two ends, and Siconos would start with zero
         pushing = np.maximum(0.0, -self.stiffness * (self.by_state @ self.start + self.open))
         system.setR(self.by_force @ pushing)
         system.swapInMemory()
@@ -95,7 +96,7 @@ class SiconosModel:
         return np.array(valve)
 
     def _along(self, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """How far the contacts are open (steps + 1, e) [m] at x = 0, and b (steps, 2 n) as its mean over each step."""
+        """Opening of the contacts (steps + 1, e) [m] at x = 0, and b (steps, 2 n) as its mean over each step."""
         angle, masses = np.linspace(-math.pi, math.pi, steps + 1), self.given["mass"]
         opened = self.open - lift_of(self.given["cam"], angle)[:, None] * self.driven
         forced = np.tile(self.b, (steps + 1, 1))
@@ -105,7 +106,7 @@ class SiconosModel:
 
 
 def halved(model: SiconosModel, finest: int) -> list[dict]:
-    """A record for each number of steps, twice as many as before, until the valve stands or `finest` is reached."""
+    """A record for each number of steps, which is doubled until the valve has converged or `finest` is reached."""
     records: list[dict] = []
     steps, moved_nm = COARSEST, [math.inf, math.inf]
     while steps <= finest and max(moved_nm[-2:]) > STANDS_NM:
