@@ -1,4 +1,4 @@
-"""The experiment on the classical laws: their known peaks, and what the least ones gain."""
+"""The experiment on the classical laws: least peaks through conditions, compared with closed forms."""
 
 from math import factorial
 

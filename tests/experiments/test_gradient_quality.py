@@ -1,4 +1,4 @@
-"""Gradients through a damped contact: the closed form is one, and who knows of the jump is right."""
+"""Gradients through a damped contact: the closed form, and the methods that include the jump."""
 
 from importlib.util import find_spec
 
@@ -10,7 +10,7 @@ from experiments.support.gradient_ball import warp_kernel
 
 
 def test_the_closed_form_conserves_momentum_by_its_coefficient_of_restitution():
-    """With little damping the speed turns round, and less damping turns round more of it."""
+    """With almost no damping the speed is reversed, and with less damping the rebound is faster."""
     speeds = [ball.closed_form(np.array([2.0, 0.01, c, 1e6]))[1] for c in (1e-6, 100.0, 400.0)]
     assert speeds[0] == pytest.approx(2.0, rel=1e-8)
     assert speeds[0] > speeds[1] > speeds[2] > 0.0
@@ -18,7 +18,7 @@ def test_the_closed_form_conserves_momentum_by_its_coefficient_of_restitution():
 
 def test_the_exact_path_and_events_are_right_and_a_switch_is_not():
     found = {name: ball.judged(make(), 1) for name, make in METHODS.items()}
-    assert found["exact path"]["relative_error"] < 1e-8  # the differences of the closed form
+    assert found["exact path"]["relative_error"] < 1e-8  # the error of the closed form's differences
     assert found["diffrax, two events"]["relative_error"] < 1e-5  # of a tolerance of 1e-8
     assert found["diffrax, switch by where"]["value_error"] < 1e-5
     assert found["diffrax, switch by where"]["relative_error"] > 1.0

@@ -1,4 +1,4 @@
-"""Siconos as a judge of undamped copies: skipped where no Python has it; the rest is not."""
+"""Comparison of undamped copies with Siconos; tests that run it are skipped where no Python has it."""
 
 import subprocess
 import sys
@@ -55,7 +55,7 @@ def test_what_it_cannot_express_is_refused_with_a_sentence(name, element, tmp_pa
 
 
 def test_where_no_python_has_siconos_one_sentence_names_the_package(monkeypatch, capsys):
-    """Every Python that is asked fails to import it."""
+    """Every Python that is tried fails to import it."""
     undamped.siconos_python.cache_clear()
     monkeypatch.setattr(undamped.subprocess, "run", lambda *a, **k: subprocess.CompletedProcess(a, 1))
     scene = load_scene("kodama")
@@ -69,7 +69,8 @@ def test_where_no_python_has_siconos_one_sentence_names_the_package(monkeypatch,
 
 
 def test_what_is_stated_is_a_nanometre_and_the_most_of_two_halvings():
-    """Three records that end 2 nm and 0.5 nm apart, the last 0.25 nm off, but 4 nm off outside the cam's duration."""
+    """Three records that differ by 2 nm and 0.5 nm at the end; the last is wrong by 0.25 nm, but by 4 nm outside the
+    cam's duration."""
     true = np.zeros(SAMPLES + 1)
     far = np.zeros(SAMPLES + 1)
     far[-1] = 4e-9
