@@ -20,12 +20,12 @@ from matplotlib.figure import Figure
 
 import camopt
 from camopt.measure.as_built import trains_as_built
-from camopt.plots.style import new_figure, styled
 from camopt.smooth.laws import Layer
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples
 from camopt.smooth.tied import STEPS, WIDTH, parts_of_steps, tied_paths, tied_system
 from experiments.gradient_batch import timed
+from experiments.support.panels import Panel, panels
 from experiments.support.record import RESULTS, run_script, write_result
 
 TRAINS = {"small": (2,), "full": (1, 4, 16, 64, 256, 1000)}
@@ -76,18 +76,15 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     return write_result("batch_scaling", size, content, {"time": figure(rows)}, folder)
 
 
-@styled
 def figure(rows: list[dict]) -> Figure:
     """Processor time of a motion and of its gradient, per train and speed, against the number of trains in a batch."""
-    drawn = new_figure(6.4, 3.6)
-    axes = drawn.subplots()
-    for (work, colour), precision in product({"motion": "#0072B2", "gradient": "#D55E00"}.items(), PRECISIONS):
+    curves = []
+    for work, precision in product(("motion", "gradient"), PRECISIONS):
         of = [row for row in rows if row["precision"] == precision and row["cams"] == 1 and row["speeds"] == SPEEDS]
-        times, line = [row[f"{work}_processor_ms"] for row in of], "-" if precision == "float64" else "--"
-        axes.plot([row["trains"] for row in of], times, line, marker="o", color=colour, label=f"{work}, {precision}")
-    axes.set(xscale="log", yscale="log", xlabel=f"trains at once, at {SPEEDS} speeds each", ylabel="time per case [ms]")
-    axes.legend()
-    return drawn
+        times = [row[f"{work}_processor_ms"] for row in of]
+        curves.append((f"{work}, {precision}", [row["trains"] for row in of], times))
+    xlabel, log = f"trains in a batch, at {SPEEDS} speeds each", ("log", "log")
+    return panels([[Panel("time per train and speed [ms]", curves)]], xlabel, None, 6.4, 2.7, scale=log, marker="o")
 
 
 def as_batch(precision: str, trains: list, samples: np.ndarray, speeds: np.ndarray) -> Batch:

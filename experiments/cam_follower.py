@@ -19,10 +19,11 @@ from scipy.optimize import brentq
 from camopt.cam.lift import Lift
 from camopt.exact import prepare
 from camopt.highs import minimise
-from camopt.plots.style import new_figure
 from camopt.scene import build_train, load_scene, state_at_rest
+from camopt.scene.response import record_of
 from camopt.scene.train import Train
 from camopt.scene.units import DEG, MM, RPM
+from experiments.support.panels import Panel, panels
 from experiments.support.record import RESULTS, run_script, write_result
 
 BASE, FREE_END = 0.40, 0.30
@@ -264,23 +265,14 @@ def longest_on(train: Train, cam: Lift, push: float | None, knots: int) -> dict:
 
 def draw(given: Train, cam: Lift) -> Figure:
     """Follower and cam over three revolutions at the published speeds, after the start-up transient has decayed."""
-    chart = new_figure(7.0, 7.0)
-    chart.subplots(3, 1, sharex=True)
-    train = with_contact(given, 1e9, damping_of(RESTITUTION, 1e9, given.mass[0]))
-    for axes, rpm in zip(chart.axes, PUBLISHED_RPM, strict=True):
+    train, rows = with_contact(given, 1e9, damping_of(RESTITUTION, 1e9, given.mass[0])), []
+    for rpm in PUBLISHED_RPM:
         revolve = prepare(train, cam, rpm * RPM)
-        state = revolve.advance(state_at_rest(train), FADING["full"])
-        for turn in range(3):
-            response = revolve(state)
-            at = response.angle / DEG + 360.0 * turn
-            axes.plot(at, response.lift / MM, color="0.6", lw=1.0, label="cam" if turn == 0 else None)
-            axes.plot(at, response.x[:, 0] / MM, color="C0", lw=1.2, label="follower" if turn == 0 else None)
-            state = revolve.advance(state)
-        axes.set_ylabel("lift [mm]")
-        axes.set_title(f"{rpm} r/min")
-    chart.axes[0].legend(loc="upper right")
-    chart.axes[-1].set_xlabel("cam angle [deg]")
-    return chart
+        motion = record_of(revolve, revolve.advance(state_at_rest(train), FADING["full"]), 3)
+        lifts = {"cam": motion.lift, "follower": motion.x[:, 0]}
+        curves = [(name, motion.angle / DEG, lift / MM) for name, lift in lifts.items()]
+        rows.append([Panel("lift [mm]", curves, f"{rpm} r/min")])
+    return panels(rows, "cam angle [deg]", width=7.0, row_height=2.0)
 
 
 if __name__ == "__main__":

@@ -14,8 +14,8 @@ from scipy.interpolate import PPoly
 
 from camopt.highs import minimise
 from camopt.optimizer.bound.certificate import absolute_integral
-from camopt.plots.style import new_figure
 from camopt.study.rise import DwellRise, least_acceleration, least_peak
+from experiments.support.panels import DASHED, POINTS, Panel, panels
 from experiments.support.record import RESULTS, run_script, write_result
 
 INTERVALS = {"small": 500, "full": 4000}
@@ -130,31 +130,23 @@ def law_row(name: str, acceleration: np.ndarray, t: np.ndarray, intervals: int) 
 
 def draw(t: np.ndarray, best: dict[str, DwellRise]) -> Figure:
     """Acceleration of each law, and that of the least peak at the same jerk."""
-    figure = new_figure(7.0, 9.0)
-    axes = figure.subplots(len(LAWS), sharex=True)
-    for ax, (name, law) in zip(axes, LAWS.items(), strict=True):
-        ax.plot(t, law(t), label=name)
-        ax.plot(np.linspace(0, 1, len(best[name].derivative)), best[name].derivative, "--", label="least at this jerk")
-        ax.set_ylabel("acceleration")
-        ax.legend(loc="upper right")
-    axes[-1].set_xlabel("time over that of the rise")
-    return figure
+    rows = []
+    for name, law in LAWS.items():
+        least = best[name].derivative
+        curves = [(name, t, law(t)), ("least at this jerk", np.linspace(0, 1, len(least)), least)]
+        rows.append([Panel("acceleration", curves)])
+    return panels(rows, "time over that of the rise", width=7.0, look={"least at this jerk": DASHED})
 
 
 def draw_table(table: DwellRise) -> Figure:
     """Lift, velocity and acceleration of the motion through Table 5.4, and the numbers of the table."""
-    figure = new_figure(7.0, 6.0)
-    axes = figure.subplots(3, sharex=True)
     angle = np.linspace(0.0, TABLE_5_4[-1][0], len(table.derivative) + 1)
-    jerk = PPoly(table.derivative[None], np.radians(angle))
-    for order, (ax, unit) in enumerate(zip(axes, ("cm", "cm/rad", "cm/rad²"), strict=True)):
-        asked = [(at, value) for at, of, value in TABLE_5_4 if of == order]
-        ax.plot(angle, jerk.antiderivative(3 - order)(np.radians(angle)), label="motion of least peak jerk")
-        ax.plot(*zip(*asked, strict=True), "o", label="asked for by the table")
-        ax.set_ylabel(f"{('lift', 'velocity', 'acceleration')[order]} [{unit}]")
-    axes[0].legend(loc="lower center")
-    axes[-1].set_xlabel("cam angle [deg]")
-    return figure
+    jerk, rows = PPoly(table.derivative[None], np.radians(angle)), []
+    for order, name in enumerate(("lift [cm]", "velocity [cm/rad]", "acceleration [cm/rad²]")):
+        given = zip(*[(at, value) for at, of, value in TABLE_5_4 if of == order], strict=True)
+        motion = jerk.antiderivative(3 - order)(np.radians(angle))
+        rows.append([Panel(name, [("motion of least peak jerk", angle, motion), ("numbers of the table", *given)])])
+    return panels(rows, "cam angle [deg]", width=7.0, row_height=1.8, look={"numbers of the table": POINTS})
 
 
 if __name__ == "__main__":

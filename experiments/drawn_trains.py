@@ -20,10 +20,10 @@ from camopt.exact import prepare
 from camopt.exact.settled import ERRORS, settled_metrics
 from camopt.measure.settling import settled_from_rest
 from camopt.optimizer.program.no_jump import no_jump_program
-from camopt.plots.style import new_figure
 from camopt.scene import Scene, build_train, load_scene
 from camopt.scene.settled import SettledMetrics
 from camopt.scene.train import Train
+from experiments.support.panels import Panel, panels
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.table5_conclusion import PERTURBED, perturbed
 
@@ -101,17 +101,13 @@ def _slow(train: Train, lift: Lift, cam_speed: float) -> dict:
 
 def figure(speeds_rpm: np.ndarray, found: dict[str, SettledMetrics]) -> Figure:
     """Bounce of the drawn trains against speed: median, and the range of 90 % of them."""
-    picture = new_figure(7.0, 4.0)
-    axes = picture.subplots()
+    curves = []
     for name, metrics in found.items():
         low, middle, high = np.nanpercentile(metrics.worst("bounce_mm")[:, 0], (5, 50, 95), axis=0)
-        (line,) = axes.plot(speeds_rpm, middle, label=name)
-        axes.fill_between(speeds_rpm, low, high, alpha=0.25, color=line.get_color(), linewidth=0)
-    axes.set_xlabel("engine speed (r/min)")
-    axes.set_ylabel("bounce (mm)")
-    axes.set_title(f"drawn trains, {100 * SCATTER:g} % scatter: median and 90 % range")
-    axes.legend()
-    return picture
+        curves.append((f"{name}, median", speeds_rpm, middle))
+        curves += [(f"{name}, 5 and 95 %", speeds_rpm, end) for end in (low, high)]
+    title = f"{100 * SCATTER:g} % scatter: median and 90 % range"
+    return panels([[Panel("bounce [mm]", curves, title)]], "engine speed [r/min]", row_height=3.0)
 
 
 def main(size: str, folder=RESULTS) -> dict:

@@ -17,12 +17,12 @@ from matplotlib.figure import Figure
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.exact import prepare as event_exact
-from camopt.plots.style import new_figure, styled
 from camopt.scene import Response, Train, build_train, load_scene, parse_scene
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import UM
 from camopt.study.extremes.cases import fast_mode
 from camopt.study.extremes.extremes import LOCATING, STEP_METHODS
+from experiments.support.panels import Panel, panels
 from experiments.support.record import RESULTS, run_script, write_result
 
 REFERENCE_STEPS = 7200
@@ -200,19 +200,13 @@ def main(size: str, folder=RESULTS) -> dict:
     return write_result("fixed_problems", size, {"rows": rows}, {"error": draw(rows)}, folder)
 
 
-@styled
 def draw(rows: list[dict]) -> Figure:
     """Error against the number of steps, a panel for each problem and a line for each method."""
     problems = list(dict.fromkeys(row["problem"] for row in rows))
-    figure = new_figure(10.0, 3.4)
-    panels = figure.subplots(1, len(problems), sharey=True)
-    for axes, problem in zip(panels, problems, strict=True):
-        for row in (row for row in rows if row["problem"] == problem):
-            axes.loglog(row["steps"], row["error_um"], "o-", markersize=3, label=row["method"])
-        axes.set(title=problem, xlabel="steps in a revolution")
-    panels[0].set_ylabel("error [um]")
-    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=7)
-    return figure
+    curves = {p: [(r["method"], r["steps"], r["error_um"]) for r in rows if r["problem"] == p] for p in problems}
+    row = [Panel("error [um]" if p == problems[0] else "", curves[p], p) for p in problems]
+    log = ("log", "log")
+    return panels([row], "steps in a revolution", None, 10.0, 2.5, sharey=True, scale=log, marker="o")
 
 
 if __name__ == "__main__":

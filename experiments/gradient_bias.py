@@ -11,12 +11,13 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from camopt.cam.families.polydyne import polydyne
-from camopt.plots.style import LIMIT, legend_above, lines, new_figure, styled
+from camopt.plots.style import LIMIT
 from camopt.scene import load_scene
 from camopt.smooth.laws import Layer
 from camopt.smooth.simulate import TOLERANCE, response_arrays
 from camopt.smooth.system import build_system
 from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, exact_value, problem
+from experiments.support.panels import POINTS, Panel, panels
 from experiments.support.record import RESULTS, run_script, write_result
 
 SPEEDS = {"small": (5000.0, 7000.0), "full": (5000.0, 6000.0, 6500.0, 7000.0)}
@@ -72,32 +73,27 @@ def compiled(p: Problem, grid: str | int, precision: str):
     return run
 
 
-@styled
 def figure(rows: list[dict]) -> Figure:
     """Value bias (upper row) and gradient error (lower) against eps, a column per speed; failures at the upper edge."""
     speeds = sorted({row["speed_rpm"] for row in rows})
     kinds = list(dict.fromkeys((row["grid"], row["precision"]) for row in rows))
-    drawing = new_figure(3.0 * len(speeds), 5.2)
-    axes = drawing.subplots(2, len(speeds), sharex=True, sharey=True, squeeze=False)
-    for axis, speed in zip(axes.T, speeds, strict=True):
-        for number, kind in enumerate(kinds):
-            here = [r for r in rows if r["speed_rpm"] == speed and (r["grid"], r["precision"]) == kind]
-            eps = np.array([r["eps_m"] for r in here])
-            name = f"{'refined grid' if kind[0] == 'refined' else kind[0] + ' equal steps'}, {kind[1]}"
-            for panel, key in zip(axis, ("value_bias", "relative_error"), strict=True):
-                shown = np.array([r[key] for r in here])
-                failed = ~np.isfinite(shown)
-                colour = list(lines().values())[number][0]
-                panel.loglog(eps, np.clip(shown, FLOOR, TOP), "os^vD"[number] + "-", color=colour, label=name, ms=4)
-                panel.loglog(eps[failed], np.full(failed.sum(), TOP), "x", color=colour, ms=7)
-        axis[0].set_title(f"{speed:g} r/min")
-        axis[1].axhline(1e-2, color=LIMIT, linestyle=(0, (5, 3)), linewidth=0.9)
-        axis[1].set_xlabel("width of the layer [m]")
-    axes[0, 0].set_ylim(FLOOR / 2, TOP * 2)
-    axes[0, 0].set_ylabel("seating velocity:\nrelative error of the value")
-    axes[1, 0].set_ylabel("relative error of the gradient\n(dashed: 1e-2; x: NaN)")
-    legend_above(drawing, axes[0, 0])
-    return drawing
+    names = "seating velocity:\nrelative error of the value", "relative error of the gradient\n(x: NaN)"
+    grid = []
+    for key, ylabel in zip(("value_bias", "relative_error"), names, strict=True):
+        grid.append([])
+        for speed in speeds:
+            curves = []
+            for kind in kinds:
+                here = [r for r in rows if r["speed_rpm"] == speed and (r["grid"], r["precision"]) == kind]
+                eps, shown = (np.array([r[name] for r in here], dtype=float) for name in ("eps_m", key))
+                name = f"{'refined grid' if kind[0] == 'refined' else kind[0] + ' equal steps'}, {kind[1]}"
+                failed = eps[~np.isfinite(shown)]
+                curves += [(name, eps, np.clip(shown, FLOOR, TOP)), ("NaN", failed, np.full(len(failed), TOP))]
+            title = f"{speed:g} r/min" if key == "value_bias" else ""
+            grid[-1].append(Panel(ylabel if speed == speeds[0] else "", curves, title, (FLOOR / 2, TOP * 2)))
+    look = {"NaN": POINTS | {"marker": "x", "color": LIMIT}}
+    width, log = 3.0 * len(speeds), ("log", "log")
+    return panels(grid, "width of the layer [m]", None, width, 2.2, sharey=True, scale=log, marker="o", look=look)
 
 
 if __name__ == "__main__":

@@ -20,9 +20,9 @@ from scipy.interpolate import PPoly, make_interp_spline
 from camopt.cam.ramps import scene_ramps
 from camopt.cam.read import read_cam
 from camopt.cam.tables.smoothing import smoothed
-from camopt.plots.style import INK, LIMIT, lines, new_figure, styled
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import DEG, MM
+from experiments.support.panels import POINTS, Panel, panels
 from experiments.support.record import RESULTS, run_script, write_result
 
 MEASURED = Path(__file__).resolve().parents[2] / "shared" / "data" / "lift"
@@ -34,7 +34,6 @@ STEPPING = ("multi-pol:jerk=no", "new-design:jerk=no", "trapezoid:jerk=no")
 FEW = ("polydyne", "trapezoid:sections_deg=5/8/13/46")
 RAMPS = scene_ramps(load_scene("kodama", need=("design",)).design)
 EVENT = np.linspace(-102.0, 102.0, 4081)
-COLOURS = [colour for colour, _ in lines().values()]
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
@@ -148,65 +147,52 @@ def cell(truth, noise_um: float, step: float, seeds: int) -> dict:
     }  # fmt: skip
 
 
-@styled
 def draw_errors(rows: list[dict], peak: float) -> Figure:
-    """RMS error of lift and acceleration against the noise, a colour per step; dotted: plain interpolation."""
-    figure = new_figure(7.2, 3.6)
-    left, right = figure.subplots(1, 2)
-    for colour, step in zip(COLOURS, STEPS_DEG, strict=False):
+    """RMS error of lift and acceleration against the noise, by step of the table; dashed: plain interpolation."""
+    lift, acceleration = [("noise itself", NOISES_UM, NOISES_UM)], []
+    for step in STEPS_DEG:
         mine = [r for r in rows if r["step_deg"] == step and r["refused"] < r["tables"]]
         noise = [r["noise_um"] for r in mine]
-        left.loglog(noise, [r["lift_rms_um"] for r in mine], "o-", color=colour, ms=3, label=f"{step:g} deg")
-        for key, dashes in (("acceleration_rms", "o-"), ("plain_acceleration_rms", "o:")):
+        lift.append((f"{step:g} deg", noise, [r["lift_rms_um"] for r in mine]))
+        for key, name in (("acceleration_rms", "{:g} deg"), ("plain_acceleration_rms", "{:g} deg, not smoothed")):
             share = [100 * r[f"{key}_mm_per_deg2"] / peak for r in mine]
-            right.loglog(noise, share, dashes, color=colour, ms=3)
-    left.loglog(NOISES_UM, NOISES_UM, color=INK, lw=0.8, ls="--", label="noise itself")
-    right.axhline(10, color=LIMIT, lw=0.8)
-    right.annotate("refused above", (10, 10), color=LIMIT, va="bottom", ha="right", fontsize=7)
-    right.annotate("dotted: not smoothed", (0.5, 2000), color=INK, fontsize=7)
-    left.set(title="lift error [um]", xlabel="noise of a row [um]")
-    right.set(title="acceleration error [% of peak]", xlabel="noise of a row [um]")
-    for axes in (left, right):
-        axes.set_xticks(NOISES_UM, [f"{n:g}" for n in NOISES_UM])
-        axes.minorticks_off()
-    left.legend(title="step of the table", fontsize=7)
-    return figure
+            acceleration.append((name.format(step), noise, share))
+    row = [Panel("lift error [um]", lift), Panel("acceleration error [% of peak]", acceleration)]
+    return panels([row], "noise of a row [um]", None, 7.2, 2.7, scale=("log", "log"), marker="o")
 
 
-@styled
+ROWS = "second differences of the rows"
+
+
 def draw_example(truth) -> Figure:
     """Acceleration from one table: truth, second differences of the rows, smoothed."""
-    figure = new_figure(7.2, 3.4)
-    axes = figure.subplots()
     table = read_table(truth, 2.0, 1.0, 0)
     assert table is not None, "so little noise is not refused"
-    second = np.diff(table.lift, 2)
-    axes.plot(table.degrees[1:-1], second, ".", color="#999999", ms=3, label="second differences of the rows")
-    axes.plot(EVENT, truth(EVENT * DEG, 2) / MM * DEG**2, color=INK, lw=2.4, alpha=0.35, label="truth")
-    axes.plot(EVENT, table.over_event(2), color=COLOURS[0], lw=1.1, label="smoothed")
-    axes.set(title="acceleration [mm/deg$^2$], 1 deg steps, noise 2 um", xlabel="cam angle [deg]", xlim=(-110, 110))
-    axes.legend()
-    return figure
+    true = truth(EVENT * DEG, 2) / MM * DEG**2
+    curves = [
+        (ROWS, table.degrees[1:-1], np.diff(table.lift, 2)),
+        ("truth", EVENT, true),
+        ("smoothed", EVENT, table.over_event(2)),
+    ]
+    panel = Panel("acceleration [mm/deg²]", curves, "1 deg steps, noise 2 um")
+    return panels([[panel]], "cam angle [deg]", (-110, 110), 7.2, 2.6, look={ROWS: POINTS})
 
 
-@styled
 def draw_measured(drawn: dict) -> Figure:
     """Acceleration of the measured tables: divided second differences of the rows, and the law."""
-    figure = new_figure(7.2, 5.6)
-    for axes, (name, (lift, degrees, height)) in zip(figure.subplots(2, 1, sharex=True), drawn.items(), strict=False):
+    rows = []
+    for name, (lift, degrees, height) in drawn.items():
         slope = np.diff(height) / np.diff(degrees)
         second = np.diff(slope) / (0.5 * (degrees[2:] - degrees[:-2]))
         nose = degrees[np.argmax(height)] - float(EVENT[np.argmax(lift(EVENT * DEG))])
-        axes.plot(np.mod(degrees[1:-1] - nose + 180, 360) - 180, second, ".", color="#999999", ms=4,
-                  label="second differences of the rows")  # fmt: skip
-        axes.plot(EVENT, lift(EVENT * DEG, 2) / MM * DEG**2, color=COLOURS[0], label="smoothed")
+        angle = np.mod(degrees[1:-1] - nose + 180, 360) - 180
         low, high = (value / MM * DEG**2 for value in lift.extremes(2))
         margin = 0.35 * (high - low)
-        axes.set(title=f"{name}: acceleration [mm/deg$^2$], noise {lift.parameters['noise_um']:.2g} um",
-                 ylim=(low - margin, high + margin), xlim=(-102, 102))  # fmt: skip
-        axes.legend(loc="upper center")
-    axes.set(xlabel="cam angle from the middle of the duration [deg]")
-    return figure
+        curves = [(ROWS, angle, second), ("smoothed", EVENT, lift(EVENT * DEG, 2) / MM * DEG**2)]
+        title = f"{name}: noise {lift.parameters['noise_um']:.2g} um"
+        rows.append([Panel("acceleration [mm/deg²]", curves, title, (low - margin, high + margin))])
+    xlabel = "cam angle from the middle of the duration [deg]"
+    return panels(rows, xlabel, (-102, 102), 7.2, 2.3, look={ROWS: POINTS})
 
 
 if __name__ == "__main__":

@@ -19,10 +19,9 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from camopt.plots.style import new_figure, styled
+from experiments.support.panels import Panel, panels
 from experiments.support.record import RESULTS, called, run_script, write_result
 
 METHODS = (
@@ -43,7 +42,6 @@ LEFT_OUT = {"finger-hydraulic": ("multi-pol",), "kodama-hertz": ("multi-pol", "p
 TRIED = {"small": ("convex search, exact rows", "CMA-ES"), "full": METHODS}
 """Methods by size; those of the small size compile nothing by JAX."""
 SECONDS = {"small": 1.0, "full": 10.0}
-COLOURS = ("#0072B2", "#D55E00", "#222222", "#009E73", "#9A6A00")
 NEAR = 0.99
 """Share of a scene's largest area that counts as near it."""
 SHOWN = 0.06
@@ -75,34 +73,21 @@ def largest_until(stairs: list, time: np.ndarray) -> np.ndarray:
     return np.append(-np.inf, ratios)[np.searchsorted(at, time, side="right")]
 
 
-@styled
 def figure(rows: list[dict], budget: float) -> Figure:
     """A panel for each scene: by method the median over the starts (of two the lower) of the largest area so far."""
-    scenes = list(dict.fromkeys(row["scene"] for row in rows))
-    drawn = new_figure(9.0, 3.4 * ((len(scenes) + 1) // 2) + 0.8)
-    panels = drawn.subplots((len(scenes) + 1) // 2, min(2, len(scenes)), squeeze=False, sharex=True)
-    for axes, scene in zip(panels.flat, scenes, strict=False):
-        panel(axes, [row for row in rows if row["scene"] == scene], budget)
-        axes.set_title(scene)
-    for axes in panels[:, 0]:
-        axes.set_ylabel("area ratio that holds, median [-]")
-    for axes in panels[-1]:
-        axes.set_xlabel("processor time [s]")
-    handles, labels = panels.flat[0].get_legend_handles_labels()
-    drawn.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
-    return drawn
-
-
-def panel(axes: Axes, rows: list[dict], budget: float) -> None:
-    """Draws the methods of one scene."""
-    time = np.geomspace(0.05, budget, 400)
-    for number, method in enumerate(dict.fromkeys(row["method"] for row in rows)):
-        courses = [largest_until(row["stairs"], time) for row in rows if row["method"] == method]
-        middle = np.sort(courses, axis=0)[(len(courses) - 1) // 2]
-        colour, dashes = COLOURS[number // 2], ("-", "--")[number % 2]
-        axes.plot(time, np.where(np.isfinite(middle), middle, np.nan), dashes, color=colour, label=method)
-    (most,) = largest(rows).values()
-    axes.set(xscale="log", xlim=(time[0], budget), ylim=(most - SHOWN, most + 0.05 * SHOWN))
+    time, most, grid = np.geomspace(0.05, budget, 400), largest(rows), []
+    for number, (scene, area) in enumerate(most.items()):
+        here = [row for row in rows if row["scene"] == scene]
+        curves = []
+        for method in dict.fromkeys(row["method"] for row in here):
+            courses = [largest_until(row["stairs"], time) for row in here if row["method"] == method]
+            middle = np.sort(courses, axis=0)[(len(courses) - 1) // 2]
+            curves.append((method, time, np.where(np.isfinite(middle), middle, np.nan)))
+        if number % 2 == 0:
+            grid.append([])
+        ylabel = "" if grid[-1] else "area ratio within all limits"
+        grid[-1].append(Panel(ylabel, curves, scene, (area - SHOWN, area + 0.05 * SHOWN)))
+    return panels(grid, "processor time [s]", (time[0], budget), 9.0, 3.4, scale=("log", "linear"))
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:

@@ -23,7 +23,6 @@ from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
 from camopt.exact import prepare
 from camopt.optimizer.run import optimize
-from camopt.plots.style import new_figure, styled
 from camopt.scene import InputError, Scene, build_train, builtin_scenes, load_scene
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import MM
@@ -32,6 +31,7 @@ from camopt.verifier.accuracy import EFFORTS
 from camopt.verifier.from_outside import NM, compared, outside_motions, valve_from_rest
 from camopt.verifier.verdict import verdict_on
 from experiments.support.outside_changes import CHANGES
+from experiments.support.panels import DASHED, Panel, panels
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.undamped import Case, undamped_part
 
@@ -179,44 +179,29 @@ def _drawn(cams: dict[str, Lift | None], name: str, speed_rpm: float) -> dict:
     return {"title": f"{name}, {speed_rpm:.0f} r/min", "valve_m": ours, "off_nm": (theirs - ours) / NM}
 
 
-COLOURS = "#0072B2", "#D55E00", "#009E73", "#B0518E", "#E69F00", "#56B4E9"
-"""Colours of the scenes."""
-
-
-@styled
 def motion_figure(cases: list[dict]) -> Figure:
     """A column for each motion, with its two revolutions from rest in sequence."""
-    drawing = new_figure(9.6, 4.2)
-    axes = np.atleast_2d(drawing.subplots(2, len(cases), sharex=True, height_ratios=(3, 2)))
-    for (above, below), case in zip(axes.T, cases, strict=True):
+    above, below = [], []
+    for i, case in enumerate(cases):
         revolutions, samples = case["valve_m"].shape
         angle = np.concatenate([np.linspace(-180, 180, samples) + 360 * r for r in range(revolutions)])
-        above.plot(angle, case["valve_m"].ravel() / MM, color="#0072B2")
-        below.plot(angle, case["off_nm"].ravel(), color="#D55E00")
-        above.set(title=case["title"])
-        below.set(xlabel="cam angle [deg]", xticks=np.arange(-180, 360 * revolutions - 179, 180))
-    axes[0, 0].set_ylabel("valve, from rest [mm]")
-    axes[1, 0].set_ylabel("Exudyn less camopt [nm]")
-    return drawing
+        labels = ("valve, from rest [mm]", "Exudyn less camopt [nm]") if i == 0 else ("", "")
+        above.append(Panel(labels[0], [("camopt", angle, case["valve_m"].ravel() / MM)], case["title"]))
+        below.append(Panel(labels[1], [("Exudyn less camopt", angle, case["off_nm"].ravel())]))
+    return panels([above, below], "cam angle [deg]", width=9.6, row_height=1.8)
 
 
-@styled
 def halvings_figure(rows: list[dict]) -> Figure:
     """Difference of Siconos's valve against its step, a line for each undamped motion, with the slope of order two."""
-    drawing = new_figure(5.6, 3.8)
-    axes = drawing.subplots()
-    scenes = list(dict.fromkeys(row["scene"] for row in rows))
+    curves = []
     for row in rows:
-        i = scenes.index(row["scene"])
-        first = row is next(r for r in rows if r["scene"] == row["scene"])
         us = [row["step_us"] * row["steps"] / h["steps"] for h in row["halvings"]]
-        off = [h["difference_nm"] for h in row["halvings"]]
-        axes.loglog(us, off, COLOURS[i], marker="o", ms=2.5, lw=0.9, label=row["scene"] if first else None)
-    ends = np.array(axes.get_xlim())
-    axes.loglog(ends, 0.05 * (ends / 0.05) ** 2, "#555555", ls="--", lw=0.8, label="order two")
-    axes.set(xlabel="step [us]", ylabel="valve apart [nm]")
-    axes.legend(fontsize="small")
-    return drawing
+        curves.append((row["scene"], us, [h["difference_nm"] for h in row["halvings"]]))
+    ends = np.array([min(us[-1] for _, us, _ in curves), max(us[0] for _, us, _ in curves)])
+    curves.append(("order two", ends, 0.05 * (ends / 0.05) ** 2))
+    look = {"order two": DASHED | {"marker": ""}}
+    panel = Panel("difference of the valve [nm]", curves)
+    return panels([[panel]], "step [us]", None, 5.6, 2.9, scale=("log", "log"), marker="o", look=look)
 
 
 if __name__ == "__main__":

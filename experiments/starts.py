@@ -14,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 import camopt
 from camopt.cam.lift import Lift
@@ -24,8 +23,8 @@ from camopt.optimizer.candidates import largest_confirmed
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.search.region import largest_acceleration
 from camopt.optimizer.search.search import find_cam
-from camopt.plots.style import new_figure, styled
 from camopt.scene import InputError, Scene, load_scene
+from experiments.support.panels import POINTS, Panel, panels
 from experiments.support.record import RESULTS, called, run_script, write_result
 
 BEFORE = {
@@ -49,8 +48,6 @@ SPEEDS = {"small": "nominal", "full": "band"}
 ACCURACY = {"small": "draft", "full": "standard"}
 DRAWN, DRAWN_STARTS = "kodama", ("calmest", "Polydyne", "Multi-Pol", "random 1")
 """Scene and starts of the figure."""
-COLOURS = ("#222222", "#0072B2", "#D55E00", "#009E73")
-LINES = {"smooth": "-", "exact": "--"}
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
@@ -126,23 +123,16 @@ def median(values: list[float]) -> float | None:
     return float(np.median(values)) if values else None
 
 
-@styled
 def figure(rows: list[dict]) -> Figure:
     """Area ratio of the cam of each round, by start and source, and the confirmed cam at the end."""
-    drawn = new_figure(6.4, 3.8)
-    axes = drawn.subplots()
-    for row in rows:
-        if row["scene"] != DRAWN or row["start"] not in DRAWN_STARTS or row["area_ratio"] is None:
-            continue
-        colour, rounds = COLOURS[DRAWN_STARTS.index(row["start"])], np.arange(1, row["rounds"] + 1)
-        label = f"from {row['start']}, {row['gradient']}"
-        axes.plot(rounds, row["course"], LINES[row["gradient"]], color=colour, label=label)
-        axes.plot(rounds[-1], row["area_ratio"], "o", color=colour, markersize=4)
-    axes.axhline(BEFORE[DRAWN], color="#8a1c1c", linewidth=0.8, linestyle=":")
-    axes.set(xlabel="round [-]", ylabel="area ratio [-]", title=f"{DRAWN}: the cam of each round")
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.legend(fontsize=7)
-    return drawn
+    shown = [r for r in rows if r["scene"] == DRAWN and r["start"] in DRAWN_STARTS and r["area_ratio"] is not None]
+    curves: list = [(f"from {r['start']}, {r['gradient']}", range(1, r["rounds"] + 1), r["course"]) for r in shown]
+    curves.append(("confirmed", [r["rounds"] for r in shown], [r["area_ratio"] for r in shown]))
+    curves.append(("before", [1, max(r["rounds"] for r in shown)], [BEFORE[DRAWN]] * 2))
+    areas = np.concatenate([r["course"] for r in shown])
+    panel = Panel("area ratio", curves, f"{DRAWN}: the cam of each round", (areas.min() - 0.01, areas.max() + 0.01))
+    look = {"confirmed": POINTS, "before": {"linestyle": ":"}}
+    return panels([[panel]], "round", width=6.4, row_height=3.0, look=look)
 
 
 if __name__ == "__main__":
