@@ -44,7 +44,7 @@ def drawn(number: int) -> Scene:
 
 def train(rng: np.random.Generator, kind: str) -> dict:
     """A scene as the data of its file: parts from the cam to the valve, a spring of coils, and a seat."""
-    low, high = bands(kind)
+    low, high = (2500.0, 4500.0) if kind.startswith("pushrod") else (4000.0, 6500.0)  # crankshaft [r/min]
     parts = chain(rng, kind)
     coils = 0 if rng.random() < LUMPED else int(rng.integers(1, 15 - len(parts)))
     masses = [{"name": name, "mass_kg": mass} for name, mass, _, _ in parts]
@@ -69,11 +69,6 @@ def train(rng: np.random.Generator, kind: str) -> dict:
     operation = {"speeds_rpm": speeds, "band_rpm": speeds, "cam_per_crank": 0.5}
     return {"format": 1, "name": kind, "valve": valve, "seat": "seat", "operation": operation,
             "design": design(rng), "mass": masses, "element": elements}  # fmt: skip
-
-
-def bands(kind: str) -> tuple[float, float]:
-    """Crankshaft speeds [r/min]: pushrod trains are slower."""
-    return (2500.0, 4500.0) if kind.startswith("pushrod") else (4000.0, 6500.0)
 
 
 def chain(rng: np.random.Generator, kind: str) -> list[tuple[str, float, str, float]]:

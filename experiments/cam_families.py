@@ -23,7 +23,7 @@ from camopt.scene import Scene, load_scene
 from camopt.scene.design import Design
 from camopt.scene.units import DEG, MM
 from camopt.verifier.convergence import Tolerances
-from camopt.verifier.verdict import Verdict, verdict_on
+from camopt.verifier.verdict import verdict_on
 from experiments.support.record import RESULTS, run_script, write_result
 
 CONTINUOUS = 1e-6
@@ -64,13 +64,6 @@ def orders_of_continuity(lift: Lift) -> dict[str, list[int]]:
     return {"ramp": [order(-half)], "sections": [order(a) for a in inside], "nose": [order(0.0)]}
 
 
-def bounces(verdict: Verdict) -> list[dict]:
-    """By speed the bounce of the first method, its error and range, and whether the methods agree."""
-    keys = ("speed_rpm", "bounce_mm", "bounce_error_mm", "bounce_range_mm")
-    found = [speed.as_dict() for speed in verdict.speeds]
-    return [{**{k: s[k] for k in keys}, "methods_agree": s["verdict"] != "not converged"} for s in found]
-
-
 def markdown(cams: list[dict]) -> list[str]:
     """Lines of the table: one row per cam under the conditions of Table 4."""
     rows = [cam for cam in cams if cam["limits"] == "Table 4"]
@@ -100,6 +93,7 @@ SMALL = ("polydyne", "exponent", "trapezoid")
 SPEEDS = {"small": (5000.0,), "full": None}
 HALVINGS = {"small": 2, "full": 4}
 TOLERANCE_UM = 5.0
+BOUNCES = ("bounce_mm", "bounce_error_mm", "bounce_range_mm")
 JERK_SHOWN = 0.0055
 
 
@@ -140,11 +134,14 @@ def opening_flanks(cams: dict[str, Lift], design: Design) -> Figure:
 
 
 def motion(lift: Lift, scene: Scene, where: str, size: str) -> dict:
-    """Bounce at the listed speeds by two methods, for the conditions of Table 4 only."""
+    """Bounce at the listed speeds by two methods, with error, range and agreement, for Table 4 only."""
     if where != "Table 4":
         return {}
-    tolerances = Tolerances(TOLERANCE_UM, HALVINGS[size])
-    return {"bounce": bounces(verdict_on(scene, lift, SPEEDS[size], ("event", "rkg"), None, tolerances))}
+    tolerances, keys = Tolerances(TOLERANCE_UM, HALVINGS[size]), ("speed_rpm", *BOUNCES)
+    verdict = verdict_on(scene, lift, SPEEDS[size], ("event", "rkg"), None, tolerances)
+    found = [speed.as_dict() for speed in verdict.speeds]
+    rows = [{key: s[key] for key in keys} | {"methods_agree": s["verdict"] != "not converged"} for s in found]
+    return {"bounce": rows}
 
 
 def figures(lift: Lift, scene: Scene) -> dict:

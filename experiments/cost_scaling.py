@@ -49,8 +49,8 @@ def main(size: str, folder=RESULTS) -> dict:
         "speed_rpm": SPEED_RPM,
         "masses": rows,
         "one_against_ten": one_against_ten(rows),
-        "masses_exponent": {path: exponent(by_masses(rows, path)) for path in rows[0]["ms"]} if size == "full" else {},
-        "contacts": (contacts := [contacts_row(scene, cam, n) for n in IDLE[size]]),
+        "masses_exponent": exponents(rows) if size == "full" else {},
+        "contacts": (contacts := [masses_row(with_clashes(scene, n), cam) | {"idle_contacts": n} for n in IDLE[size]]),
         "never_closing": [never_closing(scene, cam), never_closing(load_scene("motori-1"), cam)],
     }
     return write_result("cost_scaling", size, content, figures(rows, contacts) if size == "full" else {}, folder)
@@ -82,7 +82,7 @@ def with_coils(scene: Scene, count: int) -> Scene:
     )
 
 
-def masses_row(scene: Scene, cam, smooth: bool) -> dict:
+def masses_row(scene: Scene, cam, smooth: bool = False) -> dict:
     """Times of one scene by method [ms], with the numbers of steps and stops that explain them."""
     train, cam_speed = build_train(scene), scene.cam_speed(SPEED_RPM)
     ms = path_times(LeftOut(scene), train, cam, cam_speed)
@@ -112,9 +112,9 @@ def one_against_ten(rows: list[dict]) -> dict:
     return found | {"event_stops": {"one": one["event_stops"], "ten": ten["event_stops"]}}
 
 
-def by_masses(rows: list[dict], path: str) -> list[tuple[int, float]]:
-    """(masses, time [ms]) of the rows that have a method."""
-    return [(row["masses"], row["ms"][path]) for row in rows if path in row["ms"]]
+def exponents(rows: list[dict]) -> dict[str, float]:
+    """By method the exponent of the number of masses in the time."""
+    return {p: exponent([(row["masses"], row["ms"][p]) for row in rows if p in row["ms"]]) for p in rows[0]["ms"]}
 
 
 def exponent(points: list[tuple[int, float]]) -> float:
@@ -130,11 +130,6 @@ def with_clashes(scene: Scene, count: int) -> Scene:
     pairs = [(coils[i % (len(coils) - 1)], coils[i % (len(coils) - 1) + 1]) for i in range(count)]
     text = scene_toml(scene) + "".join(CLASH.format(i, *pair) for i, pair in enumerate(pairs, 1))
     return parse_scene(text, scene.name)
-
-
-def contacts_row(scene: Scene, cam, count: int) -> dict:
-    """Times with `count` additional contacts that never close."""
-    return masses_row(with_clashes(scene, count), cam, smooth=False) | {"idle_contacts": count}
 
 
 def never_closing(scene: Scene, cam, repeats: int = 40) -> dict:

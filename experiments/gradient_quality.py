@@ -26,17 +26,8 @@ from camopt.smooth.system import build_system
 from camopt.study.measurements import fastest
 from experiments.gradient_batch import on_common_pieces
 from experiments.gradient_bias import compiled
-from experiments.support.gradient_ball import (
-    Answer,
-    diffrax_events,
-    diffrax_switch,
-    exact_path,
-    judged,
-    mjx_contact,
-    mjx_force,
-    smooth_path,
-    warp_kernel,
-)
+from experiments.support import gradient_ball as ball
+from experiments.support.gradient_ball import Answer
 from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, exact_value, problem
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.smooth_batch import tsit5_states
@@ -65,26 +56,26 @@ class Switch(Layer):
 
 def main(size: str = "full", folder=RESULTS) -> dict:
     """Errors, cosines and times; small: one width, two bumps and few steps."""
-    ball = [{"method": name, **judged(make(), REPEATS[size])} for name, make in ball_methods(size).items()]
+    rows = [{"method": name, **ball.judged(make(), REPEATS[size])} for name, make in ball_methods(size).items()]
     train = of_kodama(size)
     absent = [name for module, name in ENGINES.items() if not find_spec(module)]
     missing = [f"{name} is not installed and is left out." for name in absent]
-    content = {"ball": ball, "kodama": train, "metric": METRIC, "speed_rpm": SPEED_RPM, "missing": missing}
+    content = {"ball": rows, "kodama": train, "metric": METRIC, "speed_rpm": SPEED_RPM, "missing": missing}
     return write_result("gradient_quality", size, content, {}, folder)
 
 
 def ball_methods(size: str) -> dict[str, Callable[[], Callable[[], Answer]]]:
     """A function that prepares each method, by its name in the table."""
-    methods: dict[str, Callable[[], Callable[[], Answer]]] = {"exact path": lambda: exact_path}
-    methods |= {f"smooth path, {w:g} m": lambda w=w: smooth_path(w) for w in WIDTHS[size]}
-    methods["diffrax, switch by where"] = lambda: diffrax_switch(TOLERANCE)
-    methods["diffrax, two events"] = lambda: diffrax_events(TOLERANCE)
+    methods: dict[str, Callable[[], Callable[[], Answer]]] = {"exact path": lambda: ball.exact_path}
+    methods |= {f"smooth path, {w:g} m": lambda w=w: ball.smooth_path(w) for w in WIDTHS[size]}
+    methods["diffrax, switch by where"] = lambda: ball.diffrax_switch(TOLERANCE)
+    methods["diffrax, two events"] = lambda: ball.diffrax_events(TOLERANCE)
     for steps in EQUAL_STEPS[size]:
         if find_spec("mujoco"):
-            methods[f"MJX, its contact, {steps} steps"] = lambda steps=steps: mjx_contact(steps)
-            methods[f"MJX, the law as a force, {steps} steps"] = lambda steps=steps: mjx_force(steps)
+            methods[f"MJX, its contact, {steps} steps"] = lambda steps=steps: ball.mjx(steps, contact=True)
+            methods[f"MJX, the law as a force, {steps} steps"] = lambda steps=steps: ball.mjx(steps, contact=False)
         if find_spec("warp"):
-            methods[f"Warp, the law in a kernel, {steps} steps"] = lambda steps=steps: warp_kernel(steps)
+            methods[f"Warp, the law in a kernel, {steps} steps"] = lambda steps=steps: ball.warp_kernel(steps)
     return methods
 
 

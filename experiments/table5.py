@@ -24,8 +24,7 @@ from camopt.exact import prepare as event
 from camopt.measure.metrics import measure
 from camopt.plots import last_revolution, valve_motion
 from camopt.scene import MotionRefused, Scene, Train, build_train, load_scene
-from camopt.scene.design import Design
-from camopt.scene.response import Response, Revolve, end_state, joined
+from camopt.scene.response import Response, Revolve, record_of
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM
 from camopt.verifier.methods import rkg, tmm
@@ -76,7 +75,8 @@ def main(size: str, folder=RESULTS) -> dict:
             for name, lift in lifts.items()
             for s in speeds
         }
-        figures["motion"] = motion_figure(motions, scene.required_design)
+        ninth = [last_revolution(cam, speed, response) for (cam, speed), response in motions.items()]
+        figures["motion"] = valve_motion(ninth, scene.required_design)  # as Figures 5 to 8 and 12 to 15
         shown: dict[tuple[str, float], Response] = {}
         for s in speeds:
             for name, prepare in METHODS.items():
@@ -101,14 +101,10 @@ def cams(scene: Scene, polydyne_ramp_mm: float = 0.250) -> dict[str, Lift]:
 
 def run(train: Train, revolve: Revolve) -> Response:
     """Nine revolutions of the motion from rest. Raises MotionRefused if the step is above the stability limit."""
-    state = state_at_rest(train)
-    record = []
-    for _ in range(REVOLUTIONS):
-        record.append(revolve(state))
-        state = end_state(record[-1])
-        if not np.abs(record[-1].x).max() < 1.0:  # a metre; NaN is caught too
-            raise MotionRefused("the step is past the method's stability limit")
-    return joined(record)
+    motion = record_of(revolve, state_at_rest(train), REVOLUTIONS)
+    if not np.abs(motion.x).max() < 1.0:  # a metre; NaN is caught too
+        raise MotionRefused("the step is past the method's stability limit")
+    return motion
 
 
 def bounces(train: Train, revolve: Revolve, lift: Lift) -> np.ndarray:
@@ -193,11 +189,6 @@ def _rms(values) -> float:
 
 Motions = Mapping[tuple[str, float], Response]
 """Motions by (cam or method, speed [r/min])."""
-
-
-def motion_figure(motions: Motions, design: Design) -> Figure:
-    """Counterpart of Figures 5 to 8 and 12 to 15: the ninth revolution of the event-exact motion of each cam."""
-    return valve_motion([last_revolution(cam, speed, response) for (cam, speed), response in motions.items()], design)
 
 
 def methods_figure(motions: Motions, title: str) -> Figure:

@@ -183,17 +183,9 @@ MODEL = """
 pulls. With an impedance of 1 it would be camopt's law for one mass; 0.9999 is the largest value that MuJoCo accepts."""
 
 
-def mjx_contact(steps: int) -> Callable[[], Answer]:
-    """MuJoCo MJX with its own soft contact, in forward mode, because the loops of its solver have no reverse mode."""
-    return _method(steps, contact=True)
-
-
-def mjx_force(steps: int) -> Callable[[], Answer]:
-    """MJX with camopt's law as an applied force that switches by `where`; the same integrator."""
-    return _method(steps, contact=False)
-
-
-def _method(steps: int, *, contact: bool) -> Callable[[], Answer]:
+def mjx(steps: int, *, contact: bool) -> Callable[[], Answer]:
+    """MuJoCo MJX with its own soft `contact`, or with camopt's law as an applied force that switches by `where`; in
+    forward mode, because the loops of its solver have no reverse mode."""
     mujoco: Any = import_module("mujoco")
     mjx: Any = import_module("mujoco.mjx")
     text = MODEL.format(step=END / steps, on=int(contact), stiffness=AT[3], damping=AT[2], radius=RADIUS)

@@ -40,10 +40,6 @@ def bump(i: int, count: int, interval_deg: float = 4.0, last_deg: float = 60.0) 
     return Lift(np.concatenate([[-np.pi], knots, [np.pi]]), rows, 1.0)
 
 
-def scaled(lift: Lift, height: float) -> Lift:
-    return replace(lift, coefficients=height * lift.coefficients)
-
-
 @dataclass(frozen=True)
 class Problem:
     """Gradients of the seating velocity by the heights z (m) of bumps on a cam, from a settled state at each speed."""
@@ -94,7 +90,8 @@ def exact_differences(p: Problem, speed: int) -> np.ndarray:
     """Central differences of event-exact by each bump (steps, m), with every height of `STEPS_OF_DIFFERENCES`."""
 
     def slope(b: Lift, h: float) -> float:
-        up, down = (exact_value(p, p.lift.shifted(scaled(b, sign * h)), speed) for sign in (1.0, -1.0))
+        ends = (replace(b, coefficients=height * b.coefficients) for height in (h, -h))
+        up, down = (exact_value(p, p.lift.shifted(end), speed) for end in ends)
         return (up - down) / (2 * h)
 
     return np.array([[slope(b, h) for b in p.bumps] for h in STEPS_OF_DIFFERENCES])

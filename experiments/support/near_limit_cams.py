@@ -19,9 +19,7 @@ import numpy as np
 
 from camopt.cam.families.free import FreeCam, free_cam
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint.metrics import evaluate
-from camopt.exact.adjoint.motion import OBSERVATIONS, TracedMotion, metric_numbers
-from camopt.exact.adjoint.seeds import empty_seeds
+from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.engine import prepare
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import NoCamHoldsContact, no_jump_program
@@ -180,13 +178,8 @@ def from_rest(scene: Scene, lift: Lift, speeds_rpm) -> Truth:
 
 def worst(train: Train, lift: Lift, cam_speed: float, state: np.ndarray, measured: int) -> np.ndarray:
     """The largest METRICS of `measured` revolutions from a state (2n), at the instants of event-exact's own steps."""
-    numbers = metric_numbers(train, METRICS)
     motion = TracedMotion(train, lift, cam_speed, state, measured + 1)
-    seeds = empty_seeds(len(motion.trace.length), OBSERVATIONS * len(METRICS), motion.setting.train)
-    values, ones = np.empty((measured, len(METRICS), 2)), np.ones(len(METRICS))
-    for turn in range(measured):
-        evaluate(motion.setting, motion.trace, seeds, numbers, ones, turn, values[turn])
-    return values[:, :, 0].max(axis=0)
+    return np.max([motion.values(METRICS, revolution) for revolution in range(measured)], axis=0)
 
 
 KNOTS_DEG = 3.0, 4.0, 5.0
@@ -255,7 +248,7 @@ def _located(scene: Scene, cam: FreeCam, safe, risky, target: float) -> tuple[np
     """The cam of the line whose largest ratio is the target at COARSE_RPM, and within AROUND at every r/min."""
 
     def at(s: float) -> np.ndarray:
-        return _rounded(safe + s * (risky - safe))
+        return np.array([float(f"{value:.{DIGITS}g}") for value in safe + s * (risky - safe)])
 
     def share(s: float, step: float) -> tuple[float, Truth]:
         most = MOST if step == 1.0 else COARSE_MOST
@@ -277,7 +270,3 @@ def _located(scene: Scene, cam: FreeCam, safe, risky, target: float) -> tuple[np
         s = float(np.clip(s + (width if value < AROUND[0] else -width) * s, 0.0, 1.0))
         width *= 0.6
     return None
-
-
-def _rounded(z: np.ndarray) -> np.ndarray:
-    return np.array([float(f"{value:.{DIGITS}g}") for value in z])
