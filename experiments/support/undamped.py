@@ -121,41 +121,33 @@ def given(scene: Scene, lift: Lift, folder: Path) -> dict:
     }
 
 
-def siconos_motions(
-    python: str, scene: Scene, lift: Lift, speeds_rpm: list[float], finest: int = siconos_judge.FINEST
-) -> dict:
-    """The record of `siconos_judge` for an undamped scene and a cam at speeds (k) [r/min]."""
+def compared(
+    python: str, scene: Scene, lift: Lift, model: tuple[Scene, Lift], speeds_rpm: list[float], finest: int
+) -> tuple[str, list[dict]]:
+    """(Siconos's name, a row for each speed [r/min]): camopt's motion of an undamped scene and a cam compared with that
+    of Siconos, which is given the scene and cam of `model`."""
     with TemporaryDirectory() as held:
         folder = Path(held)
         speeds = [(speed, scene.cam_speed(speed)) for speed in speeds_rpm]
-        write_json(folder / "given.json", given(scene, lift, folder) | {"speeds": speeds, "finest": finest})
-        command = [
-            python,
-            "-I",
-            siconos_judge.__file__,
-            str(folder / "given.json"),
-            "--out",
-            str(folder / "motion.json"),
-        ]
+        source, target = folder / "given.json", folder / "motion.json"
+        write_json(source, given(*model, folder) | {"speeds": speeds, "finest": finest})
+        command = [python, "-I", siconos_judge.__file__, str(source), "--out", str(target)]
         ended = subprocess.run(command, capture_output=True, text=True, check=False)
         if ended.returncode:
             raise RuntimeError(f"Siconos broke off: {ended.stderr.strip()[-500:]}")
-        return json.loads((folder / "motion.json").read_text(encoding="utf-8"))
+        found = json.loads(target.read_text(encoding="utf-8"))
+    valves = [valve_from_rest(scene, lift, one["speed_rpm"])[0][0] for one in found["speeds"]]
+    rows = [apart(one, valve, 2 * lift.half_duration) for one, valve in zip(found["speeds"], valves, strict=True)]
+    return found["engine"], rows
 
 
-def judged(
-    python: str, scene: Scene, cam: str, lift: Lift, speeds_rpm: list[float], finest: int = siconos_judge.FINEST
-) -> list[dict]:
+def judged(python: str, scene: Scene, cam: str, lift: Lift, speeds_rpm: list[float], finest: int) -> list[dict]:
     """A row for each speed [r/min] of an undamped scene."""
     lift = as_written(lift)
-    found, rows = siconos_motions(python, scene, lift, speeds_rpm, finest), []
-    for one in found["speeds"]:
-        valve = valve_from_rest(scene, lift, one["speed_rpm"])[0][0]
-        rows.append(
-            {"scene": scene.name, "cam": cam, "engine": found["engine"], **apart(one, valve, 2 * lift.half_duration)}
-        )
-        print({key: rows[-1][key] for key in ("scene", "cam", "speed_rpm", "difference_nm", "stated_nm", "agrees")})
-    return rows
+    engine, rows = compared(python, scene, lift, (scene, lift), speeds_rpm, finest)
+    for row in rows:
+        print(scene.name, cam, {key: row[key] for key in ("speed_rpm", "difference_nm", "stated_nm", "agrees")})
+    return [{"scene": scene.name, "cam": cam, "engine": engine, **row} for row in rows]
 
 
 def apart(one: dict, valve: np.ndarray, duration: float) -> dict:
@@ -192,12 +184,10 @@ def noticed(
     """Rows of the changes that only Siconos is given, without those of contact dampers, which have no effect here."""
     lift, rows = as_written(lift), []
     for change in CHANGES:
-        other, given = undamped(change.scene(scene)), as_written(change.cam(lift))
-        assert other is not None, "no change brings in a law"
-        if other == scene and np.array_equal(given.coefficients, lift.coefficients):
+        changed, changed_lift = undamped(change.scene(scene)), as_written(change.cam(lift))
+        assert changed is not None, "no change brings in a law"
+        if changed == scene and np.array_equal(changed_lift.coefficients, lift.coefficients):
             continue
-        for one in siconos_motions(python, other, given, speeds_rpm, finest)["speeds"]:
-            valve = valve_from_rest(scene, lift, one["speed_rpm"])[0][0]
-            row = apart(one, valve, 2 * lift.half_duration)
-            rows.append({"change": change.name, "cam": cam, **row, "noticed": not row["agrees"]})
+        _, found = compared(python, scene, lift, (changed, changed_lift), speeds_rpm, finest)
+        rows += [{"change": change.name, "cam": cam, **row, "noticed": not row["agrees"]} for row in found]
     return rows
