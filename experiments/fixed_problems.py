@@ -6,7 +6,6 @@ must meet on each problem. The error falls with a power of the step, which is fi
 of the table's number up to that number.
 """
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
@@ -23,10 +22,9 @@ from camopt.scene.units import UM
 from camopt.study.extremes.cases import fast_mode
 from camopt.study.extremes.extremes import LOCATING, STEP_METHODS
 from experiments.support.panels import Panel, panels
-from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, printed, run_script, write_result
 
 REFERENCE_STEPS = 7200
-MICROMETRE = 1e-6
 
 
 @dataclass(frozen=True)
@@ -42,12 +40,11 @@ class Setting:
 
 @dataclass(frozen=True)
 class Problem:
-    """`tolerance` [m]: largest error of the position by method at `steps` per revolution; `motion`: position [m] at
+    """`tolerance` [m]: largest error of the position by method at FINE steps per revolution; `motion`: position [m] at
     times [s] from the start, where a formula gives it."""
 
     name: str
     setting: Callable[[], Setting]
-    steps: int
     tolerance: dict[str, float]
     motion: Callable[[np.ndarray], np.ndarray] | None = None
 
@@ -120,7 +117,7 @@ def valve(name: str, speed_rpm: float, frequency_Hz: float | None = None) -> Set
 
 def micrometres(**by_method: float) -> dict[str, float]:
     """Tolerances [m] from values in micrometres; keyword names have underscores in place of the methods' hyphens."""
-    return {name.replace("_", "-"): value * MICROMETRE for name, value in by_method.items()}
+    return {name.replace("_", "-"): value * UM for name, value in by_method.items()}
 
 
 FINE = 36_000
@@ -128,32 +125,27 @@ PROBLEMS = (  # three times the measured error, except for the locating method, 
     Problem(
         "ball on its seat",
         ball,
-        FINE,
         micrometres(rkg=3, tmm=27, tmm_exponential=27, houbolt=11, houbolt_explicit=9, event=1e-6),
         bouncing,
     ),
     Problem(
         "motori-1",
         lambda: valve("motori-1", 6000),
-        FINE,
         micrometres(rkg=1.0, tmm=3.5, tmm_exponential=3.5, houbolt=2.6, houbolt_explicit=2.0, event=1e-3),
     ),
     Problem(
         "pushrod",
         lambda: valve("pushrod-5mass", 5000),
-        FINE,
         micrometres(rkg=0.09, tmm=0.13, tmm_exponential=0.13, houbolt=0.02, houbolt_explicit=0.02, event=1e-3),
     ),
     Problem(
         "kodama, nominal",
         lambda: valve("kodama", 5000),
-        FINE,
         micrometres(rkg=0.005, tmm=0.03, tmm_exponential=0.03, houbolt=0.02, houbolt_explicit=0.015, event=1e-3),
     ),
     Problem(
         "kodama, 72 kHz",
         lambda: valve("kodama", 7000, 72e3),
-        FINE,
         micrometres(rkg=1.4, tmm=12, tmm_exponential=12, houbolt=8, houbolt_explicit=2.2, event=1e-3),
     ),
 )
@@ -165,17 +157,12 @@ LOCATED_STEPS = {"event": 3600, "dop853": 7200}
 
 
 def errors(problem: Problem, method: str, divisors: tuple[int, ...], reference: np.ndarray) -> dict:
-    """A row: errors [um] at each number of steps, the power of the step, and the processor time of the finest."""
-    setting, finest = problem.setting(), LOCATED_STEPS.get(method, problem.steps)
+    """A row: errors [um] at each number of steps, and the power of the step."""
+    setting, finest = problem.setting(), LOCATED_STEPS.get(method, FINE)
     found: list[float] = []
-    seconds = np.nan
     for divisor in divisors:
         revolve = (STEP_METHODS | LOCATING)[method](setting.train, setting.lift, setting.cam_speed, finest // divisor)
-        revolve(setting.start)  # tables and compilation
-        begin = time.process_time()
-        motion = revolve(setting.start)
-        seconds = time.process_time() - begin
-        found.append(float(np.abs(position(setting, motion, ANGLE) - reference).max() / UM))
+        found.append(float(np.abs(position(setting, revolve(setting.start), ANGLE) - reference).max() / UM))
     known = np.isfinite(found)  # a step above the stability limit gives no finite error
     power = np.polyfit(np.log(np.array(divisors)[known]), np.log(np.array(found)[known]), 1)[0]
     return {
@@ -185,7 +172,6 @@ def errors(problem: Problem, method: str, divisors: tuple[int, ...], reference: 
         "error_um": found,
         "power_of_step": None if method in LOCATING else float(power),
         "tolerance_um": problem.tolerance.get(method, np.nan) / UM,
-        "processor_ms": 1e3 * seconds,
     }
 
 
@@ -195,8 +181,7 @@ def main(size: str, folder=RESULTS) -> dict:
     for problem in PROBLEMS[: 2 if size == "small" else None]:
         reference = problem.reference(ANGLE)
         for method in (*STEP_METHODS, *(LOCATING if size == "full" else ("event",))):
-            rows.append(errors(problem, method, DIVISORS[size], reference))
-            print(rows[-1])
+            rows.append(printed(errors(problem, method, DIVISORS[size], reference)))
     return write_result("fixed_problems", size, {"rows": rows}, {"error": draw(rows)}, folder)
 
 

@@ -160,7 +160,6 @@ DECIDED = {"small": 1, "full": 100}
 """Number of scenes of each kind that are decided by DOP853."""
 DOP853_STEPS = 7200
 """Least number of steps; the cube of the step [rad], 7e-10, is the error allowed to DOP853."""
-SHOWN = {"small": 1, "full": 20}
 MOST_DOUBT = 1e12
 """Value in place of an infinite doubt."""
 REAL = 10_000
@@ -182,8 +181,7 @@ def found(numbers: range, size: str) -> dict:
     suspects = [r for r in rows if r["verdict"] == WRONG and r not in doubtful]
     cases = ({"number": row["number"], "cams": cams} for row in doubtful + suspects)
     decided = called("experiments.random_scenes:against_dop853", cases, size)
-    content = counted(rows, decided, SHOWN[size])
-    return content
+    return counted(rows, decided)
 
 
 def most_doubtful(rows: list[dict]) -> list[dict]:
@@ -191,16 +189,10 @@ def most_doubtful(rows: list[dict]) -> list[dict]:
     return sorted((r for r in rows if r["doubt"] is not None), key=lambda r: -r["doubt"])
 
 
-def counted(rows: list[dict], decided: list[dict], shown: int) -> dict:
-    """Numbers of rows by verdict, and the `shown` rows with the largest doubt in event-exact."""
-    keys = ("number", "scene", "speed_rpm", "doubt")
+def counted(rows: list[dict], decided: list[dict]) -> dict:
+    """Numbers of rows by verdict, and the rows that are wrong without a warning."""
     return {
         "scenes": len(rows),
-        "event_exact": {
-            "refused": sum(r["doubt"] is None for r in rows),
-            "steps_agree": sum(r["doubt"] is not None and r["doubt"] <= 1.0 for r in rows),
-            "worst_doubt": [{k: r[k] for k in keys} for r in most_doubtful(rows)[:shown]],
-        },
         "methods": {m: _counts([r for r in rows if r["method"] == m]) for m in STEP_METHODS},
         "decided_by_dop853": _counts(decided),
         "wrong_without_warning": [r for r in rows + decided if r["verdict"] == WRONG],

@@ -81,19 +81,17 @@ def coverage(scene: Scene, lift: Lift, size: str) -> dict:
     effort, population = ACCURACIES[ACCURACY[size]], POPULATION[size]
     way = track(scene, lift, np.linspace(*scene.required_operation.band_rpm, effort.stated_speeds))
     holds = way.used(trains_as_built(scene, population, seed=POPULATION_SEED)).max(axis=(1, 2)) <= 1.0
-    looks, random, inside, trains = looks_of(effort, scene, None), np.random.default_rng(0), 0, []
+    looks, random, inside = looks_of(effort, scene, None), np.random.default_rng(0), 0
     for _ in range(REPETITIONS):
         drawn = random.choice(holds, looks.trains[-1])
         ended = next(drawn[:n] for n in looks.trains if looks.ends(int(drawn[:n].sum()), n))
         found = share_of(ended, looks)
         inside += bool(found.low <= holds.mean() <= found.high)
-        trains.append(found.trains)
     return {
         "population": population,
         "share": float(holds.mean()),
         "covered": inside / REPETITIONS,
         "expected": looks.coverage(float(holds.mean())),
-        "mean_trains": float(np.mean(trains)),
     }
 
 

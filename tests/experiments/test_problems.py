@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from camopt.study.extremes.extremes import LOCATING, STEP_METHODS
-from experiments.fixed_problems import HEIGHT, PROBLEMS, bouncing, position
+from experiments.fixed_problems import FINE, HEIGHT, PROBLEMS, bouncing, position
 
 ANGLE = np.linspace(-np.pi, np.pi, 361)
 METHODS = {**STEP_METHODS, "event": LOCATING["event"]}
@@ -23,7 +23,7 @@ def reference(i: int) -> np.ndarray:
 @pytest.mark.parametrize("i", range(len(PROBLEMS)), ids=[p.name for p in PROBLEMS])
 def test_method_within_its_tolerance(i, method):
     problem, setting = PROBLEMS[i], PROBLEMS[i].setting()
-    steps = EXACT_SAMPLES if method == "event" else problem.steps
+    steps = EXACT_SAMPLES if method == "event" else FINE
     motion = METHODS[method](setting.train, setting.lift, setting.cam_speed, steps)(setting.start)
     error = np.abs(position(setting, motion, ANGLE) - reference(i)).max()
     assert error < problem.tolerance[method]
