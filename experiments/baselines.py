@@ -19,7 +19,7 @@ from camopt.scene import Scene, load_scene
 from camopt.scene.units import DEG, MM
 from camopt.verifier.convergence import Tolerances
 from camopt.verifier.verdict import verdict_on
-from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, printed, run_script, write_result
 
 EVALUATIONS = {"small": 2 * POPULATION, "full": 48 * POPULATION}
 BOUNCE_MAX_MM = 0.05
@@ -38,8 +38,9 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
                 continue  # plain new-design is the same under a jerk limit
             limits = {"jerk": jerk, "bounce_max_mm": BOUNCE_MAX_MM, "speeds_rpm": speeds}
             found = largest_area_member(scene, name, **limits, evaluations=EVALUATIONS[size], progress=True)
-            rows.append({"limits": "all" if jerk else "no-jerk", **row(found), **confirmed(scene, found, size)})
-            print(rows[-1], flush=True)
+            rows.append(
+                printed({"limits": "all" if jerk else "no-jerk", **row(found), **confirmed(scene, found, size)})
+            )
     result = {
         "question": "largest area of every cam family within 0.05 mm of bounce at the listed speeds of kodama",
         "bounce_limit_mm": BOUNCE_MAX_MM,

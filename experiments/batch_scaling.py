@@ -26,7 +26,7 @@ from camopt.smooth.simulate import lift_samples
 from camopt.smooth.tied import STEPS, WIDTH, parts_of_steps, tied_paths, tied_system
 from experiments.gradient_batch import timed
 from experiments.support.panels import Panel, panels
-from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, printed, run_script, write_result
 
 TRAINS = {"small": (2,), "full": (1, 4, 16, 64, 256, 1000)}
 CAMS = {"small": ((2, 2),), "full": ((1, 16), (64, 16))}
@@ -67,8 +67,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         by_case = {f"{work}_{CLOCKS[i]}": 1e3 * t[i] / cases for work, t in both.items() for i in range(2)}
         memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
         row = {"precision": precision, "trains": trains, "cams": cams, "speeds": count}
-        rows.append(row | by_case | {"memory_MB": memory})
-        print(rows[-1], flush=True)
+        rows.append(printed(row | by_case | {"memory_MB": memory}))
         forces[precision, trains, cams] = np.asarray(motion(*batch), float)
     pairs = [(forces["float64", *case], force) for (kind, *case), force in forces.items() if kind == "float32"]
     error = max(float(np.abs(double - single).max()) for double, single in pairs)

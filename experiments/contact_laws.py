@@ -20,7 +20,7 @@ from camopt.scene import Scene, load_scene
 from camopt.verifier.from_outside import outside_motions
 from camopt.verifier.outside.forces import LAWS_OF_CONTACT
 from experiments.outside_judges import delivered, needed
-from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, printed, run_script, write_result
 
 CASES = (
     ("kodama", "design", 7000.0),
@@ -43,8 +43,7 @@ def main(size: str = "full", folder=RESULTS) -> dict:
             lift = needed(delivered(scene, Path(made))) if cam == "design" else polydyne(scene)
             for law in LAWS_OF_CONTACT:
                 of = {"scene": name, "cam": cam, "speed_rpm": speed_rpm, "law": law}
-                rows.append(of | ranges(scene, as_written(lift), speed_rpm, law, BEFORE[size], MEASURED[size]))
-                print(rows[-1])
+                rows.append(printed(of | ranges(scene, as_written(lift), speed_rpm, law, BEFORE[size], MEASURED[size])))
     content = {"rows": rows, "before": BEFORE[size], "measured": MEASURED[size]}
     return write_result("contact_laws", size, content, {}, folder)
 

@@ -15,7 +15,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, printed, run_script, write_result
 
 ROOT = Path(__file__).parents[1]
 SCENES = {"small": ("motori-1",), "full": ("kodama", "motori-1", "pushrod-hydraulic")}
@@ -55,8 +55,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
             with tempfile.TemporaryDirectory() as cache:
                 for process in PROCESSES:
                     found = timed(script.format(scene=scene), cache)
-                    rows.append({"gradient": gradient, "scene": scene, "process": process, **found})
-                    print(rows[-1], flush=True)
+                    rows.append(printed({"gradient": gradient, "scene": scene, "process": process, **found}))
     return write_result("first_gradient", size, {"rows": rows}, {}, folder)
 
 

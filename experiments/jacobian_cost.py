@@ -19,7 +19,7 @@ from camopt.optimizer.ascent.ascent import calmest
 from camopt.scene import Scene
 from camopt.study.measurements import fastest
 from experiments.cost_scaling import exponent, scenes_by_masses
-from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, printed, run_script, write_result
 
 SOURCES = ("smooth", "exact")
 MASSES = {"small": (10, 1), "full": (45, 25, 15, 10, 5, 3, 2)}
@@ -44,8 +44,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
             seconds, sizes = measured[case]
             count = {"masses": len(scene.mass), "coefficients": sizes["coefficient"], "speeds": sizes["speed_rpm"]}
             count["trains"] = sizes.get("train", 1)
-            rows.append({"source": source, "by": by, "count": count[by], "ms": 1e3 * seconds})
-            print(rows[-1], flush=True)
+            rows.append(printed({"source": source, "by": by, "count": count[by], "ms": 1e3 * seconds}))
         for by in count if size == "full" else ():
             tried = [(row["count"], row["ms"]) for row in rows if (row["source"], row["by"]) == (source, by)]
             powers.append({"source": source, "by": by, "power": exponent(tried)})

@@ -20,7 +20,7 @@ from camopt.optimizer.search.search import find_cam
 from camopt.scene import InputError, load_scene
 from camopt.scene.parameters import Tied, matching
 from camopt.scene.schema import Scene
-from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, printed, run_script, write_result
 
 GRID_RPM = 20.0
 WIDER_RPM = (4850.0, 7210.0)
@@ -85,10 +85,7 @@ def row(name: str, scene: Scene, speeds: str, size: str) -> dict:
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
     """Designs and prints every row, and writes optimiser.json into `folder`."""
-    rows = []
-    for case in cases(size):
-        rows.append(row(*case, size))
-        print(rows[-1], flush=True)
+    rows = [printed(row(*case, size)) for case in cases(size)]
     return write_result("optimiser", size, {"rows": rows}, {}, folder)
 
 

@@ -24,7 +24,7 @@ from camopt.verifier.methods import rkg
 from camopt.verifier.spot_checks import event_alone
 from camopt.verifier.verdict import event_exact
 from experiments.support.drawn_cases import drawn_cases
-from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, printed, run_script, write_result
 
 CASES = {"small": 1, "full": 50}
 REVOLUTIONS = {"small": 80, "full": 400}
@@ -97,8 +97,7 @@ def main(size: str, folder=RESULTS) -> dict:
         broken = first_broken(case.scene, case.lift)
         for share in ABOUT if broken is not None else ():
             row = {"scene": case.scene.name, "cam": case.cam_name}
-            rows.append(row | compared(case.scene, case.lift, share * broken, REVOLUTIONS[size]))
-            print(rows[-1])
+            rows.append(printed(row | compared(case.scene, case.lift, share * broken, REVOLUTIONS[size])))
     content = {
         "revolutions": REVOLUTIONS[size],
         "pairs": len(rows),

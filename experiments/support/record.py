@@ -66,6 +66,12 @@ def write_result(name: str, size: str, content: dict, figures: dict[str, Figure]
     return content
 
 
+def printed(row: dict) -> dict:
+    """The row, which is printed while the experiment goes on."""
+    print(row, flush=True)
+    return row
+
+
 def run_script(main: Callable[[str], object], description: str | None) -> None:
     """`python -m experiments.<name> [small|full]`."""
     parser = argparse.ArgumentParser(description=description)
