@@ -47,8 +47,8 @@ def of_methods(cases: list[DrawnCase], phases, smooth: int) -> tuple[dict, int]:
     for i, case in enumerate(cases):
         train, cam_speed = build_train(case.scene), case.scene.cam_speed(case.speed_rpm)
         run = {name: dialled(train, case.lift, cam_speed, name, REVOLUTIONS) for name in errors}
-        truth, other = (valve_position(run["event"](phase), REVOLUTIONS) for phase in (TRUTH_PHASE, 1.5 * TRUTH_PHASE))
-        if apart_um(truth, [other], REVOLUTIONS).max() > 1.0:
+        truth, coarse = (valve_position(run["event"](phase), REVOLUTIONS) for phase in (TRUTH_PHASE, 1.5 * TRUTH_PHASE))
+        if apart_um(truth, [coarse], REVOLUTIONS).max() > 1.0:
             unknown += 1
             continue
         for name, rows in errors.items():
@@ -74,8 +74,8 @@ def of_settling(cases: list[DrawnCase]) -> list[list[float]]:
         truth = settle(revolve, rest, most=300, position=SETTLED)
         if truth.periodic:
             bounce = partial(settle, revolve, rest, 300)
-            found = [bounce(position=s * UM).metrics(case.lift).worst("bounce_mm") for s in SETTLING_UM]
-            rows.append(np.abs(np.array(found) - truth.metrics(case.lift).worst("bounce_mm")) * MM / UM)
+            bounces = [bounce(position=s * UM).metrics(case.lift).worst("bounce_mm") for s in SETTLING_UM]
+            rows.append(np.abs(np.array(bounces) - truth.metrics(case.lift).worst("bounce_mm")) * MM / UM)
     return [row for row in rows if np.all(np.isfinite(row))]
 
 
@@ -85,8 +85,8 @@ def of_bands(cases: list[DrawnCase], steps) -> list[list[float]]:
     for case in cases:
         low, high = case.scene.required_operation.band_rpm
         speeds = np.arange(low, high + 1, steps[0])
-        found = at_speeds(settled_metrics, case.scene, case.lift, speeds)
-        bounce = np.nan_to_num([row["bounce_mm"] for row in found], nan=np.inf)
+        metrics = at_speeds(settled_metrics, case.scene, case.lift, speeds)
+        bounce = np.nan_to_num([row["bounce_mm"] for row in metrics], nan=np.inf)
         worst = [bounce[:: step // steps[0]].max() for step in steps]
         if np.isfinite(worst[0]):
             rows.append((worst[0] - np.array(worst)) * MM / UM)

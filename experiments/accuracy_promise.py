@@ -40,19 +40,19 @@ SETTLED = 1e-10
 ALL = "all"
 
 
-def lift_rows(case: DrawnCase, asked_um: float, other: str, dop853: bool) -> list[dict]:
+def lift_rows(case: DrawnCase, asked_um: float, step_method: str, dop853: bool) -> list[dict]:
     """Rows of `simulate` by event-exact and by another method."""
     train, cam_speed = build_train(case.scene), case.scene.cam_speed(case.speed_rpm)
     event = dialled(train, case.lift, cam_speed, "event", REVOLUTIONS)
     truth, again = (valve_position(event(phase), REVOLUTIONS) for phase in TRUTH_PHASES)
     unknown_um = float(apart_um(truth, [again], REVOLUTIONS).max())
     rows = []
-    for method in ("event", other):
+    for method in ("event", step_method):
         begin = time.perf_counter()
-        found = delivered(train, case.lift, cam_speed, method, REVOLUTIONS, asked_um)
+        answer = delivered(train, case.lift, cam_speed, method, REVOLUTIONS, asked_um)
         seconds = time.perf_counter() - begin
-        true_um = float(apart_um(valve_position(found.response, REVOLUTIONS), [truth], REVOLUTIONS).max())
-        rows.append(row(f"lift, {method}", asked_um, float(found.estimate_um.max()), true_um, unknown_um, seconds))
+        true_um = float(apart_um(valve_position(answer.response, REVOLUTIONS), [truth], REVOLUTIONS).max())
+        rows.append(row(f"lift, {method}", asked_um, float(answer.estimate_um.max()), true_um, unknown_um, seconds))
     if dop853:
         located = dialled(train, case.lift, cam_speed, "dop853", REVOLUTIONS)(0.1)
         rows[0]["truth_against_dop853_um"] = float(
@@ -81,28 +81,28 @@ def bounce_row(case: DrawnCase, asked_um: float) -> dict:
     return row("bounce, event", asked_um, bounce_error_um(speed.as_dict()) or math.inf, true, unknown, seconds)
 
 
-def row(quantity: str, asked: float, estimate: float, true: float, unknown: float, seconds: float) -> dict:
+def row(quantity: str, requested: float, estimate: float, true: float, unknown: float, seconds: float) -> dict:
     """The row of one answer: its errors and its outcome."""
-    flagged = not estimate <= asked
+    flagged = not estimate <= requested
     # where an error is NaN neither comparison holds: there is no reference
-    found = "good" if true + unknown <= asked else "off" if true - unknown > asked else "no truth"
-    outcome = f"{found}, {'flagged' if flagged else 'promised'}"
+    quality = "good" if true + unknown <= requested else "off" if true - unknown > requested else "no truth"
+    outcome = f"{quality}, {'flagged' if flagged else 'promised'}"
     names = "quantity", "asked_um", "estimated_um", "true_um", "truth_unknown_um", "seconds", "outcome"
-    return dict(zip(names, (quantity, asked, estimate, true, unknown, seconds, outcome), strict=True))
+    return dict(zip(names, (quantity, requested, estimate, true, unknown, seconds, outcome), strict=True))
 
 
 def counts(rows: list[dict]) -> dict[str, dict]:
     """By quantity and for all: outcomes, and the shares of promises kept and of good answers flagged."""
-    found = {}
+    by_quantity = {}
     for quantity in (*dict.fromkeys(r["quantity"] for r in rows), ALL):
         of = Counter(r["outcome"] for r in rows if quantity in (r["quantity"], ALL))
         promised = sum(n for outcome, n in of.items() if outcome.endswith("promised"))
         good = of["good, promised"] + of["good, flagged"]
-        found[quantity] = dict(sorted(of.items())) | {
+        by_quantity[quantity] = dict(sorted(of.items())) | {
             "promises_kept_percent": 100 * of["good, promised"] / promised if promised else None,
             "good_ones_flagged_percent": 100 * of["good, flagged"] / good if good else None,
         }
-    return found
+    return by_quantity
 
 
 def main(size: str, folder=RESULTS) -> dict:
@@ -111,8 +111,8 @@ def main(size: str, folder=RESULTS) -> dict:
     for number in range(DRAWS[size]):
         asked_um = float(10 ** rng.uniform(*np.log10(ASKED_UM)))
         cases.append({"number": number, "asked_um": asked_um, "other": str(rng.choice(("rkg", "tmm", "houbolt")))})
-    found = called("experiments.accuracy_promise:judged", [{**case, "size": size} for case in cases], size)
-    return keep([row for of in found for row in of["rows"]], size, folder)
+    results = called("experiments.accuracy_promise:judged", [{**case, "size": size} for case in cases], size)
+    return keep([row for of in results for row in of["rows"]], size, folder)
 
 
 def judged(number: int, asked_um: float, other: str, size: str) -> dict:

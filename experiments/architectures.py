@@ -111,11 +111,11 @@ def spring(rng, masses: list[dict], valve: str, rate: float, preload: float, coi
 def design(rng: np.random.Generator) -> dict:
     """Conditions and limits of the built-in scenes with a drawn duration and lift; some have unequal ramps."""
     limits = {"acceleration_max_mm_per_deg2": 0.015, "acceleration_min_mm_per_deg2": -NOSE_MM_PER_DEG2}
-    found = {"duration_deg": float(rng.integers(140, 152)), "max_lift_mm": float(rng.uniform(8.5, 9.5)),
+    conditions = {"duration_deg": float(rng.integers(140, 152)), "max_lift_mm": float(rng.uniform(8.5, 9.5)),
              "ramp_height_mm": 0.3, "ramp_velocity_mm_per_deg": 0.012, "ramp_foot_deg": 10.0, **limits,
              "jerk_max_mm_per_deg3": 0.003, "nose_deg": 35.0, "bounce_max_mm": 0.05, "jump_max_mm": 0.05,
              "seating_velocity_max_m_per_s": 0.8}  # fmt: skip
-    return found | ({"closing_ramp_velocity_mm_per_deg": 0.009} if rng.random() < 0.3 else {})
+    return conditions | ({"closing_ramp_velocity_mm_per_deg": 0.009} if rng.random() < 0.3 else {})
 
 
 def job(scene: Scene, folder: Path, speeds: str = "band") -> dict:
@@ -123,15 +123,15 @@ def job(scene: Scene, folder: Path, speeds: str = "band") -> dict:
     begin = time.perf_counter()
     row = {"scene": scene.name, "masses": len(scene.mass), "contacts": sum(e.kind == "contact" for e in scene.element)}
     try:
-        found = optimize(scene, speeds, "draft", "none", folder)
+        run = optimize(scene, speeds, "draft", "none", folder)
     except InputError as refusal:
         return row | {"ends": "refused", "sentence": str(refusal), "seconds": time.perf_counter() - begin}
     except Exception as error:  # the defects that this experiment is meant to find
         return row | {"ends": DEFECT, "sentence": f"{type(error).__name__}: {error}"}
-    record, failed = found.record, _failed_families(folder)
+    record, failed = run.record, _failed_families(folder)
     return row | {
-        "ends": found.verdict.verdict,
-        "sentence": found.verdict.reason,
+        "ends": run.verdict.verdict,
+        "sentence": run.verdict.reason,
         "area_ratio": record["area_ratio"],
         "area_ratio_bound": record["area_ratio_bound"],
         "failed_families": failed,
@@ -139,7 +139,7 @@ def job(scene: Scene, folder: Path, speeds: str = "band") -> dict:
     }
 
 
-def one(number: int, speeds: str) -> dict:
+def job_on_draw(number: int, speeds: str) -> dict:
     """Outcome of the job on a drawn train."""
     with tempfile.TemporaryDirectory() as runs:
         return job(drawn(number), Path(runs) / "run", speeds)
@@ -157,7 +157,7 @@ def _failed_families(folder: Path) -> dict[str, str]:
 def main(size: str, folder=RESULTS) -> dict:
     """Draws the trains, runs the job on each, prints and writes `architectures.json`."""
     cases = ({"number": number, "speeds": SPEEDS[size]} for number in SCENES[size])
-    rows = called("experiments.architectures:one", cases, size)
+    rows = called("experiments.architectures:job_on_draw", cases, size)
     ends = {e: sum(r["ends"] == e for r in rows) for e in sorted({r["ends"] for r in rows})}
     content = {"trains": len(rows), "ends": ends, "rows": rows}
     return write_result("architectures", size, content, {"areas": figure(rows)} if size == "full" else {}, folder)

@@ -37,9 +37,9 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
             if jerk and name == "new-design:start_ratio=0":
                 continue  # plain new-design is the same under a jerk limit
             limits = {"jerk": jerk, "bounce_max_mm": BOUNCE_MAX_MM, "speeds_rpm": speeds}
-            found = largest_area_member(scene, name, **limits, evaluations=EVALUATIONS[size], progress=True)
+            member = largest_area_member(scene, name, **limits, evaluations=EVALUATIONS[size], progress=True)
             rows.append(
-                printed({"limits": "all" if jerk else "no-jerk", **row(found), **confirmed(scene, found, size)})
+                printed({"limits": "all" if jerk else "no-jerk", **row(member), **confirmed(scene, member, size)})
             )
     result = {
         "question": "largest area of every cam family within 0.05 mm of bounce at the listed speeds of kodama",
@@ -49,28 +49,28 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     return write_result("baselines", size, result, {}, folder)
 
 
-def row(found: Baseline) -> dict:
+def row(member: Baseline) -> dict:
     """The row of the best member of a family."""
-    jerk = max(abs(j) for j in found.lift.extremes(3)) / MM * DEG**3
+    jerk = max(abs(j) for j in member.lift.extremes(3)) / MM * DEG**3
     return {
-        "family": found.family,
-        "holds": found.holds,
-        "says": found.says,
-        "area_ratio": found.area_ratio,
+        "family": member.family,
+        "holds": member.holds,
+        "says": member.says,
+        "area_ratio": member.area_ratio,
         "jerk_max_mm_per_deg3": jerk,
-        **found.figures,
-        "evaluations": found.evaluations,
-        "motions_judged": found.judged,
-        "seconds": round(found.seconds, 1),
-        "parameters": found.lift.parameters,
+        **member.figures,
+        "evaluations": member.evaluations,
+        "motions_judged": member.judged,
+        "seconds": round(member.seconds, 1),
+        "parameters": member.lift.parameters,
     }
 
 
-def confirmed(scene: Scene, found: Baseline, size: str) -> dict:
+def confirmed(scene: Scene, member: Baseline, size: str) -> dict:
     """Largest bounce over neighbouring motions by both methods, of a member that keeps the limit."""
-    if not found.holds or not HALVINGS[size]:
+    if not member.holds or not HALVINGS[size]:
         return {"bounce_verified_mm": None, "methods_agree": None}
-    speeds = verdict_on(scene, found.lift, None, ("event", "rkg"), None, Tolerances(5.0, HALVINGS[size])).speeds
+    speeds = verdict_on(scene, member.lift, None, ("event", "rkg"), None, Tolerances(5.0, HALVINGS[size])).speeds
     return {
         "bounce_verified_mm": max(s.ranges["bounce_mm"][1] for s in speeds),
         "methods_agree": all(s.verdict != "not converged" for s in speeds),

@@ -71,21 +71,21 @@ def markdown(cams: list[dict]) -> list[str]:
     lines = ["| " + " | ".join([*HEADS, *speeds]) + " |", "|---" * (len(HEADS) + len(speeds)) + "|"]
     for cam in rows:
         low, high = cam["acceleration_min_mm_per_deg2"], cam["acceleration_max_mm_per_deg2"]
-        orders = "; ".join(" ".join(map(str, found)) or "–" for found in cam["continuity"].values())
+        orders = "; ".join(" ".join(map(str, highest)) or "–" for highest in cam["continuity"].values())
         shape = [f"{cam['area_ratio']:.4f}", f"{high:.4f} / −{-low:.4f}", f"{cam['jerk_max_mm_per_deg3']:.4f}", orders]
         lines.append("| " + " | ".join([f"`{cam['cam']}`", *shape, *(_bounce(b) for b in cam["bounce"])]) + " |")
     return lines
 
 
-def _bounce(found: dict) -> str:
+def _bounce(row: dict) -> str:
     """A bounce [mm], or its range over neighbouring motions where wide; an asterisk marks disagreeing methods."""
-    if found["bounce_mm"] is None:
+    if row["bounce_mm"] is None:
         return "never seats"
-    mark = "" if found["methods_agree"] else "*"
-    low, high = found["bounce_range_mm"]
+    mark = "" if row["methods_agree"] else "*"
+    low, high = row["bounce_range_mm"]
     if high - low > SAME_MM:
         return f"{low:.2f} to {high:.2f}{mark}"
-    return f"{found['bounce_mm']:.3f}{mark}"
+    return f"{row['bounce_mm']:.3f}{mark}"
 
 
 CAMS = (*FAMILIES, "new-design:start_ratio=0", "new-design:quintic=yes")
@@ -109,8 +109,8 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         "question": "what the cam families of the literature reach under the same limits",
         "cams": [
             {"cam": name, "limits": where, **figures(lift, scenes[where]), **motion(lift, scenes[where], where, size)}
-            for where, found in cams.items()
-            for name, lift in found.items()
+            for where, lifts in cams.items()
+            for name, lift in lifts.items()
         ],
     }
     print("\n".join(markdown(result["cams"])))
@@ -139,8 +139,8 @@ def motion(lift: Lift, scene: Scene, where: str, size: str) -> dict:
         return {}
     tolerances, keys = Tolerances(TOLERANCE_UM, HALVINGS[size]), ("speed_rpm", *BOUNCES)
     verdict = verdict_on(scene, lift, SPEEDS[size], ("event", "rkg"), None, tolerances)
-    found = [speed.as_dict() for speed in verdict.speeds]
-    rows = [{key: s[key] for key in keys} | {"methods_agree": s["verdict"] != "not converged"} for s in found]
+    speeds = [speed.as_dict() for speed in verdict.speeds]
+    rows = [{key: s[key] for key in keys} | {"methods_agree": s["verdict"] != "not converged"} for s in speeds]
     return {"bounce": rows}
 
 

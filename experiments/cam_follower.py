@@ -120,8 +120,8 @@ def highest_rise(decline: float, most: float, shift: float, angle: float, knots:
         control = [lift[i], lift[i] + h / 3 * speed[i], lift[i + 1] - h / 3 * speed[i + 1], lift[i + 1]]
         rows += [eye[i] * (1 - k / 3) + eye[i + 1] * k / 3 + decline * control[k] for k in range(4)]
     low, high = np.append(np.full(len(rows), -decline * shift), 0.0), np.append(np.full(len(rows), np.inf), 0.0)
-    found = minimise(-lift[-1], np.array([*rows, speed[-1]]), low, high, np.tile([-np.inf, most], (knots, 1)))
-    return Rise(-found.value, np.linspace(0.0, angle, knots), found.x)
+    optimum = minimise(-lift[-1], np.array([*rows, speed[-1]]), low, high, np.tile([-np.inf, most], (knots, 1)))
+    return Rise(-optimum.value, np.linspace(0.0, angle, knots), optimum.x)
 
 
 def least_decline(height: float, most: float, shift: float, angle: float, knots: int) -> float:
@@ -188,16 +188,16 @@ PUSHES = (None, 1.0, 10.0)
 def main(size: str, folder=RESULTS) -> dict:
     """Detachment, motions and the cams that keep contact to the highest speed."""
     scene = load_scene(SCENE)
-    cam, given = profile(), build_train(scene)
-    speed, angle = rigid_detachment(cam, given)
+    cam, nominal = profile(), build_train(scene)
+    speed, angle = rigid_detachment(cam, nominal)
     content: dict = {
         "lift_m": cam.max_lift,
         "detachment": {"rigid_rpm": speed / RPM, "cam_angle_deg": 180.0 + abs(angle) / DEG},
-        "motions": [motion(given, cam, k, rpm, size) for rpm in PUBLISHED_RPM for k in STIFFNESS[size]],
-        "longest_on": [longest_on(given, cam, push, KNOTS[size]) for push in PUSHES],
+        "motions": [motion(nominal, cam, k, rpm, size) for rpm in PUBLISHED_RPM for k in STIFFNESS[size]],
+        "longest_on": [longest_on(nominal, cam, push, KNOTS[size]) for push in PUSHES],
     }
-    content["detachment"]["compliant_rpm"] = {f"{k:g}": first_loss(given, cam, k) for k in STIFFNESS[size]}
-    figures = {"motions": draw(given, cam)} if size == "full" else {}
+    content["detachment"]["compliant_rpm"] = {f"{k:g}": first_loss(nominal, cam, k) for k in STIFFNESS[size]}
+    figures = {"motions": draw(nominal, cam)} if size == "full" else {}
     return write_result("cam_follower", size, content, figures, folder)
 
 
@@ -208,9 +208,9 @@ def with_contact(train: Train, stiffness: float, damping: float) -> Train:
     return replace(train, stiffness=stiffnesses, damping=dampings)
 
 
-def first_loss(given: Train, cam: Lift, stiffness: float) -> float:
+def first_loss(nominal: Train, cam: Lift, stiffness: float) -> float:
     """Speed [r/min], to 0.01, above which the force of an overdamped contact reaches zero."""
-    train = with_contact(given, stiffness, 2.0 * OVERDAMPED * np.sqrt(stiffness * given.mass[0]))
+    train = with_contact(nominal, stiffness, 2.0 * OVERDAMPED * np.sqrt(stiffness * nominal.mass[0]))
 
     def lost(rpm: float) -> bool:
         revolve = prepare(train, cam, rpm * RPM)
@@ -223,9 +223,9 @@ def first_loss(given: Train, cam: Lift, stiffness: float) -> float:
     return high
 
 
-def motion(given: Train, cam: Lift, stiffness: float, rpm: float, size: str) -> dict:
+def motion(nominal: Train, cam: Lift, stiffness: float, rpm: float, size: str) -> dict:
     """Period of a long motion in revolutions, or None, its hops, and the growth of small differences."""
-    train = with_contact(given, stiffness, damping_of(RESTITUTION, stiffness, given.mass[0]))
+    train = with_contact(nominal, stiffness, damping_of(RESTITUTION, stiffness, nominal.mass[0]))
     revolve, state = prepare(train, cam, rpm * RPM), state_at_rest(train)
     state = revolve.advance(state, FADING[size])
     near, growth, states, hops = state + np.array([NEIGHBOUR, 0.0]), [], [state], []
@@ -254,18 +254,18 @@ def longest_on(train: Train, cam: Lift, push: float | None, knots: int) -> dict:
     natural = np.sqrt(train.stiffness[1] / train.mass[0])
     shift = train.preload[1] / train.stiffness[1]
     bound = natural / np.sqrt(bound_on_decline(cam.max_lift, most, shift, TIP))
-    found = cam_of(highest_rise(least_decline(cam.max_lift, most, shift, TIP, knots), most, shift, TIP, knots))
+    best = cam_of(highest_rise(least_decline(cam.max_lift, most, shift, TIP, knots), most, shift, TIP, knots))
     return {
         "acceleration_max_m_per_rad2": most,
-        "detachment_rpm": rigid_detachment(found, train)[0] / RPM,
+        "detachment_rpm": rigid_detachment(best, train)[0] / RPM,
         "bound_rpm": bound / RPM,
-        "lift_m": found.max_lift,
+        "lift_m": best.max_lift,
     }
 
 
-def draw(given: Train, cam: Lift) -> Figure:
+def draw(nominal: Train, cam: Lift) -> Figure:
     """Follower and cam over three revolutions at the published speeds, after the start-up transient has decayed."""
-    train, rows = with_contact(given, 1e9, damping_of(RESTITUTION, 1e9, given.mass[0])), []
+    train, rows = with_contact(nominal, 1e9, damping_of(RESTITUTION, 1e9, nominal.mass[0])), []
     for rpm in PUBLISHED_RPM:
         revolve = prepare(train, cam, rpm * RPM)
         motion = record_of(revolve, revolve.advance(state_at_rest(train), FADING["full"]), 3)

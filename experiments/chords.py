@@ -58,13 +58,13 @@ def of_scene(name: str, counts: tuple[int, ...], repeats: int, bumps: int) -> li
     bumped = problem(scene, lift, MOTIONS[name], bumps)
     true = dict(zip(METRICS, central_differences(bumped, BUMP_M), strict=True))
     for count in counts:
-        own = with_chords(train, count)
-        figures, begin = settled(own, lift, speed), state_at_rest(own)
-        revolve = prepare(own, lift, speed)
+        chorded = with_chords(train, count)
+        figures, begin = settled(chorded, lift, speed), state_at_rest(chorded)
+        revolve = prepare(chorded, lift, speed)
         off = {key: abs(figures[key] - finest[key]) for key in FIGURES}
         (seconds,) = least([partial(revolve.advance, begin)], repeats)
-        row = {"chords": count, "force_error_N": force_error(train, own), "off": off}
-        row["slope_off"] = {key: slope_error(replace(bumped, train=own), key, true[key]) for key in SLOPES}
+        row = {"chords": count, "force_error_N": force_error(train, chorded), "off": off}
+        row["slope_off"] = {key: slope_error(replace(bumped, train=chorded), key, true[key]) for key in SLOPES}
         rows.append(row | {"predicted_N": float(chord_error(train, count).max()), "revolution_ms": 1e3 * seconds})
     return rows
 
@@ -92,14 +92,14 @@ def slope_error(bumped: Problem, metric: str, true: np.ndarray) -> float:
     """Relative distance of the exact path's gradient by bumps (m) from the central differences `true` (m)."""
     start = (bumped.train, bumped.lift, bumped.cam_speed, [metric], bumped.start)
     by_cam = value_and_gradient(*start, revolutions=REVOLUTIONS).by_coefficients[0]
-    found = np.einsum("pq,mpq->m", by_cam, bumped.directions)
-    return float(np.linalg.norm(found - true) / np.linalg.norm(true))
+    slopes = np.einsum("pq,mpq->m", by_cam, bumped.directions)
+    return float(np.linalg.norm(slopes - true) / np.linalg.norm(true))
 
 
 def settled(train: Train, lift: Lift, speed: float) -> dict[str, float]:
     """The worst FIGURES of the settled motion."""
-    found = settled_metrics([train], [lift], [speed], workers=1)
-    return {name: float(found.worst(name)[0, 0, 0]) for name in FIGURES}
+    metrics = settled_metrics([train], [lift], [speed], workers=1)
+    return {name: float(metrics.worst(name)[0, 0, 0]) for name in FIGURES}
 
 
 def force_error(curved: Train, chorded: Train) -> float:

@@ -98,8 +98,8 @@ def least_peak_through(conditions: Sequence[tuple[float, int, float]], order: in
     level = np.append(values / scale, np.zeros(2 * intervals))
     low = np.append(values / scale, np.full(2 * intervals, -np.inf))
     bounds = np.array([(-np.inf, np.inf)] * intervals + [(0.0, np.inf)])
-    found = minimise(np.append(np.zeros(intervals), 1.0), np.vstack([through, *both]), low, level, bounds)
-    multipliers = found.row_duals[: len(rows)] / scale
+    optimum = minimise(np.append(np.zeros(intervals), 1.0), np.vstack([through, *both]), low, level, bounds)
+    multipliers = optimum.row_duals[: len(rows)] / scale
     borders = np.unique(np.append(0.0, at))
     p = np.zeros((order, len(borders) - 1))  # ascending powers about each left border
     for x, q, multiplier in zip(at, powers, multipliers, strict=True):
@@ -108,7 +108,7 @@ def least_peak_through(conditions: Sequence[tuple[float, int, float]], order: in
             term = (x - borders[:-1][before]) ** (q - 1 - j) * (-1) ** j / factorial(j) / factorial(q - 1 - j)
             p[j, before] += multiplier * term
     bound = float(multipliers @ values) / absolute_integral(PPoly(p[::-1], borders))
-    return DwellRise(found.value, bound, found.x[:-1])
+    return DwellRise(optimum.value, bound, optimum.x[:-1])
 
 
 def law_row(name: str, acceleration: np.ndarray, t: np.ndarray, intervals: int) -> tuple[dict, DwellRise]:
@@ -143,9 +143,9 @@ def draw_table(table: DwellRise) -> Figure:
     angle = np.linspace(0.0, TABLE_5_4[-1][0], len(table.derivative) + 1)
     jerk, rows = PPoly(table.derivative[None], np.radians(angle)), []
     for order, name in enumerate(("lift [cm]", "velocity [cm/rad]", "acceleration [cm/rad²]")):
-        given = zip(*[(at, value) for at, of, value in TABLE_5_4 if of == order], strict=True)
+        numbers = zip(*[(at, value) for at, of, value in TABLE_5_4 if of == order], strict=True)
         motion = jerk.antiderivative(3 - order)(np.radians(angle))
-        rows.append([Panel(name, [("motion of least peak jerk", angle, motion), ("numbers of the table", *given)])])
+        rows.append([Panel(name, [("motion of least peak jerk", angle, motion), ("numbers of the table", *numbers)])])
     return panels(rows, "cam angle [deg]", width=7.0, row_height=1.8, look={"numbers of the table": POINTS})
 
 

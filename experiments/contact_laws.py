@@ -51,8 +51,8 @@ def main(size: str = "full", folder=RESULTS) -> dict:
 def ranges(scene: Scene, lift: Lift, speed_rpm: float, law: str, before: int, measured: int) -> dict:
     """Smallest and largest value of every figure over the measured revolutions, None where the valve never seats."""
     options = "--law", law, "--settled", str(before), "--measured", str(measured), "--finest", "1e-8"
-    found = outside_motions(scene, lift, [speed_rpm], *options)["speeds"][0]["settled"]
-    values = {name: np.array([f[name] for f in found if f[name] is not None]) for name in FIGURES}
+    revolutions = outside_motions(scene, lift, [speed_rpm], *options)["speeds"][0]["settled"]
+    values = {name: np.array([f[name] for f in revolutions if f[name] is not None]) for name in FIGURES}
     return {name: [float(v.min()), float(v.max())] if len(v) else None for name, v in values.items()}
 
 

@@ -75,10 +75,11 @@ def with_coils(scene: Scene, count: int) -> Scene:
         coil.model_copy(update={"name": f"coil_{i}", "between": (ends[i - 1], ends[i]), **update})
         for i in range(1, count + 2)
     ]
-    kept = [e for e in scene.element if not e.name.startswith("coil_")]
+    others = [e for e in scene.element if not e.name.startswith("coil_")]
     masses = tuple(m for m in scene.mass if m not in coils) + mass
     return parse_scene(
-        scene_toml(scene.model_copy(update={"mass": masses, "element": (*kept, *springs), "tolerance": ()})), scene.name
+        scene_toml(scene.model_copy(update={"mass": masses, "element": (*others, *springs), "tolerance": ()})),
+        scene.name,
     )
 
 
@@ -105,11 +106,11 @@ def one_against_ten(rows: list[dict]) -> dict:
     """Ratio of the one-mass scene to the ten-mass one by method: total time, number of steps, and time per step."""
     one, ten = (next(r for r in rows if r["masses"] == n) for n in (1, 10))
     steps = {p: "event_steps" if p.startswith("event") else "steps_per_revolution" for p in one["ms"]}
-    found = {}
+    ratios = {}
     for path in one["ms"]:
         time, count = one["ms"][path] / ten["ms"][path], one[steps[path]] / ten[steps[path]]
-        found[path] = {"time": time, "steps": count, "per_step": time / count}
-    return found | {"event_stops": {"one": one["event_stops"], "ten": ten["event_stops"]}}
+        ratios[path] = {"time": time, "steps": count, "per_step": time / count}
+    return ratios | {"event_stops": {"one": one["event_stops"], "ten": ten["event_stops"]}}
 
 
 def exponents(rows: list[dict]) -> dict[str, float]:
@@ -137,8 +138,8 @@ def never_closing(scene: Scene, cam, repeats: int = 40) -> dict:
     with_it = with_clashes(scene, 1)
     model = leave_out(with_it, frozenset({"clash_1"}), frozenset())
     cam_speed = scene.cam_speed(SPEED_RPM)
-    whole, part = build_train(with_it), build_train(model.scene)
-    rest, steps = state_at_rest(part), first_steps(part, cam_speed)
+    whole, reduced = build_train(with_it), build_train(model.scene)
+    rest, steps = state_at_rest(reduced), first_steps(reduced, cam_speed)
     methods = {
         "event": engine.prepare,
         "rkg": lambda train, cam, cam_speed: rkg.prepare(train, cam, cam_speed, steps),
@@ -146,8 +147,8 @@ def never_closing(scene: Scene, cam, repeats: int = 40) -> dict:
     }
     rows = {}
     for name, method in methods.items():
-        kept, gone = method(whole, cam, cam_speed), method(part, cam, cam_speed)
-        watched = model.prepare(method, part, cam, cam_speed)
+        kept, gone = method(whole, cam, cam_speed), method(reduced, cam, cam_speed)
+        watched = model.prepare(method, reduced, cam, cam_speed)
         times = np.array(
             [[milliseconds(lambda r=r: r(rest), 1) for r in (kept, gone, watched)] for _ in range(repeats)]
         )

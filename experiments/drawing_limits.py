@@ -80,8 +80,8 @@ def rows_of(name: str, knot_deg: float) -> list[dict]:
     rows = []
     for scene, key in [*((flat, key) for key in LIMITS), *((circle, key) for key in CIRCLES[name][1])]:
         reached = value_of(key, free.lift, scene)
-        asked = asked_for(key, reached)
-        limited = with_limit(scene, key, asked)
+        limit = asked_for(key, reached)
+        limited = with_limit(scene, key, limit)
         held = kinematic_optimum(limited.design, program_cam(limited.design, knot_deg))
         rows.append(
             {
@@ -89,7 +89,7 @@ def rows_of(name: str, knot_deg: float) -> list[dict]:
                 "limit": key,
                 "follower": scene.geometry.follower,
                 "value_without": reached,
-                "value_asked": asked,
+                "value_asked": limit,
                 "value_with": value_of(key, held.lift, limited),
                 "broken_without": broken_by_shape(free.lift, limited.design),
                 "broken_with": broken_by_shape(held.lift, limited.design),

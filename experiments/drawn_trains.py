@@ -53,19 +53,19 @@ def measured(trains: list[Train], nominal: Train, lift: Lift, cam_speeds: list[f
     """Cost of the fast path over the drawn trains."""
     starts = settled_metrics([nominal], [lift], cam_speeds).states  # compiles too
     begin = time.process_time()
-    found = settled_metrics(trains, [lift], cam_speeds, starts=starts)
-    seconds, count = time.process_time() - begin, found.periodic.size
+    fast = settled_metrics(trains, [lift], cam_speeds, starts=starts)
+    seconds, count = time.process_time() - begin, fast.periodic.size
     return {
         "motions": count,
         "seconds": seconds,
         "ms_per_motion": 1e3 * seconds / count,
-        "periodic": int(found.periodic.sum()),
-        "refused": int(found.refused.sum()),
-        "revolutions_per_motion": float(found.revolutions.mean()),
-    }, found
+        "periodic": int(fast.periodic.sum()),
+        "refused": int(fast.refused.sum()),
+        "revolutions_per_motion": float(fast.revolutions.mean()),
+    }, fast
 
 
-def compared(trains: list[Train], lift: Lift, cam_speeds: list[float], found: SettledMetrics) -> dict:
+def compared(trains: list[Train], lift: Lift, cam_speeds: list[float], fast: SettledMetrics) -> dict:
     """Largest differences between the two paths in the metrics of the first trains, at every fifth speed.
 
     A contact that opens may amplify the last micrometre of a settled state, so such motions are counted separately.
@@ -73,18 +73,18 @@ def compared(trains: list[Train], lift: Lift, cam_speeds: list[float], found: Se
     begin, speeds = time.process_time(), cam_speeds[::EVERY]
     slow = [[_slow(train, lift, speed) for speed in speeds] for train in trains]
     seconds = time.process_time() - begin
-    mine = found.periodic[: len(trains), 0, ::EVERY]
+    fast_periodic = fast.periodic[: len(trains), 0, ::EVERY]
     periodic = np.array([[one["periodic"] for one in row] for row in slow], dtype=bool)
     parts = np.array([[one["jump_mm"] > 0.0 or one["bounce_mm"] > 0.0 for one in row] for row in slow])
     difference = {}
     for name in ERRORS:
-        theirs = np.array([[one[name] for one in row] for row in slow])
-        difference[name] = np.abs(theirs - found.worst(name)[: len(trains), 0, ::EVERY])
-    kept, parted = mine & periodic & ~parts, mine & periodic & parts
+        slow_values = np.array([[one[name] for one in row] for row in slow])
+        difference[name] = np.abs(slow_values - fast.worst(name)[: len(trains), 0, ::EVERY])
+    kept, parted = fast_periodic & periodic & ~parts, fast_periodic & periodic & parts
     return {
         "slow_ms_per_motion": 1e3 * seconds / periodic.size,
         "compared": periodic.size,
-        "periodic_in_one_only": int((periodic != mine).sum()),
+        "periodic_in_one_only": int((periodic != fast_periodic).sum()),
         "contacts_keep": int(kept.sum()),
         "largest_difference": {name: float(d[kept].max(initial=0.0)) for name, d in difference.items()},
         "within_stated_error": all(bool(np.all(difference[n][kept] <= ERRORS[n])) for n in ERRORS),
@@ -99,10 +99,10 @@ def _slow(train: Train, lift: Lift, cam_speed: float) -> dict:
     return {"periodic": settled.periodic, **{name: figures.worst(name) for name in ERRORS}}
 
 
-def figure(speeds_rpm: np.ndarray, found: dict[str, SettledMetrics]) -> Figure:
+def figure(speeds_rpm: np.ndarray, by_cam: dict[str, SettledMetrics]) -> Figure:
     """Bounce of the drawn trains against speed: median, and the range of 90 % of them."""
     curves = []
-    for name, metrics in found.items():
+    for name, metrics in by_cam.items():
         low, middle, high = np.nanpercentile(metrics.worst("bounce_mm")[:, 0], (5, 50, 95), axis=0)
         curves.append((f"{name}, median", speeds_rpm, middle))
         curves += [(f"{name}, 5 and 95 %", speeds_rpm, end) for end in (low, high)]
@@ -117,15 +117,15 @@ def main(size: str, folder=RESULTS) -> dict:
     cam_speeds, train = [scene.cam_speed(s) for s in speeds], build_train(scene)
     cams = {"held": held(scene, speeds), "polydyne": polydyne(scene)}
     content: dict = {"trains": TRAINS[size], "speeds_rpm": speeds.tolist(), "cams": {}, "stated_error": ERRORS}
-    found = {}
+    fast = {}
     for name, lift in cams.items():
         share = 1 if name == "held" else POLYDYNE_SHARE
         trains = drawn_trains(train, TRAINS[size] // share)
-        row, found[name] = measured(trains, train, lift, cam_speeds)
-        row |= compared(trains[: max(1, COMPARED[size] // share)], lift, cam_speeds, found[name])
+        row, fast[name] = measured(trains, train, lift, cam_speeds)
+        row |= compared(trains[: max(1, COMPARED[size] // share)], lift, cam_speeds, fast[name])
         content["cams"][name] = row
         print(name, row)
-    return write_result("drawn_trains", size, content, {"bounce": figure(speeds, found)}, folder)
+    return write_result("drawn_trains", size, content, {"bounce": figure(speeds, fast)}, folder)
 
 
 if __name__ == "__main__":

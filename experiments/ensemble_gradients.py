@@ -59,8 +59,8 @@ class Bumped(NamedTuple):
     def values_and_slopes(self, heights: np.ndarray) -> np.ndarray:
         """The metrics (l) in the first column of (l, 1 + m), and their slopes by the heights [unit per m]."""
         lift = moved(self.lift, self.directions, heights)
-        found = value_and_gradient(self.train, lift, self.cam_speed, self.metrics)
-        return np.column_stack([found.values, np.einsum("lpq,mpq->lm", found.by_coefficients, self.directions)])
+        slopes = value_and_gradient(self.train, lift, self.cam_speed, self.metrics)
+        return np.column_stack([slopes.values, np.einsum("lpq,mpq->lm", slopes.by_coefficients, self.directions)])
 
 
 def drawn_heights(members: int, bumps: int, sigma_m: float, seed: int) -> np.ndarray:
@@ -81,8 +81,8 @@ def of_pairs(numbers: Callable[[np.ndarray], np.ndarray], heights: np.ndarray) -
 
     with ThreadPoolExecutor(WORKERS) as pool:
         pairs = list(pool.map(of_pair, heights))
-    kept = [i for i, pair in enumerate(pairs) if pair is not None]
-    return heights[kept], np.array([pairs[i] for i in kept])
+    complete = [i for i, pair in enumerate(pairs) if pair is not None]
+    return heights[complete], np.array([pairs[i] for i in complete])
 
 
 def pathwise(bumped: Bumped, heights: np.ndarray) -> np.ndarray:
@@ -152,9 +152,9 @@ def figure(rows: list[dict]) -> Figure:
     for axis, metric in zip(drawing.subplots(1, len(METRICS), sharey=True), METRICS, strict=True):
         here = [r for r in rows if r["metric"] == metric]
         for number, name in enumerate(dict.fromkeys(r["gradient"] for r in here)):
-            own = [r for r in here if r["gradient"] == name]
-            kept, error = (np.array([r[key] / r["promised"] for r in own]) for key in ("change", "standard_error"))
-            axis.errorbar([r["length_um"] for r in own], kept, np.abs(error), marker="os^"[number], ms=4, capsize=2,
+            curve = [r for r in here if r["gradient"] == name]
+            share, error = (np.array([r[key] / r["promised"] for r in curve]) for key in ("change", "standard_error"))
+            axis.errorbar([r["length_um"] for r in curve], share, np.abs(error), marker="os^"[number], ms=4, capsize=2,
                           color=list(lines().values())[number][0], label=name)  # fmt: skip
         axis.axhline(1.0, color=INK, linestyle=(0, (5, 3)), linewidth=0.9)
         axis.axhline(0.0, color=INK, linewidth=0.6)

@@ -31,20 +31,20 @@ def main(size: str, folder=RESULTS) -> dict:
     content = {
         "rows": len(rows),
         "wrong": [f"{r['case']}, {r['method']}" for r in study.defects(rows)],
-        "by_scene": {name: dict(Counter(r["verdict"] for r in mine)) for name, mine in by_scene.items()},
+        "by_scene": {name: dict(Counter(r["verdict"] for r in group)) for name, group in by_scene.items()},
         "by_method": study.counts(rows),
-        "seconds": {name: sum(float(r["seconds"] or 0) for r in mine) for name, mine in by_scene.items()},
-        "verdicts": {name: _by_case(name, mine) for name, mine in by_scene.items()},
+        "seconds": {name: sum(float(r["seconds"] or 0) for r in group) for name, group in by_scene.items()},
+        "verdicts": {name: _by_case(name, group) for name, group in by_scene.items()},
     }
-    figures = {name: verdict_matrix(mine, name) for name, mine in by_scene.items()} if size == "full" else {}
+    figures = {name: verdict_matrix(group, name) for name, group in by_scene.items()} if size == "full" else {}
     return write_result("extremes", size, content, figures, folder)
 
 
 def _by_case(scene: str, rows: list[dict]) -> dict[str, dict[str, str]]:
-    found: dict[str, dict[str, str]] = {}
+    verdicts: dict[str, dict[str, str]] = {}
     for row in rows:
-        found.setdefault(row["case"].removeprefix(f"{scene}: "), {})[row["method"]] = row["verdict"]
-    return found
+        verdicts.setdefault(row["case"].removeprefix(f"{scene}: "), {})[row["method"]] = row["verdict"]
+    return verdicts
 
 
 if __name__ == "__main__":

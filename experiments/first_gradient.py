@@ -54,8 +54,8 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         for scene in SCENES[size]:
             with tempfile.TemporaryDirectory() as cache:
                 for process in PROCESSES:
-                    found = timed(script.format(scene=scene), cache)
-                    rows.append(printed({"gradient": gradient, "scene": scene, "process": process, **found}))
+                    times = timed(script.format(scene=scene), cache)
+                    rows.append(printed({"gradient": gradient, "scene": scene, "process": process, **times}))
     return write_result("first_gradient", size, {"rows": rows}, {}, folder)
 
 
@@ -74,8 +74,8 @@ def timed(script: str, cache: str) -> dict:
     if done.returncode:
         raise RuntimeError(done.stderr)
     processor = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    said = done.stderr.count("JAX compiles a program")
-    return {"clock_s": round(clock, 2), "processor_s": round(processor, 2), "lines": said}
+    notices = done.stderr.count("JAX compiles a program")
+    return {"clock_s": round(clock, 2), "processor_s": round(processor, 2), "lines": notices}
 
 
 if __name__ == "__main__":

@@ -60,27 +60,27 @@ def figures(scene: Scene, lift: Lift, speeds: list[float]) -> Iterator[np.ndarra
 
 def main(size: str, folder=RESULTS) -> dict:
     """Measures, prints and writes `first_revolutions.json`."""
-    found = []
+    metrics = []
     for name in SCENES[size]:
         scene = load_scene(name)
         speeds = [scene.cam_speed(rpm) for rpm in np.linspace(*scene.required_operation.band_rpm, SPEEDS[size])]
         for lift in cams(scene):
-            found += figures(scene, lift, speeds)
-    first, settled = np.array(found)[:, :-1], np.array(found)[:, -1:]
-    said, true = first > LIMIT_MM, settled > LIMIT_MM
+            metrics += figures(scene, lift, speeds)
+    first, settled = np.array(metrics)[:, :-1], np.array(metrics)[:, -1:]
+    in_revolution, true = first > LIMIT_MM, settled > LIMIT_MM
     both = np.isfinite(first) & np.isfinite(settled) & true
     share = np.divide(first, settled, out=np.ones_like(first), where=both)
     rows = [
         {
             "revolution": r + 1,
-            "missed": int(np.sum(true[:, 0] & ~said[:, r])),
-            "invented": int(np.sum(~true[:, 0] & said[:, r])),
+            "missed": int(np.sum(true[:, 0] & ~in_revolution[:, r])),
+            "invented": int(np.sum(~true[:, 0] & in_revolution[:, r])),
             "near_percent": 100.0 * float(np.mean(np.abs(share[:, r][both[:, r]] - 1.0) <= NEAR)),
             "least_share": float(share[:, r].min()),
         }
         for r in range(REVOLUTIONS)
     ]
-    content = {"motions": len(found), "figures": int(true.size), "broken": int(true.sum()), "rows": rows}
+    content = {"motions": len(metrics), "figures": int(true.size), "broken": int(true.sum()), "rows": rows}
     return write_result("first_revolutions", size, content, {}, folder)
 
 

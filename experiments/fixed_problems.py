@@ -159,17 +159,17 @@ LOCATED_STEPS = {"event": 3600, "dop853": 7200}
 def errors(problem: Problem, method: str, divisors: tuple[int, ...], reference: np.ndarray) -> dict:
     """A row: errors [um] at each number of steps, and the power of the step."""
     setting, finest = problem.setting(), LOCATED_STEPS.get(method, FINE)
-    found: list[float] = []
+    error_um: list[float] = []
     for divisor in divisors:
         revolve = (STEP_METHODS | LOCATING)[method](setting.train, setting.lift, setting.cam_speed, finest // divisor)
-        found.append(float(np.abs(position(setting, revolve(setting.start), ANGLE) - reference).max() / UM))
-    known = np.isfinite(found)  # a step above the stability limit gives no finite error
-    power = np.polyfit(np.log(np.array(divisors)[known]), np.log(np.array(found)[known]), 1)[0]
+        error_um.append(float(np.abs(position(setting, revolve(setting.start), ANGLE) - reference).max() / UM))
+    finite = np.isfinite(error_um)  # a step above the stability limit gives no finite error
+    power = np.polyfit(np.log(np.array(divisors)[finite]), np.log(np.array(error_um)[finite]), 1)[0]
     return {
         "problem": problem.name,
         "method": method,
         "steps": [finest // d for d in divisors],
-        "error_um": found,
+        "error_um": error_um,
         "power_of_step": None if method in LOCATING else float(power),
         "tolerance_um": problem.tolerance.get(method, np.nan) / UM,
     }

@@ -28,23 +28,23 @@ SMALL = {"jerk_max_mm_per_deg3": (0.002, 0.004)}
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
     """Searches, prints and writes fronts.json and a figure per limit into `folder`."""
-    scene, asked = load_scene("kodama"), VALUES if size == "full" else SMALL
+    scene, limits = load_scene("kodama"), VALUES if size == "full" else SMALL
     speeds = "band" if size == "full" else "nominal"
-    given = {"speeds": speeds, "gradient": GRADIENT, "progress": size == "full"}
-    fronts = {n: pareto(scene, n, values, release=RELEASED[n], **given) for n, values in asked.items()}
+    settings = {"speeds": speeds, "gradient": GRADIENT, "progress": size == "full"}
+    fronts = {n: pareto(scene, n, values, release=RELEASED[n], **settings) for n, values in limits.items()}
     content = {"fronts": {}}
     for name, front in fronts.items():
         content["fronts"][name] = {k: front.table[k].values.tolist() for k in ("limit", *front.table.data_vars)}
-    found = joint_spring(scene, speeds=speeds, evaluations=30 if size == "full" else 4)
+    design = joint_spring(scene, speeds=speeds, evaluations=30 if size == "full" else 4)
     effort = ACCURACIES["draft"]
     if size == "small":
         effort = replace(effort, feedback_rounds=4)
-    as_given, together = (find_cam(s, speeds, effort, GRADIENT).confirmed[-1] for s in (scene, found.scene))
+    as_given, together = (find_cam(s, speeds, effort, GRADIENT).confirmed[-1] for s in (scene, design.scene))
     content["spring"] = {
-        "rate": found.rate,
-        "preload": found.preload,
-        "area_ratio_program": found.area_ratio,
-        "area_ratio_program_as_given": found.area_ratio_as_given,
+        "rate": design.rate,
+        "preload": design.preload,
+        "area_ratio_program": design.area_ratio,
+        "area_ratio_program_as_given": design.area_ratio_as_given,
         "area_ratio": together.area_ratio,
         "area_ratio_as_given": as_given.area_ratio,
     }

@@ -92,8 +92,8 @@ def diffrax_tsit5(p: Problem, z: np.ndarray) -> Timed:
         return p.metric(system, motion(z, speed, y0, tolerance), speed, BATCH_EPS)
 
     def valve(s: int, tolerance: float):
-        found = jax.jit(motion)(jnp.zeros(len(p.bumps)), *p.at(s), tolerance)
-        return np.asarray(found.angle), np.asarray(found.x[:, p.train.valve])
+        response = jax.jit(motion)(jnp.zeros(len(p.bumps)), *p.at(s), tolerance)
+        return np.asarray(response.angle), np.asarray(response.x[:, p.train.valve])
 
     tolerance, error = loosest(p, TOLERANCES, valve)
     gradient = jax.jit(jax.value_and_grad(value))
@@ -111,16 +111,16 @@ def equal_steps(p: Problem, z: np.ndarray) -> Timed:
 
     def valve(s: int, steps: int):
         speed, y0 = p.at(s)
-        found = jax.jit(batch_motion)(system, jnp.asarray(lifts(steps)[0])[..., None], jnp.full(1, speed), y0)
-        return np.asarray(found.angle[0]), np.asarray(found.x[0, :, p.train.valve])
+        response = jax.jit(batch_motion)(system, jnp.asarray(lifts(steps)[0])[..., None], jnp.full(1, speed), y0)
+        return np.asarray(response.angle[0]), np.asarray(response.x[0, :, p.train.valve])
 
     steps, error = loosest(p, STEPS, valve)
     base, parts = (jnp.asarray(q) for q in lifts(steps))
 
     def total(z, speed, y0):
         motions = batch_motion(system, base[..., None] + parts @ z, speed, y0)
-        found = jax.vmap(lambda one, at: p.metric(system, one, at, BATCH_EPS))(motions, speed)
-        return jnp.sum(found), found
+        values = jax.vmap(lambda motion, at: p.metric(system, motion, at, BATCH_EPS))(motions, speed)
+        return jnp.sum(values), values
 
     @jax.jit
     def gradients(z, speed, y0):
@@ -183,12 +183,12 @@ def exact_jax(p: Problem, z: np.ndarray) -> Timed:
 
 def on_common_pieces(p: Problem) -> tuple[Lift, np.ndarray]:
     """The cam on the union of its borders and the bumps', and the bumps (p, q, m) there [m/rad^k]."""
-    inner = {round(b, 9): b for part in (*p.bumps, p.lift) for b in part.borders[1:-1]}  # equal but for rounding
+    inner = {round(b, 9): b for law in (*p.bumps, p.lift) for b in law.borders[1:-1]}  # equal but for rounding
     borders = np.array([-np.pi, *(inner[key] for key in sorted(inner)), np.pi])
 
-    def pieces(part: Lift) -> np.ndarray:
-        own = recentred(part, np.searchsorted(part.borders, 0.5 * (borders[1:] + borders[:-1])) - 1, borders[:-1])
-        return np.pad(own, ((0, 0), (0, p.lift.coefficients.shape[1] - own.shape[1])))
+    def pieces(law: Lift) -> np.ndarray:
+        rows = recentred(law, np.searchsorted(law.borders, 0.5 * (borders[1:] + borders[:-1])) - 1, borders[:-1])
+        return np.pad(rows, ((0, 0), (0, p.lift.coefficients.shape[1] - rows.shape[1])))
 
     lift = replace(p.lift, borders=borders, coefficients=pieces(p.lift))
     return lift, np.stack([pieces(one) for one in p.bumps], axis=-1)

@@ -42,12 +42,11 @@ def main(size: str, folder=RESULTS) -> dict:
         run = compiled(p, grid, precision)
         for eps in EPS[size]:
             for s, (value, differences) in enumerate(truth):
-                found, gradient = (np.asarray(q, float) for q in run(eps, s))
-                gradient = (
-                    gradient if np.isfinite(found) else np.full_like(gradient, np.nan)
-                )  # without a value there is no gradient
+                smooth, gradient = (np.asarray(q, float) for q in run(eps, s))
+                if not np.isfinite(smooth):  # without a value there is no gradient
+                    gradient = np.full_like(gradient, np.nan)
                 row = {"speed_rpm": p.speeds_rpm[s], "eps_m": eps, "grid": str(grid), "precision": precision}
-                rows.append({**row, "value_bias": abs(float(found) / value - 1.0), **against(gradient, differences)})
+                rows.append({**row, "value_bias": abs(float(smooth) / value - 1.0), **against(gradient, differences)})
     content = {"metric": METRIC, "bumps": BUMPS[size], "exact_m_per_s": [v for v, _ in truth], "rows": rows}
     return write_result("gradient_bias", size, content, {} if size == "small" else {"eps": figure(rows)}, folder)
 

@@ -93,16 +93,16 @@ def of_kodama(size: str) -> list[dict]:
 
 
 def _row(name: str, method: Callable, value: float, differences: np.ndarray, repeats: int) -> dict:
-    seconds, (found, gradient) = fastest(lambda: jax.block_until_ready(method()), repeats, time.perf_counter)
+    seconds, (computed, gradient) = fastest(lambda: jax.block_until_ready(method()), repeats, time.perf_counter)
     judged_ = against(np.asarray(gradient), differences)
-    return {"method": name, "value_error": abs(float(found) / value - 1), **judged_, "ms": 1e3 * float(seconds)}
+    return {"method": name, "value_error": abs(float(computed) / value - 1), **judged_, "ms": 1e3 * float(seconds)}
 
 
 def exact(p: Problem) -> tuple[float, np.ndarray]:
     """Value and gradient by the bumps (m), by the discrete adjoint."""
     lift, bumps = on_common_pieces(p)
-    found = value_and_gradient(p.train, lift, p.cam_speeds[0], [METRIC], p.states[0], revolutions=2)
-    return float(found.values[0]), np.tensordot(found.by_coefficients[0], bumps, 2)
+    slopes = value_and_gradient(p.train, lift, p.cam_speeds[0], [METRIC], p.states[0], revolutions=2)
+    return float(slopes.values[0]), np.tensordot(slopes.by_coefficients[0], bumps, 2)
 
 
 def by_switch(p: Problem) -> Callable:

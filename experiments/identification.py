@@ -66,16 +66,17 @@ def fit(name: str, seed: int, step_deg: float) -> dict:
         noise = 1e-3 * NOISE_UM * random.standard_normal(len(valve))
         measured.append(MeasuredLift(speed, motion.cam_angle_deg.values, valve + noise))
     start = truth.moved_scene(np.log(random.uniform(1 - OFF, 1 + OFF, len(free))))
-    found = identify(start, lift, measured, free, noise_um=NOISE_UM)
+    fitted = identify(start, lift, measured, free, noise_um=NOISE_UM)
     rows = []
     for tied in truth.tied:
-        row = found.table.sel(parameter=tied.name)
-        low, high, known = float(row.low), float(row.high), bool(row.identified)
+        row = fitted.table.sel(parameter=tied.name)
+        low, high, identified = float(row.low), float(row.high), bool(row.identified)
         rows.append({"parameter": tied.name, "truth": tied.of(scene), "start": float(row.start),
-                     "estimate": float(row.estimate), "identified": known, "low": low if known else None,
-                     "high": high if known else None, "covered": known and low <= tied.of(scene) <= high})  # fmt: skip
-    return {"scene": name, "seed": seed, "noise_um": found.noise_um, "jacobian_error": found.jacobian_error,
-            "steps": found.steps, "remarks": list(found.remarks), "parameters": rows}  # fmt: skip
+                     "estimate": float(row.estimate), "identified": identified,
+                     "low": low if identified else None, "high": high if identified else None,
+                     "covered": identified and low <= tied.of(scene) <= high})  # fmt: skip
+    return {"scene": name, "seed": seed, "noise_um": fitted.noise_um, "jacobian_error": fitted.jacobian_error,
+            "steps": fitted.steps, "remarks": list(fitted.remarks), "parameters": rows}  # fmt: skip
 
 
 @styled

@@ -70,9 +70,9 @@ def measured_in(tree: Path, repeats: int) -> dict[str, float]:
     environment = os.environ | {"PYTHONPATH": str(tree)}
     command = [sys.executable, "-c", f"import sys; sys.path.append({str(ROOT)!r}); {MEASURE.format(repeats)}"]
     done = subprocess.run(command, cwd=tree, env=environment, stdout=subprocess.PIPE, check=True, text=True)
-    found = json.loads(done.stdout.splitlines()[-1])
-    assert Path(found.pop("camopt")).is_relative_to(tree), "another camopt was measured"
-    return found
+    times = json.loads(done.stdout.splitlines()[-1])
+    assert Path(times.pop("camopt")).is_relative_to(tree), "another camopt was measured"
+    return times
 
 
 MEASURE = "from experiments.linear_cost import measure; measure({})"
@@ -87,7 +87,7 @@ def measure(repeats: int) -> None:
     from camopt.scene import build_train, load_scene
     from camopt.scene.rest import state_at_rest
 
-    found: dict[str, float | str] = {"camopt": str(camopt.__file__)}
+    times: dict[str, float | str] = {"camopt": str(camopt.__file__)}
     for name, speed_rpm in SCENES.items():
         scene = load_scene(name)
         train, lift, speed = build_train(scene), polydyne(scene), scene.cam_speed(speed_rpm)
@@ -98,8 +98,8 @@ def measure(repeats: int) -> None:
             "sampled": partial(revolve, state),
             "gradient": partial(value_and_gradient, train, lift, speed, ["seating_velocity_m_per_s"], state),
         }
-        found |= {f"{name}, {key}": fastest_tenth(run, repeats) for key, run in work.items()}
-    print(json.dumps(found))
+        times |= {f"{name}, {key}": fastest_tenth(run, repeats) for key, run in work.items()}
+    print(json.dumps(times))
 
 
 def fastest_tenth(run: Callable[[], object], repeats: int) -> float:

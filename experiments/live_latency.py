@@ -101,19 +101,19 @@ def watched(page, process: subprocess.Popen, changes: int) -> dict:
 
 def measured(page, times: int, steps: int) -> dict:
     """Latencies by kind of slider, and at rest."""
-    found: dict[str, list[dict]] = {kind: [] for kind in SLIDERS}
+    answers: dict[str, list[dict]] = {kind: [] for kind in SLIDERS}
     loops = []
     for kind, keys in SLIDERS.items():
         for key in keys * times:
             loops.append(timed_loop())
-            found[kind] += dragged(page, key, steps)
-    sketches = {kind: [a["latency_ms"] for a in every if a["part"] == "sketch"] for kind, every in found.items()}
+            answers[kind] += dragged(page, key, steps)
+    sketches = {kind: [a["latency_ms"] for a in every if a["part"] == "sketch"] for kind, every in answers.items()}
     content = {
         "loop_clock_s": float(np.mean([clock for clock, _ in loops])),
         "loop_processor_s": float(np.min([processor for _, processor in loops])),
         "drag": {kind: percentiles(values) for kind, values in sketches.items()},
         "drag_all": percentiles([value for values in sketches.values() for value in values]),
-        "rest": percentiles([a["latency_ms"] for every in found.values() for a in every if a["part"] == "band"]),
+        "rest": percentiles([a["latency_ms"] for every in answers.values() for a in every if a["part"] == "band"]),
     }
     p95 = {"drag_p95": content["drag_all"]["p95_ms"], "rest_p95": content["rest"]["p95_ms"]}
     per_loop = {key: ms and ms / 1000 / content["loop_clock_s"] for key, ms in p95.items()}

@@ -102,10 +102,10 @@ def coverage(truth, noises, steps, seeds: int) -> dict:
     accepted = [table for table in tables if table is not None]
     ratios, acceleration = [], truth(EVENT * DEG, 2) / MM * DEG**2
     for table in accepted:
-        found = table.over_event(2)
-        largest = np.abs(found).max() / 100
-        rms = np.sqrt(np.mean((found - acceleration) ** 2))
-        extremes = max(abs(found.max() - acceleration.max()), abs(found.min() - acceleration.min()))
+        fitted = table.over_event(2)
+        largest = np.abs(fitted).max() / 100
+        rms = np.sqrt(np.mean((fitted - acceleration) ** 2))
+        extremes = max(abs(fitted.max() - acceleration.max()), abs(fitted.min() - acceleration.min()))
         stated = table.report["acceleration_error_percent"], table.report["peak_error_percent"]
         ratios.append((rms / (largest * stated[0]), extremes / (largest * stated[1])))
     result: dict = {"tables": len(tables), "refused": len(tables) - len(accepted)}
@@ -126,9 +126,9 @@ def cell(truth, noise_um: float, step: float, seeds: int) -> dict:
     errors = []  # of each table: those of camopt and of plain interpolation, in lift and in acceleration
     for table in accepted:
         plain = make_interp_spline(table.degrees, table.lift, 5, bc_type="periodic")
-        ours = [table.over_event(k) - t for k, t in zip((0, 2), true, strict=True)]
-        theirs = [plain(EVENT, k) - t for k, t in zip((0, 2), true, strict=True)]
-        errors.append([*ours, *theirs])
+        fitted = [table.over_event(k) - t for k, t in zip((0, 2), true, strict=True)]
+        interpolated = [plain(EVENT, k) - t for k, t in zip((0, 2), true, strict=True)]
+        errors.append([*fitted, *interpolated])
     rms = [[float(np.sqrt(np.mean(e**2))) for e in kind] for kind in zip(*errors, strict=True)]
     worst = [max(float(np.abs(e).max()) for e in kind) for kind in zip(*errors, strict=True)]
     peak = np.abs(true[1]).max()
@@ -151,11 +151,11 @@ def draw_errors(rows: list[dict], peak: float) -> Figure:
     """RMS error of lift and acceleration against the noise, by step of the table; dashed: plain interpolation."""
     lift, acceleration = [("noise itself", NOISES_UM, NOISES_UM)], []
     for step in STEPS_DEG:
-        mine = [r for r in rows if r["step_deg"] == step and r["refused"] < r["tables"]]
-        noise = [r["noise_um"] for r in mine]
-        lift.append((f"{step:g} deg", noise, [r["lift_rms_um"] for r in mine]))
+        cells = [r for r in rows if r["step_deg"] == step and r["refused"] < r["tables"]]
+        noise = [r["noise_um"] for r in cells]
+        lift.append((f"{step:g} deg", noise, [r["lift_rms_um"] for r in cells]))
         for key, name in (("acceleration_rms", "{:g} deg"), ("plain_acceleration_rms", "{:g} deg, not smoothed")):
-            share = [100 * r[f"{key}_mm_per_deg2"] / peak for r in mine]
+            share = [100 * r[f"{key}_mm_per_deg2"] / peak for r in cells]
             acceleration.append((name.format(step), noise, share))
     row = [Panel("lift error [um]", lift), Panel("acceleration error [% of peak]", acceleration)]
     return panels([row], "noise of a row [um]", None, 7.2, 2.7, scale=("log", "log"), marker="o")

@@ -80,12 +80,12 @@ def main(size: str, folder=RESULTS) -> dict:
     figures: dict[str, Figure] = {}
     for name, scene in scenes.items():
         states = STATES if scene.seat else STATES[:1]
-        found = {state: modes(scene, state) for state in states}
+        by_state = {state: modes(scene, state) for state in states}
         content["modes"][name] = {
             s: {"frequency_Hz": m.frequency_Hz[:LISTED], "damping_ratio": m.damping_ratio[:LISTED], "closed": m.closed}
-            for s, m in found.items()
+            for s, m in by_state.items()
         }
-        lifted = found["lifted"]
+        lifted = by_state["lifted"]
         if size == "full" and len(scene.mass) > 1:
             what = f"{name}, lifted" if scene.seat else name
             figures[name] = draw_modes(lifted.frequency_Hz, lifted.shape, lifted.mass_names, what)
@@ -132,12 +132,12 @@ def meetings(scene: Scene, surge: np.ndarray) -> list[dict]:
 
 def beside_the_paper(scene: Scene) -> list[dict]:
     """Tables 1 and 2 of the eigen analysis with the modes by camopt; the sign of a shape is arbitrary."""
-    found = modes(scene)
+    computed = modes(scene)
     rows = []
     for i, (hz, shape) in enumerate(zip(PAPER_HZ, PAPER_SHAPES, strict=True)):
-        sign = np.sign(found.shape[i] @ np.array(shape))
-        rows.append({"mode": i + 1, "paper_Hz": hz, "frequency_Hz": found.frequency_Hz[i], "paper_shape": shape,
-                     "shape": sign * found.shape[i]})  # fmt: skip
+        sign = np.sign(computed.shape[i] @ np.array(shape))
+        rows.append({"mode": i + 1, "paper_Hz": hz, "frequency_Hz": computed.frequency_Hz[i], "paper_shape": shape,
+                     "shape": sign * computed.shape[i]})  # fmt: skip
     return rows
 
 

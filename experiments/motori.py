@@ -70,7 +70,7 @@ def figures_of(scene: Scene, lift: Lift, cam_rpm: float) -> dict:
         motion = settled(scene, lift, cam_rpm)
     except MotionRefused as refused:
         return {"refused": str(refused)}
-    response, found = motion.response, motion.metrics(lift)
+    response, metrics = motion.response, motion.metrics(lift)
     train, omega = response.train, cam_rpm * RPM
     angle = np.mod(response.angle + np.pi, 2 * np.pi) - np.pi
     spring = train.element_names.index("spring")
@@ -79,7 +79,7 @@ def figures_of(scene: Scene, lift: Lift, cam_rpm: float) -> dict:
     contact = response.force[:, train.cam_side[0]]
     step = np.gradient(response.angle) * (np.abs(angle) <= lift.half_duration)
     lashed = np.abs(angle) < lift.closing_angle(train.lash)
-    row = {name: found.worst(name) for name in TABLE}
+    row = {name: metrics.worst(name) for name in TABLE}
     row["ripple_N"] = float(np.sqrt(np.sum(step * (contact - rigid) ** 2) / np.sum(step)))
     row["landing_force_N"] = float(contact.max())
     row["seat_force_max_N"] = float(response.force[:, train.seat].max())
@@ -99,10 +99,10 @@ def stiffened(scene: Scene, kN_per_mm: float, zeta: float | None) -> Scene:
 def stiffness_table(scene: Scene, size: str, zeta: float | None) -> list[dict]:
     """The numbers of Figures 5 and 6: the contact force against the train's stiffness [kN/mm]."""
     lift = cam_of(scene)
-    kept = "damping ratio 0.1" if zeta else "damping constant 1200 kg/s"
+    damping = "damping ratio 0.1" if zeta else "damping constant 1200 kg/s"
     rows = []
     for k in STIFFNESS[size]:
-        row = {"engine": scene.name, "train_kN_per_mm": k, "kept": kept}
+        row = {"engine": scene.name, "train_kN_per_mm": k, "kept": damping}
         rows.append(row | figures_of(stiffened(scene, k, zeta), lift, SPEED))
     return rows
 
@@ -118,8 +118,8 @@ def span(scene: Scene, size: str) -> dict[str, list[float]]:
 def drawn_forces(scene: Scene, kN_per_mm: float) -> dict[str, Response]:
     """Motions at one train stiffness, with constant damping and with constant damping ratio."""
     lift = cam_of(scene)
-    kept = {"damping constant kept (1200 kg/s)": None, "damping ratio kept (0.1)": 0.1}
-    return {k: settled(stiffened(scene, kN_per_mm, zeta), lift, SPEED).response for k, zeta in kept.items()}
+    dampings = {"damping constant kept (1200 kg/s)": None, "damping ratio kept (0.1)": 0.1}
+    return {k: settled(stiffened(scene, kN_per_mm, zeta), lift, SPEED).response for k, zeta in dampings.items()}
 
 
 EVENT = (-110, 110)

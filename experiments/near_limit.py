@@ -65,8 +65,8 @@ def drawn(plan: dict, size: str, folder: Path) -> list[dict]:
     path, store = folder / "near_limit-cams.jsonl", folder / "near_limit-cams.sqlite"
     if not path.exists():
         cases = [{"number": n, "cams": plan["cams"], "width_rpm": plan["width_rpm"]} for n in plan["scenes"]]
-        found = [row for of in called("experiments.near_limit:cams_around", cases, size, store) for row in of["rows"]]
-        write_bytes(path, "".join(json.dumps(row) + "\n" for row in found).encode())
+        new = [row for of in called("experiments.near_limit:cams_around", cases, size, store) for row in of["rows"]]
+        write_bytes(path, "".join(json.dumps(row) + "\n" for row in new).encode())
     rows = [json.loads(line) for line in path.read_text().splitlines()]
     return [row for row in rows if row["scene"] in plan["scenes"] and row["cam"] < plan["cams"]]
 
@@ -76,19 +76,19 @@ def cams_around(number: int, cams: int, width_rpm: float | None) -> dict:
     scene, rows = scene_of(number, width_rpm), []
     for line in range(MOST_LINES):
         rng = np.random.default_rng([SEED, number, line])
-        for found in near_limit_cams(scene, rng, min(PER_LINE, cams - len(rows))):
-            row = {"scene": number, "name": scene.name, "cam": len(rows), "line": line, "knot_deg": found.knot_deg}
-            rows.append(row | {"z": found.z.tolist(), "truth": found.truth.as_row(), "cold": cold(scene, found, rng)})
+        for cam in near_limit_cams(scene, rng, min(PER_LINE, cams - len(rows))):
+            row = {"scene": number, "name": scene.name, "cam": len(rows), "line": line, "knot_deg": cam.knot_deg}
+            rows.append(row | {"z": cam.z.tolist(), "truth": cam.truth.as_row(), "cold": cold(scene, cam, rng)})
         if len(rows) >= cams:
             return {"rows": rows}
     raise RuntimeError(f"{scene.name}: {MOST_LINES} lines gave {len(rows)} cams around its limits")
 
 
-def cold(scene, found, rng: np.random.Generator) -> dict:
+def cold(scene, cam, rng: np.random.Generator) -> dict:
     """The motion from rest at the worst speed and at others, and its distance from the continued one."""
-    shares = found.truth.shares
+    shares = cam.truth.shares
     at = np.unique([int(np.argmax(shares)), *rng.integers(len(shares), size=COLD - 1)])
-    rest = from_rest(scene, lift_of(scene, found.knot_deg, found.z), found.truth.speeds_rpm[at])
+    rest = from_rest(scene, lift_of(scene, cam.knot_deg, cam.z), cam.truth.speeds_rpm[at])
     return {"share": rest.share, "apart": float(np.max(np.abs(rest.shares - shares[at])))}
 
 
@@ -96,9 +96,9 @@ def judged(plan: dict, cams: list[dict], size: str, folder: Path) -> list[dict]:
     """The cams with their verdicts."""
     of_plan = {key: plan[key] for key in ("width_rpm", "accuracy")}
     cases = [{"number": row["scene"], **{key: row[key] for key in ("knot_deg", "z")}, **of_plan} for row in cams]
-    found = called("experiments.near_limit:verdict_of", cases, size, folder / "near_limit-verdicts.sqlite")
+    verdicts = called("experiments.near_limit:verdict_of", cases, size, folder / "near_limit-verdicts.sqlite")
     added = ("verdict", "broken", "seconds", "rest")
-    return [row | {key: new[key] for key in added} for row, new in zip(cams, found, strict=True)]
+    return [row | {key: new[key] for key in added} for row, new in zip(cams, verdicts, strict=True)]
 
 
 def verdict_of(number: int, knot_deg: float, z: list[float], width_rpm: float | None, accuracy: str) -> dict:

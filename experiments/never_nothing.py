@@ -234,12 +234,12 @@ def largest_share(scene: Scene, cam: Lift) -> float:
 
 def optimised(scene: Scene) -> dict:
     """Exit code, verdict, family and area of `camopt optimize`; its last line where it found no cam."""
-    begin, said = time.process_time(), io.StringIO()
+    begin, output = time.process_time(), io.StringIO()
     with tempfile.TemporaryDirectory() as work:
         file, folder = Path(work) / "scene.toml", Path(work) / "run"
         file.write_text(scene_toml(scene), encoding="utf-8")
         words = ["optimize", str(file), "--accuracy", "draft", "--no-compare", "--quiet", "--out", str(folder)]
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
             code = camopt_command(words)
         record, verdict = ({}, {}) if not (folder / "design.json").exists() else (
             json.loads((folder / name).read_text(encoding="utf-8")) for name in ("design.json", "verification.json")
@@ -250,7 +250,7 @@ def optimised(scene: Scene) -> dict:
         "delivered_family": record.get("family"),
         "area_ratio": record.get("area_ratio"),
         "bound": record.get("area_ratio_bound"),
-        "says": record.get("why_a_family") or ("" if record else said.getvalue().strip().splitlines()[-1]),
+        "says": record.get("why_a_family") or ("" if record else output.getvalue().strip().splitlines()[-1]),
         "optimize_s": round(time.process_time() - begin, 1),
     }
 

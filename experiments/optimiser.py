@@ -62,11 +62,11 @@ def row(name: str, scene: Scene, speeds: str, size: str) -> dict:
     """One design: areas, worst metrics at speeds not used in the search, sign changes of the acceleration, time."""
     started = time.perf_counter()
     try:
-        found = find_cam(scene, speeds, EFFORT[size], GRADIENT[size]).confirmed[-1]
+        design = find_cam(scene, speeds, EFFORT[size], GRADIENT[size]).confirmed[-1]
     except InputError as error:
         return {"case": name, "area_ratio": None, "why": str(error)}
     seconds = time.perf_counter() - started
-    lift, operation = found.lift, scene.operation
+    lift, operation = design.lift, scene.operation
     low, high = operation.band_rpm
     grid = operation.speeds_rpm if speeds == "nominal" else np.arange(low, high + 1, GRID_RPM)
     at = at_speeds(settled_metrics, scene, lift, grid)
@@ -74,7 +74,7 @@ def row(name: str, scene: Scene, speeds: str, size: str) -> dict:
     bends = np.sign(np.round(lift(np.linspace(-1, 1, 4001) * lift.half_duration, 2), 9))
     return {
         "case": name,
-        "area_ratio": found.area_ratio,
+        "area_ratio": design.area_ratio,
         "area_ratio_bound": area_ratio_bound(scene.design).bound if certified else None,
         "speeds_judged": len(grid),
         **{n: max(r[n] for r in at) for n in SHOWN},

@@ -56,10 +56,10 @@ def tasks(size: str) -> list[dict]:
 
 def gathered(rows: list[dict], of: Callable[[dict], float | None]) -> dict[str, dict[str, list[float | None]]]:
     """By method and scene a number of the run from each start."""
-    found: dict[str, dict[str, list[float | None]]] = {}
+    by_method: dict[str, dict[str, list[float | None]]] = {}
     for row in rows:
-        found.setdefault(row["method"], {}).setdefault(row["scene"], []).append(of(row))
-    return found
+        by_method.setdefault(row["method"], {}).setdefault(row["scene"], []).append(of(row))
+    return by_method
 
 
 def largest(rows: list[dict]) -> dict[str, float]:
@@ -98,12 +98,12 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     def seconds(row: dict) -> float | None:
         return next((at for at, area in row["stairs"] if area >= NEAR * most[row["scene"]]), None)
 
-    found = gathered(rows, lambda row: row["area_ratio"])
+    areas = gathered(rows, lambda row: row["area_ratio"])
     content = {
         "budget_s": SECONDS[size],
         "processor_s": sum(row["processor_s"] for row in rows),
         "starts": STARTS[size],
-        "areas": found,
+        "areas": areas,
         "largest": most,
         "seconds_to_near": gathered(rows, seconds),
         "runs": [{key: value for key, value in row.items() if key != "seconds"} for row in rows],

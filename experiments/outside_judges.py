@@ -51,19 +51,19 @@ def main(size: str = "full", folder=RESULTS) -> dict:
     """Differences from rest and of settled metrics, the detected changes, and the computing times."""
     with TemporaryDirectory() as made:
         if size == "small":
-            scene, other = load_scene("motori-1"), load_scene(CHANGED)
+            scene, changed_scene = load_scene("motori-1"), load_scene(CHANGED)
             rows, cams = of_cam(scene, "polydyne", polydyne(scene), [5000.0]), {}
-            changes = changed(other, polydyne(other), 2)
-            beside = undamped_part([(other, "polydyne", polydyne(other), [5000.0])], None, SMALL_STEPS)
+            changes = changed(changed_scene, polydyne(changed_scene), 2)
+            beside = undamped_part([(changed_scene, "polydyne", polydyne(changed_scene), [5000.0])], None, SMALL_STEPS)
         else:
             scenes = [load_scene(name) for name in builtin_scenes() if load_scene(name).design]
             cams = {scene.name: delivered(scene, Path(made)) for scene in scenes}
             cases = [case for scene in scenes for case in cases_of(scene, cams[scene.name])]
             rows = [row for case in cases for row in of_cam(*case)]
-            other, design = load_scene(CHANGED), needed(cams[CHANGED])
-            changes = changed(other, design, len(CHANGES))
+            changed_scene, design = load_scene(CHANGED), needed(cams[CHANGED])
+            changes = changed(changed_scene, design, len(CHANGES))
             slowest = [(*case[:3], case[3][:1]) for case in {case[0].name: case for case in reversed(cases)}.values()]
-            beside = undamped_part(slowest, (other, "design", design, [CHANGED_RPM]))
+            beside = undamped_part(slowest, (changed_scene, "design", design, [CHANGED_RPM]))
     content = {"rows": rows, "changes": changes, **beside, "summary": summary(rows, changes) | beside["summary"]}
     figures = {} if size == "small" else {"motion": motion_figure([_drawn(cams, *case) for case in DRAWN])}
     if beside["undamped"]:
@@ -97,16 +97,16 @@ def of_cam(scene: Scene, cam: str, lift: Lift, speeds_rpm: list[float]) -> list[
         answer = speed.methods["event"]
         measured = MEASURED[0] if answer.periodic else MEASURED[1]
         options = "--settled", str(answer.revolutions), "--measured", str(measured)
-        found = outside_motions(scene, lift, [speed.speed_rpm], *options)
-        one = found["speeds"][0]
-        said = compared(found["engine"], one, *valve_from_rest(scene, lift, speed.speed_rpm))
+        outside = outside_motions(scene, lift, [speed.speed_rpm], *options)
+        at_speed = outside["speeds"][0]
+        comparison = compared(outside["engine"], at_speed, *valve_from_rest(scene, lift, speed.speed_rpm))
         settled = {
-            name: _beside(name, answer.range[name], answer.error[name], one["settled"], answer.periodic)
+            name: _beside(name, answer.range[name], answer.error[name], at_speed["settled"], answer.periodic)
             for name in FIGURES
         }
-        ms = {"exudyn": 1e3 * one["seconds_per_revolution"], "event": revolution_ms(scene, lift, speed.speed_rpm)}
-        jump_mm = max(f["jump_mm"] for f in one["figures"])
-        row = {"scene": scene.name, "cam": cam, **said, "jump_mm": jump_mm, "tolerance": one["tolerance"]}
+        ms = {"exudyn": 1e3 * at_speed["seconds_per_revolution"], "event": revolution_ms(scene, lift, speed.speed_rpm)}
+        jump_mm = max(f["jump_mm"] for f in at_speed["figures"])
+        row = {"scene": scene.name, "cam": cam, **comparison, "jump_mm": jump_mm, "tolerance": at_speed["tolerance"]}
         rows.append(row | {"periodic": answer.periodic, "settled": settled, "ms": ms})
         print({key: rows[-1][key] for key in ("scene", "cam", "speed_rpm", "difference_nm", "stated_nm", "agrees")})
     return rows
@@ -140,10 +140,10 @@ def changed(scene: Scene, lift: Lift, count: int) -> list[dict]:
     lift = as_written(lift)
     valve, rows = valve_from_rest(scene, lift, CHANGED_RPM), []
     for change in CHANGES[:count]:
-        given = change.scene(scene), as_written(change.cam(lift)), [CHANGED_RPM]
-        found = outside_motions(*given, "--law", change.law)
-        said = compared(found["engine"], found["speeds"][0], *valve)
-        rows.append({"change": change.name, **said, "noticed": not said["agrees"]})
+        model = change.scene(scene), as_written(change.cam(lift)), [CHANGED_RPM]
+        outside = outside_motions(*model, "--law", change.law)
+        comparison = compared(outside["engine"], outside["speeds"][0], *valve)
+        rows.append({"change": change.name, **comparison, "noticed": not comparison["agrees"]})
     return rows
 
 
@@ -175,8 +175,8 @@ def _drawn(cams: dict[str, Lift | None], name: str, speed_rpm: float) -> dict:
     """A motion of a design for the figure: the valve by camopt [m], and the difference of Exudyn's from it [nm]."""
     scene, lift = load_scene(name), as_written(needed(cams[name]))
     ours, _ = valve_from_rest(scene, lift, speed_rpm)
-    theirs = np.array(outside_motions(scene, lift, [speed_rpm])["speeds"][0]["valve_m"])
-    return {"title": f"{name}, {speed_rpm:.0f} r/min", "valve_m": ours, "off_nm": (theirs - ours) / NM}
+    exudyn = np.array(outside_motions(scene, lift, [speed_rpm])["speeds"][0]["valve_m"])
+    return {"title": f"{name}, {speed_rpm:.0f} r/min", "valve_m": ours, "off_nm": (exudyn - ours) / NM}
 
 
 def motion_figure(cases: list[dict]) -> Figure:

@@ -169,11 +169,11 @@ REAL = 10_000
 def main(size: str, folder=RESULTS) -> dict:
     """Draws the scenes, classifies the results, prints and writes `random_scenes.json`."""
     linear, real = SCENES[size]
-    content = {**found(range(linear), size), "real": found(range(REAL, REAL + real), size)}
+    content = {**results(range(linear), size), "real": results(range(REAL, REAL + real), size)}
     return write_result("random_scenes", size, content, {}, folder)
 
 
-def found(numbers: range, size: str) -> dict:
+def results(numbers: range, size: str) -> dict:
     """The counts for the scenes of these numbers."""
     cams = 3 if size == "full" else 2
     rows = called("experiments.random_scenes:judged", ({"number": n, "cams": cams} for n in numbers), size)
@@ -237,13 +237,14 @@ def against_dop853(number: int, cams: int) -> dict:
     scene, speed, case = problem(number, cams)
     try:
         true = truth(event_exact, *case)
-        other = first_answer(dop853.prepare, *case, halvings=0, steps=max(DOP853_STEPS, first_steps(case[0], case[2])))
+        steps = max(DOP853_STEPS, first_steps(case[0], case[2]))
+        located = first_answer(dop853.prepare, *case, halvings=0, steps=steps)
     except MotionRefused as refusal:
         return {"verdict": REFUSED, "reason": str(refusal)}
-    if other.state is None:
+    if located.state is None:
         return {"verdict": REFUSED, "reason": "DOP853 does not follow the motion"}
     # event-exact's own error estimate, with DOP853's metrics
-    verdict, error_of, error = judge(replace(other, converged=true.answer.converged, error=true.answer.error), true)
+    verdict, error_of, error = judge(replace(located, converged=true.answer.converged, error=true.answer.error), true)
     return {"verdict": verdict, "scene": scene.name, "speed_rpm": speed, "error_of": error_of, "error": error}
 
 

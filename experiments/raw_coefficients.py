@@ -47,8 +47,8 @@ def gradient(scene, cam: Lift, rpm: float, method: str) -> np.ndarray:
     def value(coefficients):
         return camopt.simulate(scene, cam, rpm, method, parameters={"lift": coefficients})[METRIC].data[0]
 
-    found = np.asarray(jax.grad(value)(motion_parameters(scene, cam)["lift"]))
-    return (found / np.diff(cam.borders)[:, None] ** np.arange(found.shape[1])).ravel()
+    slopes = np.asarray(jax.grad(value)(motion_parameters(scene, cam)["lift"]))
+    return (slopes / np.diff(cam.borders)[:, None] ** np.arange(slopes.shape[1])).ravel()
 
 
 def continuous(cam: Lift, orders: tuple[int, ...]) -> np.ndarray:

@@ -51,15 +51,15 @@ def job(scene: Scene, gradient: str) -> dict:
 
 def beside(scene: Scene) -> dict:
     """Area ratio and largest ratio to a limit of the literature's plain cams; a sentence where there is no cam."""
-    judge, found = Judge(scene, scene.required_operation.speeds_rpm), {}
+    judge, cams = Judge(scene, scene.required_operation.speeds_rpm), {}
     for name, cam in plain_baselines(scene).items():
         if name in BESIDE:
-            found[name] = cam
+            cams[name] = cam
         if name in BESIDE and not isinstance(cam, str):
             share = float(judge(cam).share.max())
             ratio = cam.area_ratio_in(scene.required_design)
-            found[name] = {"area_ratio": ratio, "used_part_of_a_limit": min(share, 1e6)}
-    return found
+            cams[name] = {"area_ratio": ratio, "used_part_of_a_limit": min(share, 1e6)}
+    return cams
 
 
 if __name__ == "__main__":

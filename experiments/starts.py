@@ -52,14 +52,14 @@ DRAWN, DRAWN_STARTS = "kodama", ("calmest", "Polydyne", "Multi-Pol", "random 1")
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
     """Searches from every start, prints and writes starts.json and its figure into `folder`."""
-    asked = SCENES[size]
+    names = SCENES[size]
     cases = [
-        {"scene": s, "start": b, "gradient": g, "size": size} for g, s, b in product(SOURCES[size], asked, STARTS[size])
+        {"scene": s, "start": b, "gradient": g, "size": size} for g, s, b in product(SOURCES[size], names, STARTS[size])
     ]
     rows = called("experiments.starts:searched", cases, size, folder / "starts.sqlite")
-    by_scene = {s: summary(s, rows) for s in asked}
+    by_scene = {s: summary(s, rows) for s in names}
     content = {"accuracy": ACCURACY[size], "speeds": SPEEDS[size], "scenes": by_scene, "rows": rows}
-    drawn = {"kodama": figure(rows)} if DRAWN in asked else {}
+    drawn = {"kodama": figure(rows)} if DRAWN in names else {}
     return write_result("starts", size, content, drawn, folder)
 
 
@@ -103,19 +103,19 @@ def random_cam(scene: Scene, seed: int, effort: Accuracy) -> Lift:
 def summary(scene: str, rows: list[dict]) -> dict:
     """By source the least and the largest confirmed area ratio, the numbers of searches and of confirmed ones, and the
     medians of their rounds, Jacobians and processor times [s]. The first smooth search in a process compiles."""
-    found: dict = {"before": BEFORE[scene]}
+    by_source: dict = {"before": BEFORE[scene]}
     for source in dict.fromkeys(row["gradient"] for row in rows):
         tried = [row for row in rows if (row["scene"], row["gradient"]) == (scene, source)]
         held = [row for row in tried if row["verdict"] == "confirmed"]
         areas = [row["area_ratio"] for row in held]
-        found[source] = {"tried": len(tried), "confirmed": len(held)} | {
+        by_source[source] = {"tried": len(tried), "confirmed": len(held)} | {
             "least": min(areas, default=None),
             "largest": max(areas, default=None),
             "rounds": median([row["rounds"] for row in held]),
             "jacobians": median([row["jacobians"] for row in held]),
             "seconds": median([row["search_s"] for row in held]),
         }
-    return found
+    return by_source
 
 
 def median(values: list[float]) -> float | None:

@@ -40,8 +40,8 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         content["scenes"][name] = row = judged(scene, lift, size)
         print(f"{name}: {row['differs']} of {row['judged']} verdicts differ, {row['open']} are left open")
         if name == SCENES[size][0]:
-            content["coverage"] = found = coverage(scene, lift, size)
-            print(f"{name}: {100 * found['covered']:.1f} % of the intervals hold {100 * found['share']:.2f} %")
+            content["coverage"] = tested = coverage(scene, lift, size)
+            print(f"{name}: {100 * tested['covered']:.1f} % of the intervals hold {100 * tested['share']:.2f} %")
     return write_result("stated_yields", size, content, {}, folder)
 
 
@@ -85,8 +85,8 @@ def coverage(scene: Scene, lift: Lift, size: str) -> dict:
     for _ in range(REPETITIONS):
         drawn = random.choice(holds, looks.trains[-1])
         ended = next(drawn[:n] for n in looks.trains if looks.ends(int(drawn[:n].sum()), n))
-        found = share_of(ended, looks)
-        inside += bool(found.low <= holds.mean() <= found.high)
+        stated = share_of(ended, looks)
+        inside += bool(stated.low <= holds.mean() <= stated.high)
     return {
         "population": population,
         "share": float(holds.mean()),

@@ -91,9 +91,9 @@ def memory(count: int, workers: int, folder: Path) -> dict[str, float]:
             yield task
 
     begin = time.perf_counter()
-    found = camopt.sweep(watched(), folder / "many.sqlite", workers=workers)
+    swept = camopt.sweep(watched(), folder / "many.sqlite", workers=workers)
     early, late = seen.values()
-    assert found.counts == {"done": count}
+    assert swept.counts == {"done": count}
     return {
         "tasks": count,
         "early_MB": early,

@@ -164,9 +164,9 @@ def _distance(rows: list[dict], criterion: str, steps: int) -> dict:
     out: dict = {"criterion": criterion, "steps_per_revolution": steps}
     for speed in dict.fromkeys(row["speed_rpm"] for row in rows):
         here = [row for row in rows if row["speed_rpm"] == speed]
-        found = {name: [_of(row, name, criterion, steps) for row in here] for name in METHODS}
-        median = {name: np.array([m["median"] for m in of]) for name, of in found.items()}
-        second = {name: np.array([m["second"] for m in of]) for name, of in found.items()}
+        summaries = {name: [_of(row, name, criterion, steps) for row in here] for name in METHODS}
+        median = {name: np.array([m["median"] for m in of]) for name, of in summaries.items()}
+        second = {name: np.array([m["second"] for m in of]) for name, of in summaries.items()}
         truth = np.array([row["event"]["median"] for row in here])
         out[str(speed)] = {
             "rkg_to_tmm": _rms(median["rkg"] - median["tmm"]),

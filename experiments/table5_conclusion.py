@@ -36,8 +36,8 @@ def main(size: str, folder=RESULTS) -> dict:
     lifts = cams(scene) | {WIDER: cams(scene, 0.265)["polydyne"]}
     rng = np.random.default_rng(5)
     trains = [perturbed(build_train(scene), rng, PERTURBED, SIGMA) for _ in range(DRAWS[size])]
-    found = in_threads(partial(_bounces, scene, lifts), [(train,) for train in trains])
-    bounce = {name: np.array([row[name] for row in found]) for name in lifts}  # (draws, speeds)
+    by_train = in_threads(partial(_bounces, scene, lifts), [(train,) for train in trains])
+    bounce = {name: np.array([row[name] for row in by_train]) for name in lifts}  # (draws, speeds)
     claims = []
     for i, speed in enumerate(SPEEDS):
         for less, than in CLAIMS:

@@ -33,7 +33,7 @@ def rounding(lines: list[dict]) -> list[dict]:
         if "float32" not in line["method"] or line["failure"]:
             continue
         key = line["case"], line["method"].replace("float32", "float64"), line["setting"]
-        (double,) = (other for other in lines if (other["case"], other["method"], other["setting"]) == key)
+        (double,) = (row for row in lines if (row["case"], row["method"], row["setting"]) == key)
         single, wide, true = (
             np.array(one["figures"]["lift_mm"]) * MM / UM for one in (line, double, references[line["case"]])
         )
@@ -54,13 +54,13 @@ def main(size: str, folder: Path = RESULTS) -> dict:
     scene, more = load_scene(SCENE[size]), []
     cam = polydyne(scene)
     with tempfile.TemporaryDirectory() as scratch:
-        found = tradeoff(scene, Path(scratch) / "run", size=size, progress=size == "full", cam=cam)
+        study = tradeoff(scene, Path(scratch) / "run", size=size, progress=size == "full", cam=cam)
         if size == "full":
             from experiments.support.smooth_costs import smooth_work
 
             work = [or_failure(one) for one in smooth_work(scene, cam)]
             more = measured(Records(None, "case", "method", "setting"), work, progress=True)
-        return keep(found.folder, size, folder, more)
+        return keep(study.folder, size, folder, more)
 
 
 def keep(run: Path, size: str, folder: Path = RESULTS, more: Sequence[dict] = ()) -> dict:

@@ -39,13 +39,13 @@ REST, LAST = 1e-2, 20
 def first_broken(scene: Scene, lift: Lift) -> float | None:
     """The lowest of the checked speeds [r/min] at which the settled motion breaks a limit, or None."""
     speeds = LOOKED_AT * scene.required_operation.band_rpm[1]
-    found = settled_metrics([build_train(scene)], [lift], [scene.cam_speed(s) for s in speeds])
-    shares = [limit.share(found.worst(limit.metric)[0, 0]) for limit in motion_limits(scene.design).values()]
+    metrics = settled_metrics([build_train(scene)], [lift], [scene.cam_speed(s) for s in speeds])
+    shares = [limit.share(metrics.worst(limit.metric)[0, 0]) for limit in motion_limits(scene.design).values()]
     broken = np.flatnonzero(~(np.max(shares, axis=0) <= 1.0)) if shares else []
     return float(speeds[broken[0]]) if len(broken) else None
 
 
-def said(scene: Scene, lift: Lift, speed_rpm: float) -> Converged:
+def event_answer(scene: Scene, lift: Lift, speed_rpm: float) -> Converged:
     """The event-exact answer of a verdict for the motion at a speed."""
     tolerances = Tolerances(limited=limited_metrics(scene.design))
     methods = {"event": event_exact, "rkg": rkg.prepare}
@@ -54,18 +54,18 @@ def said(scene: Scene, lift: Lift, speed_rpm: float) -> Converged:
 
 def apart(train: Train, lift: Lift, cam_speed: float, state: np.ndarray, revolutions: int) -> np.ndarray:
     """Distances of the states a revolution apart, in the tolerances of settling."""
-    revolve, n, found = prepare(train, lift, cam_speed), len(train.mass), []
+    revolve, n, distances = prepare(train, lift, cam_speed), len(train.mass), []
     units = np.repeat([SETTLED_POSITION, SETTLED_VELOCITY, SETTLED_POSITION], [n, n, len(state) - 2 * n])
     for _ in range(revolutions):
         before, state = state, revolve.advance(state, 1)
-        found.append(np.abs((state - before) / units).max())
-    return np.array(found)
+        distances.append(np.abs((state - before) / units).max())
+    return np.array(distances)
 
 
 def compared(scene: Scene, lift: Lift, speed_rpm: float, revolutions: int) -> dict:
     """The row of one speed: the verdict's statement, and the comparison with the further revolutions."""
     train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
-    answer = said(scene, lift, speed_rpm)
+    answer = event_answer(scene, lift, speed_rpm)
     state = prepare(train, lift, cam_speed).advance(state_at_rest(train), answer.revolutions)
     how = {"most": 0, "measured": 1, "aperiodic": APERIODIC * (revolutions // APERIODIC)}  # measures all of them
     long = settled_metrics([train], [lift], [cam_speed], starts=state, workers=1, **how)

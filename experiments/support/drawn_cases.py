@@ -53,11 +53,11 @@ def varied(scene: Scene, rng: np.random.Generator) -> Scene:
     """
     preload = PRELOAD ** rng.uniform(-1, 1)
 
-    def changed(part):
-        values = {k: f ** rng.uniform(-1, 1) * getattr(part, k) for k, f in SPREAD.items() if getattr(part, k, None)}
-        if getattr(part, "preload_N", 0.0):
-            values["preload_N"] = preload * part.preload_N
-        return part.model_copy(update=values)
+    def changed(item):
+        values = {k: f ** rng.uniform(-1, 1) * getattr(item, k) for k, f in SPREAD.items() if getattr(item, k, None)}
+        if getattr(item, "preload_N", 0.0):
+            values["preload_N"] = preload * item.preload_N
+        return item.model_copy(update=values)
 
     update = {"mass": tuple(map(changed, scene.mass)), "element": tuple(map(changed, scene.element))}
     return parse_scene(scene_toml(scene.model_copy(update=update)), scene.name)

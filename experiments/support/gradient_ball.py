@@ -88,8 +88,8 @@ def smooth_path(width: float) -> Callable[[], Answer]:
 
     def end(numbers):
         speed, distance, c, k = numbers
-        own = system_with(train, {"damping": c[None], "stiffness": k[None]})
-        driven = DrivenSystem(own, samples, 2 * jnp.pi / END)
+        system = system_with(train, {"damping": c[None], "stiffness": k[None]})
+        driven = DrivenSystem(system, samples, 2 * jnp.pi / END)
         motion = response_arrays(driven, jnp.stack([distance[None], -speed[None]]), Layer(width), steps=steps)
         return jnp.stack([motion.x[-1, 0], motion.v[-1, 0]]), steps
 
@@ -105,8 +105,8 @@ def diffrax_switch(tolerance: float) -> Callable[[], Answer]:
         return jnp.stack([v, force])
 
     def solved(numbers):
-        found = _solve(rate, 0.0, jnp.stack([numbers[1], -numbers[0]]), numbers, tolerance)
-        return found.ys[-1], found.stats["num_steps"]
+        solution = _solve(rate, 0.0, jnp.stack([numbers[1], -numbers[0]]), numbers, tolerance)
+        return solution.ys[-1], solution.stats["num_steps"]
 
     return _by_jax(solved)
 
@@ -144,8 +144,8 @@ def _by_jax(end: Callable, jacobian: Callable = jax.jacrev) -> Callable[[], Answ
 
     def answer() -> Answer:
         at = jnp.asarray(AT)
-        found, steps = value(at)
-        return np.asarray(found), np.asarray(slopes(at)[0]), int(steps)
+        state, steps = value(at)
+        return np.asarray(state), np.asarray(slopes(at)[0]), int(steps)
 
     return answer
 
@@ -154,11 +154,11 @@ def judged(method: Callable[[], Answer], repeats: int) -> dict:
     """Error and cosine of a method's Jacobian of relative changes, and its time per step."""
     seconds, (end, jacobian, steps) = fastest(method, repeats, time.perf_counter)
     true, value = truth(), closed_form(AT)
-    found, wanted = (q * AT / value[:, None] for q in (jacobian, true))
+    computed, exact = (q * AT / value[:, None] for q in (jacobian, true))
     return {
         "value_error": float(np.max(np.abs(end / value - 1))),
-        "relative_error": float(np.linalg.norm(found - wanted) / np.linalg.norm(wanted)),
-        "cosine": cosine(found.ravel(), wanted.ravel()),
+        "relative_error": float(np.linalg.norm(computed - exact) / np.linalg.norm(exact)),
+        "cosine": cosine(computed.ravel(), exact.ravel()),
         "steps": steps,
         "ms": 1e3 * float(seconds),
         "us_per_step": 1e6 * float(seconds) / steps if steps else None,
@@ -195,14 +195,14 @@ def mjx(steps: int, *, contact: bool) -> Callable[[], Answer]:
     def end(numbers):
         speed, distance, c, k = numbers
         solref = jnp.broadcast_to(-jnp.stack([k, c]), model.geom_solref.shape)
-        own = model.replace(geom_solref=solref)
+        damped = model.replace(geom_solref=solref)
 
         def step(data, _):
             if not contact:
                 x, v = data.qpos[0], data.qvel[0]
                 force = jnp.where(x < 0, jnp.maximum(-k * x - c * v, 0.0), 0.0)
                 data = data.replace(qfrc_applied=force[None])
-            return mjx.step(own, data), None
+            return mjx.step(damped, data), None
 
         data = rest.replace(qpos=distance[None], qvel=-speed[None])
         data, _ = jax.lax.scan(step, data, None, length=steps)

@@ -97,11 +97,11 @@ def exact_differences(p: Problem, speed: int) -> np.ndarray:
     return np.array([[slope(b, h) for b in p.bumps] for h in STEPS_OF_DIFFERENCES])
 
 
-def against(found: np.ndarray, differences: np.ndarray) -> dict[str, float]:
+def against(gradient: np.ndarray, differences: np.ndarray) -> dict[str, float]:
     """Relative error and cosine of a gradient (m) against the differences (steps, m) that agree best with it."""
-    error = np.linalg.norm(found - differences, axis=1) / np.linalg.norm(differences, axis=1)
+    error = np.linalg.norm(gradient - differences, axis=1) / np.linalg.norm(differences, axis=1)
     if not np.any(np.isfinite(error)):
         return {"relative_error": float("nan"), "cosine": float("nan")}
     best = differences[int(np.nanargmin(error))]
-    cosine = found @ best / (np.linalg.norm(found) * np.linalg.norm(best)) if np.any(found) else 0.0
+    cosine = gradient @ best / (np.linalg.norm(gradient) * np.linalg.norm(best)) if np.any(gradient) else 0.0
     return {"relative_error": float(np.nanmin(error)), "cosine": float(cosine)}

@@ -93,12 +93,12 @@ def truth(scene: Scene, lift: Lift, speeds_rpm: np.ndarray, enough: float = np.i
     fixed, figures, periodic = FixedPoints(train, most), [], []
     for speed in speeds_rpm:
         try:
-            found, repeats = fixed.next(lift, scene.cam_speed(speed))
+            metrics, repeats = fixed.next(lift, scene.cam_speed(speed))
         except MotionRefused:
-            found, repeats = np.full(len(METRICS), np.nan), False
-        figures.append(found)
+            metrics, repeats = np.full(len(METRICS), np.nan), False
+        figures.append(metrics)
         periodic.append(repeats)
-        if np.max(np.nan_to_num(found / limits, nan=np.inf)) > enough:
+        if np.max(np.nan_to_num(metrics / limits, nan=np.inf)) > enough:
             break
     return Truth(speeds_rpm[: len(figures)], np.array(figures), np.array(periodic), limits)
 
@@ -218,9 +218,9 @@ def near_limit_cams(scene: Scene, rng: np.random.Generator, most: int = PER_LINE
     cam = free_cam(scene.design, knot_deg)
     safe, risky = _line(scene, cam, rng)
     targets = np.exp(rng.uniform(*np.log(AROUND), PER_LINE))[:most]
-    found = [_located(scene, cam, safe, risky, target) for target in targets]
-    different = {z.tobytes(): NearLimit(knot_deg, z, known) for z, known in (one for one in found if one is not None)}
-    return list(different.values())
+    located = [_located(scene, cam, safe, risky, target) for target in targets]
+    cams = [NearLimit(knot_deg, *cam) for cam in located if cam is not None]
+    return list({cam.z.tobytes(): cam for cam in cams}.values())
 
 
 def band(scene: Scene, step: float = 1.0) -> np.ndarray:
@@ -234,11 +234,11 @@ def _line(scene: Scene, cam: FreeCam, rng: np.random.Generator) -> tuple[np.ndar
     design = scene.design
     speeds = [scene.cam_speed(s) for s in np.linspace(*scene.operation.band_rpm, PROGRAM_SPEEDS)]
     program = no_jump_program(build_train(scene), design, cam, speeds)
-    kept, tension = rng.uniform(*KEPT_N, 3), np.exp(rng.uniform(*np.log(TENSION_N), 3))
+    margins, tension = rng.uniform(*KEPT_N, 3), np.exp(rng.uniform(*np.log(TENSION_N), 3))
     try:
-        safe = program.solve(kept).z
+        safe = program.solve(margins).z
     except NoCamHoldsContact as none:
-        safe = program.solve(kept - none.shortfall_N - 1.0).z
+        safe = program.solve(margins - none.shortfall_N - 1.0).z
     if rng.random() < KINEMATIC:
         return safe, kinematic_optimum(design, cam).z
     return safe, program.solve(-tension).z
@@ -252,8 +252,8 @@ def _located(scene: Scene, cam: FreeCam, safe, risky, target: float) -> tuple[np
 
     def share(s: float, step: float) -> tuple[float, Truth]:
         most = MOST if step == 1.0 else COARSE_MOST
-        found = truth(scene, cam.lift(at(s)), band(scene, step), enough=AROUND[1], most=most)
-        return found.share, found
+        motion = truth(scene, cam.lift(at(s)), band(scene, step), enough=AROUND[1], most=most)
+        return motion.share, motion
 
     low, high = 0.0, 1.0
     if share(low, COARSE_RPM)[0] > AROUND[1] or share(high, COARSE_RPM)[0] < AROUND[0]:
@@ -264,9 +264,9 @@ def _located(scene: Scene, cam: FreeCam, safe, risky, target: float) -> tuple[np
         low, high = (low, middle) if value > target else (middle, high)
     s, width = 0.5 * (low + high), 0.125
     for _ in range(FULL):
-        value, found = share(s, 1.0)
+        value, motion = share(s, 1.0)
         if AROUND[0] <= value <= AROUND[1]:
-            return at(s), found
+            return at(s), motion
         s = float(np.clip(s + (width if value < AROUND[0] else -width) * s, 0.0, 1.0))
         width *= 0.6
     return None

@@ -168,13 +168,13 @@ class PathProgram:
         self.start = np.linalg.solve(self.metric, problem.start)
 
         def rows(y: jax.Array) -> jax.Array:
-            own = {"z": jnp.asarray(self.metric) @ y}
-            begun = held._replace(start=lagrangian.paths(own, held, "forward").end)
-            found = lagrangian.rows(own, begun, lagrangian.paths(own, begun, "forward"))
-            return jnp.concatenate([row[EVERY - 1 :: EVERY].ravel() for row in found.values()])
+            variables = {"z": jnp.asarray(self.metric) @ y}
+            begun = held._replace(start=lagrangian.paths(variables, held, "forward").end)
+            slacks = lagrangian.rows(variables, begun, lagrangian.paths(variables, begun, "forward"))
+            return jnp.concatenate([row[EVERY - 1 :: EVERY].ravel() for row in slacks.values()])
 
-        asked = np.flatnonzero(np.isfinite(rows(jnp.asarray(self.start))))
-        self.paths, self.slopes = jax.jit(lambda y: rows(y)[asked]), jax.jit(jax.jacfwd(lambda y: rows(y)[asked]))
+        finite = np.flatnonzero(np.isfinite(rows(jnp.asarray(self.start))))
+        self.paths, self.slopes = jax.jit(lambda y: rows(y)[finite]), jax.jit(jax.jacfwd(lambda y: rows(y)[finite]))
         _ = self.paths(self.start), self.slopes(self.start)  # compiles before the clock starts
         polyhedron = problem.shape.polyhedron
         self.matrix, self.level = polyhedron.matrix @ self.metric, polyhedron.bound
@@ -221,12 +221,12 @@ def solved(program: PathProgram, method: str, held: list, options: dict, **other
     """Message of SciPy at the end of a method."""
     program.problem.begin()
     row = program.row
-    found = minimize(
+    result = minimize(
         lambda y: -float(row @ y), program.start, jac=lambda y: -row, method=method, constraints=held, options=options,
         **others,
     )  # fmt: skip
-    program.problem.share(program.metric @ found.x)
-    return str(found.message)
+    program.problem.share(program.metric @ result.x)
+    return str(result.message)
 
 
 def cma_es(problem: Problem) -> str:

@@ -43,8 +43,8 @@ def panels(
     """
     labels = list(dict.fromkeys(label for row in rows for panel in row for label, _, _ in panel.curves))
     line = {
-        label: {"marker": marker, "markersize": 3} | own | (look or {}).get(label, {})
-        for label, own in _lines(labels).items()
+        label: {"marker": marker, "markersize": 3} | line_look | (look or {}).get(label, {})
+        for label, line_look in _lines(labels).items()
     }
     figure = new_figure(width, 0.9 + row_height * len(rows))
     grid = figure.subplots(len(rows), len(rows[0]), sharex=True, sharey="row" if sharey else False, squeeze=False)
@@ -70,14 +70,14 @@ def panels(
 
 def _lines(labels: Sequence[str]) -> dict[str, dict]:
     """Line properties by label: cams as in all figures, other labels in colours that no cam of this figure has."""
-    own = {family_of(label) for label in labels}
-    free = [colour for family, (colour, _) in lines().items() if family not in own]
-    found, taken = {}, 0
+    families = {family_of(label) for label in labels}
+    free = [colour for family, (colour, _) in lines().items() if family not in families]
+    looks, taken = {}, 0
     for label in labels:
         if family_of(label):
-            found[label] = cam_line(label)
+            looks[label] = cam_line(label)
             continue
         dashes = ("-", (0, (5, 1.3)), (0, (2, 1)))[taken // len(free) % 3]
-        found[label] = {"color": free[taken % len(free)], "linestyle": dashes, "linewidth": 1.1}
+        looks[label] = {"color": free[taken % len(free)], "linestyle": dashes, "linewidth": 1.1}
         taken += 1
-    return found
+    return looks

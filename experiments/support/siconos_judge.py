@@ -48,12 +48,12 @@ def lift_of(cam: dict, angle: np.ndarray) -> np.ndarray:
 class SiconosModel:
     """A train with a cam at one cam speed [rad/s]."""
 
-    def __init__(self, given: dict, cam_speed: float):
-        self.given, self.speed = given, cam_speed
-        masses, drag, load = (np.array(given[name]) for name in ("mass", "drag", "load"))
-        s, c = (SimpleNamespace(**{k: np.array(v) for k, v in given[kind].items()}) for kind in ("springs", "contacts"))
+    def __init__(self, data: dict, cam_speed: float):
+        self.given, self.speed = data, cam_speed
+        masses, drag, load = (np.array(data[name]) for name in ("mass", "drag", "load"))
+        s, c = (SimpleNamespace(**{k: np.array(v) for k, v in data[kind].items()}) for kind in ("springs", "contacts"))
         n, m = len(masses), masses[:, None]
-        s.row, c.row = (part.row.reshape(-1, n) for part in (s, c))  # a train may have no spring
+        s.row, c.row = (group.row.reshape(-1, n) for group in (s, c))  # a train may have no spring
         stiff = s.row.T @ (s.stiffness[:, None] * s.row)
         damped = s.row.T @ (s.damping[:, None] * s.row) + np.diag(drag)
         self.a = np.block([[np.zeros((n, n)), np.eye(n)], [-stiff / m, -damped / m]])
@@ -62,7 +62,7 @@ class SiconosModel:
         self.by_force = np.vstack([np.zeros((n, len(c.gap))), -c.row.T / m])
         self.by_state = np.hstack([-c.row, np.zeros_like(c.row)])
         self.stiffness, self.driven, self.open = c.stiffness, c.driven, c.gap - c.preload / c.stiffness
-        self.start = np.concatenate([given["rest"], np.zeros(n)])
+        self.start = np.concatenate([data["rest"], np.zeros(n)])
 
     def revolution(self, steps: int) -> np.ndarray:
         """Valve position (SAMPLES + 1) [m] in the first revolution from rest, in equal steps."""
@@ -126,11 +126,11 @@ def main() -> None:
     parser.add_argument("given", help="the JSON file of numbers")
     parser.add_argument("--out", required=True, help="the JSON file to write")
     args = parser.parse_args()
-    given, rows = json.loads(Path(args.given).read_text(encoding="utf-8")), []
-    for speed_rpm, cam_speed in given["speeds"]:
-        model = SiconosModel(given, cam_speed)
+    data, rows = json.loads(Path(args.given).read_text(encoding="utf-8")), []
+    for speed_rpm, cam_speed in data["speeds"]:
+        model = SiconosModel(data, cam_speed)
         turn_s = 2 * math.pi / cam_speed
-        rows.append({"speed_rpm": speed_rpm, "turn_s": turn_s, "halvings": halved(model, given["finest"])})
+        rows.append({"speed_rpm": speed_rpm, "turn_s": turn_s, "halvings": halved(model, data["finest"])})
     content = {"engine": f"Siconos {import_module('siconos').version}", "speeds": rows}
     Path(args.out).write_text(json.dumps(content), encoding="utf-8")
 

@@ -91,7 +91,7 @@ def undamped(scene: Scene) -> Scene | None:
     return scene.model_copy(update={"element": tuple(elements)})
 
 
-def given(scene: Scene, lift: Lift, folder: Path) -> dict:
+def siconos_input(scene: Scene, lift: Lift, folder: Path) -> dict:
     """The input of Siconos for an undamped scene and a cam: the numbers of their files, as `camopt.verifier.outside`
     reads them. Raises ValueError for elements that complementarity cannot express."""
     write_text(folder / "scene.toml", scene_toml(scene))
@@ -130,15 +130,15 @@ def compared(
         folder = Path(held)
         speeds = [(speed, scene.cam_speed(speed)) for speed in speeds_rpm]
         source, target = folder / "given.json", folder / "motion.json"
-        write_json(source, given(*model, folder) | {"speeds": speeds, "finest": finest})
+        write_json(source, siconos_input(*model, folder) | {"speeds": speeds, "finest": finest})
         command = [python, "-I", siconos_judge.__file__, str(source), "--out", str(target)]
         ended = subprocess.run(command, capture_output=True, text=True, check=False)
         if ended.returncode:
             raise RuntimeError(f"Siconos broke off: {ended.stderr.strip()[-500:]}")
-        found = json.loads(target.read_text(encoding="utf-8"))
-    valves = [valve_from_rest(scene, lift, one["speed_rpm"])[0][0] for one in found["speeds"]]
-    rows = [apart(one, valve, 2 * lift.half_duration) for one, valve in zip(found["speeds"], valves, strict=True)]
-    return found["engine"], rows
+        motions = json.loads(target.read_text(encoding="utf-8"))
+    valves = [valve_from_rest(scene, lift, one["speed_rpm"])[0][0] for one in motions["speeds"]]
+    rows = [apart(one, valve, 2 * lift.half_duration) for one, valve in zip(motions["speeds"], valves, strict=True)]
+    return motions["engine"], rows
 
 
 def judged(python: str, scene: Scene, cam: str, lift: Lift, speeds_rpm: list[float], finest: int) -> list[dict]:
@@ -157,9 +157,9 @@ def apart(one: dict, valve: np.ndarray, duration: float) -> dict:
     `event_nm` is the difference within the cam's `duration` [rad], before the valve strikes the undamped seat.
     """
     halvings = one["halvings"]
-    theirs = np.array([h["valve_m"] for h in halvings])
-    moved = np.abs(np.diff(theirs, axis=0)).max(axis=1) / NM
-    off = np.abs(theirs - valve) / NM
+    positions = np.array([h["valve_m"] for h in halvings])
+    moved = np.abs(np.diff(positions, axis=0)).max(axis=1) / NM
+    off = np.abs(positions - valve) / NM
     event = np.abs(np.linspace(-np.pi, np.pi, SAMPLES + 1)) <= duration / 2
     stated = AGREES_NM + float(moved[-2:].max(initial=0.0))
     steps = halvings[-1]["steps"]
