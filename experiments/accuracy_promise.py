@@ -106,25 +106,13 @@ def counts(rows: list[dict]) -> dict[str, dict]:
 
 
 def main(size: str, folder=RESULTS) -> dict:
-    """Draws the cases and evaluates them."""
+    """Draws and evaluates the cases, counts, prints and writes `accuracy_promise.json`."""
     rng, cases = np.random.default_rng(SEED[size] + 1), []
     for number in range(DRAWS[size]):
         asked_um = float(10 ** rng.uniform(*np.log10(ASKED_UM)))
         cases.append({"number": number, "asked_um": asked_um, "other": str(rng.choice(("rkg", "tmm", "houbolt")))})
     results = called("experiments.accuracy_promise:judged", [{**case, "size": size} for case in cases], size)
-    return keep([row for of in results for row in of["rows"]], size, folder)
-
-
-def judged(number: int, asked_um: float, other: str, size: str) -> dict:
-    """The rows of the random case of a number."""
-    case = next(islice(drawn_cases(SEED[size], DRAWS[size]), number, None))
-    rows = [*lift_rows(case, asked_um, other, number % DOP853_EVERY == 0), bounce_row(case, asked_um)]
-    where = {"scene": case.scene.name, "cam": case.cam_name, "speed_rpm": case.speed_rpm}
-    return {"rows": [where | row for row in rows]}
-
-
-def keep(rows: list[dict], size: str, folder=RESULTS) -> dict:
-    """Counts, prints and writes `accuracy_promise.json`."""
+    rows = [row for of in results for row in of["rows"]]
     located = [r for r in rows if "truth_against_dop853_um" in r and r["truth_unknown_um"] <= 0.5 * r["asked_um"]]
     content = {
         "draws": DRAWS[size],
@@ -133,6 +121,14 @@ def keep(rows: list[dict], size: str, folder=RESULTS) -> dict:
         "rows": [{k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in r.items()} for r in rows],
     }
     return write_result("accuracy_promise", size, content, {}, folder)
+
+
+def judged(number: int, asked_um: float, other: str, size: str) -> dict:
+    """The rows of the random case of a number."""
+    case = next(islice(drawn_cases(SEED[size], DRAWS[size]), number, None))
+    rows = [*lift_rows(case, asked_um, other, number % DOP853_EVERY == 0), bounce_row(case, asked_um)]
+    where = {"scene": case.scene.name, "cam": case.cam_name, "speed_rpm": case.speed_rpm}
+    return {"rows": [where | row for row in rows]}
 
 
 if __name__ == "__main__":

@@ -41,14 +41,12 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
 
     generations, population = SIZES[size]
     for score in (lambda m: m["bounce_mm"], lambda m: 1 - m["area_ratio"] + 20 * max(0.0, m["bounce_mm"] - limit)):
-        differential_evolution(
-            lambda p, score=score: (lambda m: BARRED if m["barred"] else score(m))(member(p)),
-            BOUNDS,
-            maxiter=generations,
-            popsize=population,
-            rng=0,
-            polish=False,
-        )
+
+        def cost(parameters, score=score) -> float:
+            judged = member(parameters)
+            return BARRED if judged["barred"] else score(judged)
+
+        differential_evolution(cost, BOUNDS, maxiter=generations, popsize=population, rng=0, polish=False)
     usable = [m for m in seen.values() if not m["barred"]]
     holding = [m for m in usable if m["bounce_mm"] <= limit]
     result = {

@@ -25,7 +25,7 @@ from camopt.cam.polynomials import recentred
 from camopt.exact.adjoint.motion import TracedMotion, value_and_gradient
 from camopt.exact.engine import prepare as prepare_exact
 from camopt.measure.hermite import Hermite
-from camopt.scene import load_scene
+from camopt.scene import Response, load_scene
 from camopt.scene.units import DEG
 from camopt.smooth.exact_rule import exact_metrics
 from camopt.smooth.grid import equal_grid
@@ -201,9 +201,7 @@ def exact_setting(p: Problem, lift: Lift) -> dict:
         fine = prepare_exact(p.train, p.lift, speed, REFERENCE_STEPS)(state)
         motion = TracedMotion(p.train, lift, speed, state, spacing=SPACING)
         angle = np.linspace(-np.pi, np.pi, 721)
-        i = p.train.valve
-        curve = Hermite(fine.angle, fine.x[:, i], fine.v[:, i] / speed)
-        worst = max(worst, 1e3 * float(np.max(np.abs(motion.at(angle).x[:, i] - curve(angle)))))
+        worst = max(worst, valve_error_mm(p, fine, speed, angle, motion.at(angle).x[:, p.train.valve]))
     return {"error_mm": worst}
 
 
@@ -219,19 +217,20 @@ METHODS: dict[str, Callable[[Problem, np.ndarray], Timed]] = {
 
 def loosest(p: Problem, settings, valve) -> tuple[float, float]:
     """First setting whose valve position is within ERROR_MM of the fine solution at every speed, and its error [mm]."""
-    fine = []
-    for s in range(len(p.speeds_rpm)):
-        record = prepare(p.train, p.lift, p.cam_speeds[s], eps=BATCH_EPS)(p.states[s])
-        i = p.train.valve
-        fine.append(Hermite(record.angle, record.x[:, i], record.v[:, i] / p.cam_speeds[s]))
+    speeds = list(enumerate(p.cam_speeds))
+    fine = [prepare(p.train, p.lift, speed, eps=BATCH_EPS)(p.states[s]) for s, speed in speeds]
     for setting in settings:
-        worst = 0.0
-        for s, curve in enumerate(fine):
-            angle, x = valve(s, setting)
-            worst = max(worst, 1e3 * float(np.max(np.abs(x - curve(angle)))))
+        worst = float(np.max([valve_error_mm(p, fine[s], speed, *valve(s, setting)) for s, speed in speeds]))
         if worst <= ERROR_MM:
             return setting, worst
     raise RuntimeError(f"no setting of {settings} keeps within {ERROR_MM} mm of its own reference")
+
+
+def valve_error_mm(p: Problem, fine: Response, cam_speed: float, angle: np.ndarray, x: np.ndarray) -> float:
+    """Largest distance [mm] of valve positions x [m] at angles [rad] from cubics through a fine motion."""
+    i = p.train.valve
+    curve = Hermite(fine.angle, fine.x[:, i], fine.v[:, i] / cam_speed)
+    return 1e3 * float(np.max(np.abs(x - curve(angle))))
 
 
 def timed(call, repeats: int = 10):

@@ -46,8 +46,20 @@ def main(size: str, folder: Path = RESULTS) -> dict:
     """Draws the cams, verifies and counts them, and writes `near_limit.json` and its figure."""
     plan = FULL if size == "full" else SMALL
     folder.mkdir(parents=True, exist_ok=True)
-    cams = drawn(plan, size, folder)
-    return keep(judged(plan, cams, size, folder), plan, size, folder)
+    rows = judged(plan, drawn(plan, size, folder), size, folder)
+    trains = {KINDS[number]["name"]: scene_of(number, plan["width_rpm"]) for number in plan["scenes"]}
+    scenes = {name: table([row for row in rows if row["name"] == name]) for name in trains}
+    shown = [{k: v for k, v in row.items() if k != "z"} | {"outcome": outcome(row)} for row in rows]
+    content = {
+        "table": table(rows),
+        "scenes": scenes,
+        "bands_rpm": {name: list(scene.operation.band_rpm) for name, scene in trains.items()},
+        "speeds_looked_at": sum(len(band(trains[row["name"]])) for row in rows),
+        "continued_and_cold_apart": max(row["cold"]["apart"] for row in rows),
+        "median_seconds_of_a_verdict": float(np.median([row["seconds"] for row in rows])),
+        "rows": shown,
+    }
+    return write_result("near_limit", size, content, {"verdicts": figure(rows)} if size == "full" else {}, folder)
 
 
 def scene_of(number: int, width_rpm: float | None):
@@ -147,23 +159,6 @@ def table(rows: list[dict]) -> dict[str, int]:
         "bad from rest only": sum(row["truth"]["share"] <= 1.0 < worst_share(row) for row in rows),
         "good among the undecided": sum(worst_share(row) <= 1.0 for row in undecided),
     }
-
-
-def keep(rows: list[dict], plan: dict, size: str, folder: Path = RESULTS) -> dict:
-    """Counts, prints and writes."""
-    trains = {KINDS[number]["name"]: scene_of(number, plan["width_rpm"]) for number in plan["scenes"]}
-    scenes = {name: table([row for row in rows if row["name"] == name]) for name in trains}
-    shown = [{k: v for k, v in row.items() if k != "z"} | {"outcome": outcome(row)} for row in rows]
-    content = {
-        "table": table(rows),
-        "scenes": scenes,
-        "bands_rpm": {name: list(scene.operation.band_rpm) for name, scene in trains.items()},
-        "speeds_looked_at": sum(len(band(trains[row["name"]])) for row in rows),
-        "continued_and_cold_apart": max(row["cold"]["apart"] for row in rows),
-        "median_seconds_of_a_verdict": float(np.median([row["seconds"] for row in rows])),
-        "rows": shown,
-    }
-    return write_result("near_limit", size, content, {"verdicts": figure(rows)} if size == "full" else {}, folder)
 
 
 def figure(rows: list[dict]) -> Figure:
