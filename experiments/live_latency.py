@@ -24,7 +24,7 @@ import numpy as np
 
 from camopt.storage import write_bytes
 from experiments.job_time import arithmetic_loop
-from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, resident_MB, run_script, write_result
 
 SCENES = Path(__file__).resolve().parents[2] / "shared" / "data" / "scenes"
 OTHERS = "bucket-tappet", "pushrod-exhaust"
@@ -77,12 +77,6 @@ def percentiles(values: list[float]) -> dict:
     return {"answers": len(values), "p50_ms": p50, "p95_ms": p95, "largest_ms": most}
 
 
-def resident_MB(process: subprocess.Popen) -> float:
-    """Resident memory of a process, on Linux."""
-    pages = int(Path(f"/proc/{process.pid}/statm").read_text(encoding="ascii").split()[1])
-    return pages * 4096 / 1000**2
-
-
 def watched(page, process: subprocess.Popen, changes: int) -> dict:
     """The server's memory after a tenth, a half and all of a number of changes of the inputs."""
     ask = """async (values) => (await (await fetch('/ask', {
@@ -95,7 +89,7 @@ def watched(page, process: subprocess.Popen, changes: int) -> dict:
         state = page.evaluate(ask, values)
         states[state] = states.get(state, 0) + 1
         if i + 1 in (changes // 10, changes // 2, changes):
-            rows.append({"changes": i + 1, "resident_MB": round(resident_MB(process), 1)})
+            rows.append({"changes": i + 1, "resident_MB": round(resident_MB(process.pid), 1)})
     return {"states": states, "memory": rows}
 
 

@@ -21,14 +21,13 @@ import numpy as np
 import camopt
 from camopt.scene import load_scene
 from camopt.tasks.engines import cluster
-from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, resident_MB, run_script, write_result
 
 EMPTY = {"small": (200, 1000), "full": (1000, 10_000)}
 SETTLED = {"small": (24, 72), "full": (200, 2000)}
 """(first task that is timed, number of tasks)."""
 MANY = {"small": (20_000, 0), "full": (1_000_000, 2)}
 """(number of tasks, processes that compute them; 0: the parent itself)."""
-PAGE_BYTES = 4096
 EARLY = 0.1
 """Share of the tasks after which memory is first measured."""
 
@@ -87,7 +86,7 @@ def memory(count: int, workers: int, folder: Path) -> dict[str, float]:
     def watched() -> Iterator[dict]:
         for i, task in enumerate(empty(count)):
             if i in (int(EARLY * count), count - 1):
-                seen[i] = int(Path("/proc/self/statm").read_text().split()[1]) * PAGE_BYTES / 1e6
+                seen[i] = resident_MB()
             yield task
 
     begin = time.perf_counter()

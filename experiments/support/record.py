@@ -1,7 +1,6 @@
 """Shared by the experiments: cases computed by `camopt.sweep`, and stored results as a small JSON and PNG figures."""
 
 import argparse
-import io
 import platform
 import tempfile
 import time
@@ -9,11 +8,10 @@ from collections.abc import Callable, Iterable
 from importlib.metadata import version
 from pathlib import Path
 
-import matplotlib
 from matplotlib.figure import Figure
 
 import camopt
-from camopt.plots.style import RC
+from camopt.plots.style import picture
 from camopt.storage import write_bytes, write_json
 
 WORKERS = {"small": 0, "full": None}
@@ -38,6 +36,7 @@ def called(function: str, cases: Iterable[dict], size: str, store: Path | None =
 
 PACKAGES = ("camopt", "numpy", "scipy", "numba", "jax")
 RESULTS = Path(__file__).parents[1] / "results"
+PAGE_BYTES = 4096
 DPI = 110
 """Resolution of the figures, for reading on a screen; they are stored in the repository and must stay small."""
 
@@ -58,12 +57,15 @@ def write_result(name: str, size: str, content: dict, figures: dict[str, Figure]
     folder.mkdir(parents=True, exist_ok=True)
     write_json(folder / f"{name}.json", {"provenance": provenance(f"python -m experiments.{name} {size}"), **content})
     for key, figure in figures.items():
-        buffer = io.BytesIO()
-        with matplotlib.rc_context(RC):
-            figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
-        write_bytes(folder / f"{name}-{key}.png", buffer.getvalue())
+        write_bytes(folder / f"{name}-{key}.png", picture(figure, "png", DPI))
     print(name, {key: value for key, value in content.items() if not isinstance(value, list)}, flush=True)
     return content
+
+
+def resident_MB(process: str | int = "self") -> float:
+    """Resident memory of a process, by default of this one, on Linux."""
+    pages = int(Path(f"/proc/{process}/statm").read_text(encoding="ascii").split()[1])
+    return pages * PAGE_BYTES / 1000**2
 
 
 def printed(row: dict) -> dict:
