@@ -34,7 +34,6 @@ STORED_ALONE = {
     "fixed_problems": {"rows.processor_ms"},  # no longer measured
     "job_time": {"older", "ratios"},  # of the full size alone
     "yield_price": {"beside"},  # of an older tree
-    "measured_tables": {"generated.acceleration_estimated_percent"},  # the script states other errors now
     "optimiser": {"rows.area_ratio_no_jump"},
     "random_scenes": {"event_exact"},  # no longer counted
     "work_precision": {"times_slower_by_round.CVODE Adams"},  # of the extra `peers`
