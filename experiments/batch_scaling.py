@@ -7,7 +7,6 @@ is the smaller of two measurements, per train or cam and per speed: the time by 
 threads, which does not include other work of the machine.
 """
 
-import resource
 from collections.abc import Callable
 from functools import cache, partial
 from itertools import product
@@ -20,6 +19,7 @@ from matplotlib.figure import Figure
 
 import camopt
 from camopt.measure.as_built import trains_as_built
+from camopt.optimizer.stage_clock import peak_memory_mb
 from camopt.smooth.laws import Layer
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples
@@ -65,9 +65,8 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         both = {work: timed(partial(run, *batch), REPEATS)[0] for work, run in programs_of.items()}
         cases = trains * cams * count
         by_case = {f"{work}_{CLOCKS[i]}": 1e3 * t[i] / cases for work, t in both.items() for i in range(2)}
-        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
         row = {"precision": precision, "trains": trains, "cams": cams, "speeds": count}
-        rows.append(printed(row | by_case | {"memory_MB": memory}))
+        rows.append(printed(row | by_case | {"memory_MB": peak_memory_mb()}))
         forces[precision, trains, cams] = np.asarray(motion(*batch), float)
     pairs = [(forces["float64", *case], force) for (kind, *case), force in forces.items() if kind == "float32"]
     error = max(float(np.abs(double - single).max()) for double, single in pairs)
