@@ -46,17 +46,14 @@ def orders_of_continuity(lift: Lift) -> dict[str, list[int]]:
     """
     half = lift.half_duration
     first, last = np.searchsorted(lift.borders, [-half - 1e-9, half - 1e-9])
-    widths = np.diff(lift.borders)
-    ends = []  # per derivative: values at the start and the end of every piece
-    for k in range(HIGHEST + 1):
-        pieces = [np.polynomial.Polynomial(c).deriv(k) for c in lift.coefficients]
-        ends.append(np.array([[p(0.0), p(w)] for p, w in zip(pieces, widths, strict=True)]))
-    scale = [np.abs(values[first:last]).max() for values in ends]
+    at = np.stack([lift.borders[:-1], lift.borders[1:]])  # the start and the end of every piece
+    ends = [lift.of_piece(np.arange(len(lift.coefficients)), at, k) for k in range(HIGHEST + 1)]
+    scale = [np.abs(values[:, first:last]).max() for values in ends]
 
     def order(angle: float) -> int:
         i = int(np.argmin(np.abs(lift.borders - angle)))
         for k, (values, largest) in enumerate(zip(ends, scale, strict=True)):
-            if abs(values[i, 0] - values[i - 1, 1]) > CONTINUOUS * largest:
+            if abs(values[0, i] - values[1, i - 1]) > CONTINUOUS * largest:
                 return k - 1
         return HIGHEST
 

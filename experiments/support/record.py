@@ -52,8 +52,7 @@ def provenance(command: str) -> dict:
 
 
 def write_result(name: str, size: str, content: dict, figures: dict[str, Figure], folder: Path) -> dict:
-    """Writes `<name>.json` with provenance and `<name>-<key>.png` for each figure, prints all but tables, and returns
-    `content`."""
+    """Writes `<name>.json` with provenance and `<name>-<key>.png` for each figure, prints and returns `content`."""
     folder.mkdir(parents=True, exist_ok=True)
     write_json(folder / f"{name}.json", {"provenance": provenance(f"python -m experiments.{name} {size}"), **content})
     for key, figure in figures.items():

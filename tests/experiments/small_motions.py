@@ -247,8 +247,7 @@ def raw_coefficients(content):
 
 
 def table5(content):
-    """The printed numbers are near the reference; with finer steps both methods converge to each other, and with the
-    criterion of force to the reference."""
+    """Printed numbers are near the reference; with finer steps the methods converge, with the force criterion to it."""
     rows = {(r["cam"], r["speed_rpm"]): r for r in content["table"]}
     assert rows["multi-pol", 6500]["paper"] == {"rkg": 0.58, "tmm": 0.41, "average": pytest.approx(0.495)}
     for row in rows.values():

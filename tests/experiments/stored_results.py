@@ -131,9 +131,8 @@ def stated_yields(content):
 
 
 def yield_price(content):
-    """Narrower tolerances give larger cams, whose yield new trains confirm; the tolerance with the largest scatter
-    costs most area; halving a tolerance gains less than leaving it out; no family of the literature has a member that
-    keeps all limits."""
+    """Narrower tolerances give larger cams, whose yield new trains confirm; the one with the largest scatter costs
+    most; halving gains less than leaving out; no family of the literature keeps all limits."""
     rows, prices, literature = content["rows"], content["prices"], content["literature"]
     areas = [rows[f"{width:g}"]["area_ratio"] for width in priced.WIDTHS["full"]]
     assert areas == sorted(areas, reverse=True)

@@ -122,7 +122,6 @@ def test_small_size(name, tmp_path, monkeypatch):
 
 
 def fields(content: dict, tables: set[str]) -> set[str]:
-    """Names of the entries, and of the fields that every row of a table has, except scenes and speeds; a small size may
-    lack a whole table."""
+    """Names of the entries, and of the fields that all rows of a table have, except scenes and speeds."""
     of_rows = {f"{key}.{name}" for key in tables for name in set.intersection(*map(set, content[key]))}
     return {name for name in (set(content) | of_rows) - set(builtin_scenes()) if not name[-1].isdigit()}

@@ -69,8 +69,7 @@ def test_where_no_python_has_siconos_one_sentence_names_the_package(monkeypatch,
 
 
 def test_what_is_stated_is_a_nanometre_and_the_most_of_two_halvings():
-    """Three records that differ by 2 nm and 0.5 nm at the end; the last is wrong by 0.25 nm, but by 4 nm outside the
-    cam's duration."""
+    """Three records that differ by 2 nm and 0.5 nm; the last is wrong by 0.25 nm, but by 4 nm outside the duration."""
     true = np.zeros(SAMPLES + 1)
     far = np.zeros(SAMPLES + 1)
     far[-1] = 4e-9
