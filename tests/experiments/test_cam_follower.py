@@ -8,15 +8,7 @@ import pytest
 from camopt.exact import prepare
 from camopt.scene import build_train, load_scene
 from experiments import cam_follower
-from experiments.cam_follower import (
-    TIP,
-    arcs,
-    bound_on_decline,
-    cam_of,
-    damping_of,
-    highest_rise,
-    profile,
-)
+from experiments.cam_follower import TIP, arcs, bound_on_decline, cam_of, damping_of, highest_rise, profile
 
 MASS, STIFFNESS, PRELOAD = 1.221, 1430.8, 143.08
 

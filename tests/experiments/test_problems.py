@@ -6,9 +6,8 @@ import numpy as np
 import pytest
 
 from camopt.study.extremes.extremes import LOCATING, STEP_METHODS
-from experiments.fixed_problems import FINE, HEIGHT, PROBLEMS, bouncing, position
+from experiments.fixed_problems import ANGLE, FINE, HEIGHT, PROBLEMS, bouncing, position
 
-ANGLE = np.linspace(-np.pi, np.pi, 361)
 METHODS = {**STEP_METHODS, "event": LOCATING["event"]}
 EXACT_SAMPLES = 1440
 """Fewer than those of the reference, so that event-exact takes other internal steps."""
