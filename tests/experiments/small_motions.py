@@ -1,6 +1,4 @@
-"""Checks of the small sizes of the experiments on motions and their gradients: a function of the content for each
-experiment, under its name.
-"""
+"""Checks of the small sizes of the experiments on motions and their gradients, by a function of the content for each."""
 
 import numpy as np
 import pytest
