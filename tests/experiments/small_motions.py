@@ -1,4 +1,4 @@
-"""Checks of the small sizes of the experiments on motions and their gradients, by a function of the content for each."""
+"""Checks of the small sizes of the experiments on motions and gradients, by a function of the content for each."""
 
 import numpy as np
 import pytest
