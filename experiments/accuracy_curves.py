@@ -1,10 +1,11 @@
-"""Which setting of each dial gave which error, over 40 drawn scenes, cams and speeds?
+"""What error does each accuracy setting give, over 40 random scenes, cams and speeds?
 
-Writes the curves from which `--accuracy` picks its settings. Methods: step times highest rate [rad] (smooth: width of
-the layer [m]) against the largest error of the valve's position over two revolutions from rest. "settling": how far a
-state may still move per revolution [um] against the error of the settled bounce. "band_step": step of a band [r/min]
-against what it misses of the largest bounce. The truth is event-exact at finer samples, settled to 1e-10 m; draws that
-event-exact itself does not know to 1 um are left out and counted.
+The script writes the curves from which `--accuracy` picks its settings. Of a method: the step times the train's highest
+natural frequency [rad] (of the smooth path: the width of the layer [m]) against the largest error of the valve's
+position over two revolutions from rest. "settling": the change of the state over a revolution [um] at which a motion
+counts as settled, against the error of the settled bounce. "band_step": the step of a band [r/min] against the part of
+the largest bounce that it misses. The reference is event-exact with finer samples, settled to 1e-10 m; cases in which
+event-exact with two steps differs by more than 1 um are left out and counted.
 """
 
 from functools import partial
@@ -40,14 +41,14 @@ SETTLED = 1e-10
 
 
 def of_methods(cases: list[DrawnCase], phases, smooth: int) -> tuple[dict, int]:
-    """Errors [um] by method: (draws, settings); and how many draws have no truth."""
+    """Errors [um] (cases, settings) by method, and the number of cases without a reference."""
     errors: dict[str, list] = {name: [] for name in ("event", "dop853", "rkg", "tmm", "houbolt", "smooth")}
     unknown = 0
     for i, case in enumerate(cases):
         train, cam_speed = build_train(case.scene), case.scene.cam_speed(case.speed_rpm)
         run = {name: dialled(train, case.lift, cam_speed, name, REVOLUTIONS) for name in errors}
-        truth, other = (valve_position(run["event"](phase), REVOLUTIONS) for phase in (TRUTH_PHASE, 1.5 * TRUTH_PHASE))
-        if apart_um(truth, [other], REVOLUTIONS).max() > 1.0:
+        truth, coarse = (valve_position(run["event"](phase), REVOLUTIONS) for phase in (TRUTH_PHASE, 1.5 * TRUTH_PHASE))
+        if apart_um(truth, [coarse], REVOLUTIONS).max() > 1.0:
             unknown += 1
             continue
         for name, rows in errors.items():
@@ -65,7 +66,7 @@ def _error(run, setting: float, truth: np.ndarray) -> float:
 
 
 def of_settling(cases: list[DrawnCase]) -> list[list[float]]:
-    """Errors of the settled bounce [um]: (draws that settle, tolerances)."""
+    """Errors of the settled bounce [um]: (cases that settle, tolerances)."""
     rows = []
     for case in cases:
         train = build_train(case.scene)
@@ -73,19 +74,19 @@ def of_settling(cases: list[DrawnCase]) -> list[list[float]]:
         truth = settle(revolve, rest, most=300, position=SETTLED)
         if truth.periodic:
             bounce = partial(settle, revolve, rest, 300)
-            found = [bounce(position=s * UM).metrics(case.lift).worst("bounce_mm") for s in SETTLING_UM]
-            rows.append(np.abs(np.array(found) - truth.metrics(case.lift).worst("bounce_mm")) * MM / UM)
+            bounces = [bounce(position=s * UM).metrics(case.lift).worst("bounce_mm") for s in SETTLING_UM]
+            rows.append(np.abs(np.array(bounces) - truth.metrics(case.lift).worst("bounce_mm")) * MM / UM)
     return [row for row in rows if np.all(np.isfinite(row))]
 
 
 def of_bands(cases: list[DrawnCase], steps) -> list[list[float]]:
-    """What a band's step misses of the largest bounce in the finest one [um]: (draws, steps)."""
+    """Part of the largest bounce that each step of the band misses [um], relative to the finest: (cases, steps)."""
     rows = []
     for case in cases:
         low, high = case.scene.required_operation.band_rpm
         speeds = np.arange(low, high + 1, steps[0])
-        found = at_speeds(settled_metrics, case.scene, case.lift, speeds)
-        bounce = np.nan_to_num([row["bounce_mm"] for row in found], nan=np.inf)
+        metrics = at_speeds(settled_metrics, case.scene, case.lift, speeds)
+        bounce = np.nan_to_num([row["bounce_mm"] for row in metrics], nan=np.inf)
         worst = [bounce[:: step // steps[0]].max() for step in steps]
         if np.isfinite(worst[0]):
             rows.append((worst[0] - np.array(worst)) * MM / UM)

@@ -1,7 +1,9 @@
-"""Do ten ordinary trains drawn at random all end in a confirmed cam or a sentence, at draft accuracy?
+"""Does the design job at draft accuracy end with a confirmed cam or a stated reason on each of ten ordinary trains
+drawn at random?
 
-Bucket, finger and pushrod trains with rigid and elastic rods, two to fourteen masses, numbers as engines have them:
-each through the whole job at draft accuracy, comparison included. A crash, or a verdict without a word, is a defect.
+The trains are bucket, finger and pushrod trains with rigid and elastic rods and two to fourteen masses, with numbers in
+the range of real engines. Each goes through the whole job at draft accuracy, comparison included. A crash, or a verdict
+without a reason, counts as a defect.
 """
 
 import tempfile
@@ -25,15 +27,15 @@ DAMPING = 0.02, 0.06
 """Damping ratios of contacts, stems and rods, each against the mass that it carries."""
 COIL_DAMPING = 0.005, 0.03
 ACCELERATION = 1.6
-"""Largest spring force over what the valve side needs at the nose and the top speed."""
+"""Ratio of the largest spring force to the force that the valve side needs at the nose and the top speed."""
 NOSE_MM_PER_DEG2 = 0.008
 LUMPED = 0.25
-"""Part of the trains whose valve spring has no mass of its own."""
+"""Share of the trains whose valve spring has no masses of its own."""
 DEFECT = "defect"
 
 
 def drawn(number: int) -> Scene:
-    """The train of a number: its architecture by turns, its numbers drawn."""
+    """The train of a number: the architectures take turns, the numbers are drawn at random."""
     rng = np.random.default_rng([13, number])
     kind = ARCHITECTURES[number % len(ARCHITECTURES)]
     data = train(rng, kind)
@@ -41,8 +43,8 @@ def drawn(number: int) -> Scene:
 
 
 def train(rng: np.random.Generator, kind: str) -> dict:
-    """A scene as a file says it: parts from the cam to the valve, a spring of coils, a seat."""
-    low, high = bands(kind)
+    """A scene as the data of its file: parts from the cam to the valve, a spring of coils, and a seat."""
+    low, high = (2500.0, 4500.0) if kind.startswith("pushrod") else (4000.0, 6500.0)  # crankshaft [r/min]
     parts = chain(rng, kind)
     coils = 0 if rng.random() < LUMPED else int(rng.integers(1, 15 - len(parts)))
     masses = [{"name": name, "mass_kg": mass} for name, mass, _, _ in parts]
@@ -69,13 +71,8 @@ def train(rng: np.random.Generator, kind: str) -> dict:
             "design": design(rng), "mass": masses, "element": elements}  # fmt: skip
 
 
-def bands(kind: str) -> tuple[float, float]:
-    """Crankshaft speeds [r/min]: pushrod trains are slower."""
-    return (2500.0, 4500.0) if kind.startswith("pushrod") else (4000.0, 6500.0)
-
-
 def chain(rng: np.random.Generator, kind: str) -> list[tuple[str, float, str, float]]:
-    """Parts from the cam to the valve: name, mass [kg], how it is joined to the part before, stiffness [N/m]."""
+    """Parts from the cam to the valve: name, mass [kg], kind of the joint to the previous part, stiffness [N/m]."""
     contact = lambda: float(rng.uniform(4e7, 1.2e8))  # noqa: E731
     head, stem = ("valve", float(rng.uniform(0.04, 0.09))), float(rng.uniform(6e7, 1.5e8))
     if kind == "bucket":
@@ -93,14 +90,14 @@ def chain(rng: np.random.Generator, kind: str) -> list[tuple[str, float, str, fl
 
 
 def element(rng, name: str, kind: str, a: str, b: str, stiffness: float, mass: float, **more) -> dict:
-    """An element with a damping of a drawn ratio."""
+    """An element whose damping ratio is drawn."""
     damping = 2 * float(rng.uniform(*DAMPING)) * float(np.sqrt(stiffness * mass))
     return {"name": name, "kind": kind, "between": [a, b], "stiffness_N_per_m": stiffness,
             "damping_N_s_per_m": damping, **more}  # fmt: skip
 
 
 def spring(rng, masses: list[dict], valve: str, rate: float, preload: float, coils: int) -> list[dict]:
-    """The valve spring: one element, or `coils` masses between equal ones; its masses join `masses`."""
+    """The elements of the valve spring: one, or equal ones between `coils` masses, which are appended to `masses`."""
     weight, one = 0.04, (coils + 1) * rate
     names = [valve, *(f"coil_{i + 1}" for i in range(coils)), "ground"]
     masses += [{"name": name, "mass_kg": weight / (coils + 1)} for name in names[1:-1]]
@@ -112,29 +109,29 @@ def spring(rng, masses: list[dict], valve: str, rate: float, preload: float, coi
 
 
 def design(rng: np.random.Generator) -> dict:
-    """Conditions and limits of the built-in scenes, duration and lift drawn; now and then unequal ramps."""
+    """Conditions and limits of the built-in scenes with a drawn duration and lift; some have unequal ramps."""
     limits = {"acceleration_max_mm_per_deg2": 0.015, "acceleration_min_mm_per_deg2": -NOSE_MM_PER_DEG2}
-    found = {"duration_deg": float(rng.integers(140, 152)), "max_lift_mm": float(rng.uniform(8.5, 9.5)),
+    conditions = {"duration_deg": float(rng.integers(140, 152)), "max_lift_mm": float(rng.uniform(8.5, 9.5)),
              "ramp_height_mm": 0.3, "ramp_velocity_mm_per_deg": 0.012, "ramp_foot_deg": 10.0, **limits,
              "jerk_max_mm_per_deg3": 0.003, "nose_deg": 35.0, "bounce_max_mm": 0.05, "jump_max_mm": 0.05,
              "seating_velocity_max_m_per_s": 0.8}  # fmt: skip
-    return found | ({"closing_ramp_velocity_mm_per_deg": 0.009} if rng.random() < 0.3 else {})
+    return conditions | ({"closing_ramp_velocity_mm_per_deg": 0.009} if rng.random() < 0.3 else {})
 
 
 def job(scene: Scene, folder: Path, speeds: str = "band") -> dict:
-    """How the job ends on a scene: its verdict, the sentence of a refusal, or the defect."""
+    """Outcome of the job on a scene: its verdict, the sentence of a refusal, or the defect."""
     begin = time.perf_counter()
     row = {"scene": scene.name, "masses": len(scene.mass), "contacts": sum(e.kind == "contact" for e in scene.element)}
     try:
-        found = optimize(scene, speeds, "draft", "none", folder)
+        run = optimize(scene, speeds, "draft", "none", folder)
     except InputError as refusal:
         return row | {"ends": "refused", "sentence": str(refusal), "seconds": time.perf_counter() - begin}
-    except Exception as error:  # what the experiment is there to find
+    except Exception as error:  # the defects that this experiment is meant to find
         return row | {"ends": DEFECT, "sentence": f"{type(error).__name__}: {error}"}
-    record, failed = found.record, _failed_families(folder)
+    record, failed = run.record, _failed_families(folder)
     return row | {
-        "ends": found.verdict.verdict,
-        "sentence": found.verdict.reason,
+        "ends": run.verdict.verdict,
+        "sentence": run.verdict.reason,
         "area_ratio": record["area_ratio"],
         "area_ratio_bound": record["area_ratio_bound"],
         "failed_families": failed,
@@ -142,14 +139,14 @@ def job(scene: Scene, folder: Path, speeds: str = "band") -> dict:
     }
 
 
-def one(number: int, speeds: str) -> dict:
-    """How the job ends on a drawn train."""
+def job_on_draw(number: int, speeds: str) -> dict:
+    """Outcome of the job on a drawn train."""
     with tempfile.TemporaryDirectory() as runs:
         return job(drawn(number), Path(runs) / "run", speeds)
 
 
 def _failed_families(folder: Path) -> dict[str, str]:
-    """Families without a cam in the comparison, and why."""
+    """Families without a cam in the comparison, with the reasons."""
     from pandas import read_csv
 
     rows = read_csv(folder / "comparison.csv")
@@ -158,9 +155,9 @@ def _failed_families(folder: Path) -> dict[str, str]:
 
 
 def main(size: str, folder=RESULTS) -> dict:
-    """Draws, runs the job on each, prints and writes `architectures.json`."""
+    """Draws the trains, runs the job on each, prints and writes `architectures.json`."""
     cases = ({"number": number, "speeds": SPEEDS[size]} for number in SCENES[size])
-    rows = called("experiments.architectures:one", cases, size)
+    rows = called("experiments.architectures:job_on_draw", cases, size)
     ends = {e: sum(r["ends"] == e for r in rows) for e in sorted({r["ends"] for r in rows})}
     content = {"trains": len(rows), "ends": ends, "rows": rows}
     return write_result("architectures", size, content, {"areas": figure(rows)} if size == "full" else {}, folder)
@@ -168,7 +165,7 @@ def main(size: str, folder=RESULTS) -> dict:
 
 @styled
 def figure(rows: list[dict]) -> Figure:
-    """Area ratio of every train beside its certified bound; a train that was refused has neither."""
+    """Area ratio of every train with its certified bound; a refused train has neither."""
     drawing = new_figure(7.0, 3.6)
     axes = drawing.subplots()
     at = np.arange(len(rows))

@@ -1,13 +1,13 @@
-"""How good is the best cam of every family on `kodama` within 0.05 mm of bounce, with the scene's jerk limit and
+"""How large is the largest cam of each family on `kodama` within 0.05 mm of bounce, with the scene's jerk limit and
 without?
 
 Every family of the registry is searched over its own free parameters (section angles and levels, exponents and design
 speed) for the largest area whose bounce stays within 0.05 mm at the four listed speeds, under all limits on the shape
-and without the jerk limit; judged at the listed speeds and 0.1 % beside them, as camopt judges its own nominal designs,
-and with more than five times the cams that its search tries. `new-design` is searched in its readings: literally (a12*
-from 0.5 to 0.95 a12, only possible without a jerk limit), and repaired (a12* = 0). Where no member holds the limit, the
-least bounce is reported. Winners are judged again by event-exact and Runge-Kutta-Gill together, over neighbouring lifts
-and states too. Jump and seating velocity are reported, not limited.
+and without the jerk limit. Members are evaluated at the listed speeds and 0.1 % above and below them, as camopt does
+with its own nominal designs, and more than five times as many as camopt's own search evaluates. `new-design` is
+searched in two readings: literally (a12* from 0.5 to 0.95 a12, only possible without a jerk limit), and repaired (a12*
+= 0). Where no member keeps the limit, the least bounce is reported. The best members are verified by event-exact and
+Runge-Kutta-Gill together, over neighbouring lifts and states too. Jump and seating velocity are reported, not limited.
 """
 
 from pathlib import Path
@@ -19,7 +19,7 @@ from camopt.scene import Scene, load_scene
 from camopt.scene.units import DEG, MM
 from camopt.verifier.convergence import Tolerances
 from camopt.verifier.verdict import verdict_on
-from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, printed, run_script, write_result
 
 EVALUATIONS = {"small": 2 * POPULATION, "full": 48 * POPULATION}
 BOUNCE_MAX_MM = 0.05
@@ -35,11 +35,12 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     for jerk in (True, False) if size == "full" else (False,):
         for name in names:
             if jerk and name == "new-design:start_ratio=0":
-                continue  # what plain new-design is under a jerk limit
+                continue  # plain new-design is the same under a jerk limit
             limits = {"jerk": jerk, "bounce_max_mm": BOUNCE_MAX_MM, "speeds_rpm": speeds}
-            found = largest_area_member(scene, name, **limits, evaluations=EVALUATIONS[size], progress=True)
-            rows.append({"limits": "all" if jerk else "no-jerk", **row(found), **confirmed(scene, found, size)})
-            print(rows[-1], flush=True)
+            member = largest_area_member(scene, name, **limits, evaluations=EVALUATIONS[size], progress=True)
+            rows.append(
+                printed({"limits": "all" if jerk else "no-jerk", **row(member), **confirmed(scene, member, size)})
+            )
     result = {
         "question": "largest area of every cam family within 0.05 mm of bounce at the listed speeds of kodama",
         "bounce_limit_mm": BOUNCE_MAX_MM,
@@ -48,28 +49,28 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     return write_result("baselines", size, result, {}, folder)
 
 
-def row(found: Baseline) -> dict:
-    """What the search found of one family."""
-    jerk = max(abs(j) for j in found.lift.extremes(3)) / MM * DEG**3
+def row(member: Baseline) -> dict:
+    """The row of the best member of a family."""
+    jerk = max(abs(j) for j in member.lift.extremes(3)) / MM * DEG**3
     return {
-        "family": found.family,
-        "holds": found.holds,
-        "says": found.says,
-        "area_ratio": found.area_ratio,
+        "family": member.family,
+        "holds": member.holds,
+        "says": member.says,
+        "area_ratio": member.area_ratio,
         "jerk_max_mm_per_deg3": jerk,
-        **found.figures,
-        "evaluations": found.evaluations,
-        "motions_judged": found.judged,
-        "seconds": round(found.seconds, 1),
-        "parameters": found.lift.parameters,
+        **member.figures,
+        "evaluations": member.evaluations,
+        "motions_judged": member.judged,
+        "seconds": round(member.seconds, 1),
+        "parameters": member.lift.parameters,
     }
 
 
-def confirmed(scene: Scene, found: Baseline, size: str) -> dict:
-    """Bounce of a holding member by both methods, over neighbouring motions too."""
-    if not found.holds or not HALVINGS[size]:
+def confirmed(scene: Scene, member: Baseline, size: str) -> dict:
+    """Largest bounce over neighbouring motions by both methods, of a member that keeps the limit."""
+    if not member.holds or not HALVINGS[size]:
         return {"bounce_verified_mm": None, "methods_agree": None}
-    speeds = verdict_on(scene, found.lift, None, ("event", "rkg"), None, Tolerances(5.0, HALVINGS[size])).speeds
+    speeds = verdict_on(scene, member.lift, None, ("event", "rkg"), None, Tolerances(5.0, HALVINGS[size])).speeds
     return {
         "bounce_verified_mm": max(s.ranges["bounce_mm"][1] for s in speeds),
         "methods_agree": all(s.verdict != "not converged" for s in speeds),

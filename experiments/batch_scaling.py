@@ -1,13 +1,12 @@
-"""What does a motion cost, and its gradient, when many trains or cams run side by side in one program?
+"""What do a motion and its gradient cost when many trains or cams are simulated as one batch?
 
-Drawn trains of `kodama`, each at five speeds, and many cams at many speeds, as one batch of the tied motion in double
-and in single precision: one revolution, and its gradient by the lift. The program is the same on a processor and on an
-accelerator; JAX takes the latter where it finds one, and the result says which it was. Times are the least of two,
-per train or cam and speed: by the clock, and of the processor's threads together, beside which other work does not
-count.
+Randomly varied trains of `kodama`, each at five speeds, and many cams at many speeds are simulated as one batch of the
+tied motion in double and in single precision: one revolution, and its gradient by the lift. The program is the same on
+a processor and on an accelerator; JAX uses an accelerator if it finds one, and the result names the device. Each time
+is the smaller of two measurements, per train or cam and per speed: the time by the clock, and the processor time of all
+threads, which does not include other work of the machine.
 """
 
-import resource
 from collections.abc import Callable
 from functools import cache, partial
 from itertools import product
@@ -20,33 +19,34 @@ from matplotlib.figure import Figure
 
 import camopt
 from camopt.measure.as_built import trains_as_built
-from camopt.plots.style import new_figure, styled
+from camopt.optimizer.stage_clock import peak_memory_mb
 from camopt.smooth.laws import Layer
 from camopt.smooth.rest import rest_state
 from camopt.smooth.simulate import lift_samples
 from camopt.smooth.tied import STEPS, WIDTH, parts_of_steps, tied_paths, tied_system
 from experiments.gradient_batch import timed
-from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.panels import Panel, panels
+from experiments.support.record import RESULTS, printed, run_script, write_result
 
 TRAINS = {"small": (2,), "full": (1, 4, 16, 64, 256, 1000)}
 CAMS = {"small": ((2, 2),), "full": ((1, 16), (64, 16))}
-"""Numbers of cams, and of the speeds at which each runs in the train as designed."""
+"""(number of cams, number of speeds) of each batch of cams in the train as designed."""
 LEFT_OUT = {"small": 1, "full": 0}
-"""How many of the last batches: many cams in single precision only repeat both in what they compile."""
+"""Number of batches skipped at the end: many cams in single precision compile nothing new."""
 BAND_RPM = (5000, 7000)
 SPEEDS = 5
 """Speeds over the band at which each drawn train runs."""
 PRECISIONS = {"float64": jnp.float64, "float32": jnp.float32}
 HEIGHT = 1e-3
-"""Share of its height by which one cam of a batch differs from the next."""
+"""Relative difference of the height of a cam of a batch from the next one."""
 REPEATS = 2
 CLOCKS = "ms", "processor_ms"
 Batch = tuple[jax.Array, tuple, jax.Array, jax.Array]
-"""Samples of the lift, systems, cam speeds, and states at rest; trains or cams come first where there are many."""
+"""Samples of the lift, systems, cam speeds, and states at rest; the first axis is that of trains or of cams."""
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
-    """By precision and batch the milliseconds and the memory, and how far single precision is off [N]."""
+    """Time [ms] and memory by precision and batch, and the largest error of the force in single precision [N]."""
     scene = camopt.load_scene("kodama")
     free = camopt.free_cam(scene.design, 6.0)
     cam = free.lift(np.zeros(free.Z.shape[1]))
@@ -65,10 +65,8 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         both = {work: timed(partial(run, *batch), REPEATS)[0] for work, run in programs_of.items()}
         cases = trains * cams * count
         by_case = {f"{work}_{CLOCKS[i]}": 1e3 * t[i] / cases for work, t in both.items() for i in range(2)}
-        memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
         row = {"precision": precision, "trains": trains, "cams": cams, "speeds": count}
-        rows.append(row | by_case | {"memory_MB": memory})
-        print(rows[-1], flush=True)
+        rows.append(printed(row | by_case | {"memory_MB": peak_memory_mb()}))
         forces[precision, trains, cams] = np.asarray(motion(*batch), float)
     pairs = [(forces["float64", *case], force) for (kind, *case), force in forces.items() if kind == "float32"]
     error = max(float(np.abs(double - single).max()) for double, single in pairs)
@@ -76,22 +74,19 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     return write_result("batch_scaling", size, content, {"time": figure(rows)}, folder)
 
 
-@styled
 def figure(rows: list[dict]) -> Figure:
-    """Processor time of a motion and of its gradient, each per train and speed, by how many trains run at once."""
-    drawn = new_figure(6.4, 3.6)
-    axes = drawn.subplots()
-    for (work, colour), precision in product({"motion": "#0072B2", "gradient": "#D55E00"}.items(), PRECISIONS):
+    """Processor time of a motion and of its gradient, per train and speed, against the number of trains in a batch."""
+    curves = []
+    for work, precision in product(("motion", "gradient"), PRECISIONS):
         of = [row for row in rows if row["precision"] == precision and row["cams"] == 1 and row["speeds"] == SPEEDS]
-        times, line = [row[f"{work}_processor_ms"] for row in of], "-" if precision == "float64" else "--"
-        axes.plot([row["trains"] for row in of], times, line, marker="o", color=colour, label=f"{work}, {precision}")
-    axes.set(xscale="log", yscale="log", xlabel=f"trains at once, at {SPEEDS} speeds each", ylabel="time per case [ms]")
-    axes.legend()
-    return drawn
+        times = [row[f"{work}_processor_ms"] for row in of]
+        curves.append((f"{work}, {precision}", [row["trains"] for row in of], times))
+    xlabel, log = f"trains in a batch, at {SPEEDS} speeds each", ("log", "log")
+    return panels([[Panel("time per train and speed [ms]", curves)]], xlabel, None, 6.4, 2.7, scale=log, marker="o")
 
 
 def as_batch(precision: str, trains: list, samples: np.ndarray, speeds: np.ndarray) -> Batch:
-    """Trains under one cam, or many cams in one train, as arrays of a precision."""
+    """Many trains with one cam, or many cams in one train, as arrays of a precision."""
     dtype = PRECISIONS[precision]
     systems = [tied_system(one) for one in trains]
     rests = [np.repeat(np.asarray(rest_state(one))[:, :, None], len(speeds), axis=2) for one in trains]

@@ -1,10 +1,11 @@
-"""What do the literature's cams reach under the paper's Table 4, and under all limits of `kodama`?
+"""What area do the cam families of the literature reach under the paper's Table 4, and under all limits of `kodama`?
 
-All families on the conditions of the paper's Table 4 (no jerk limit, no limit on the nose; the ramp is 0.265 mm for
-all), and under all limits of `kodama`: area ratio, peaks, and the order of continuity of every junction. Under Table 4
-also the bounce on `kodama` at its listed speeds, by event-exact and Runge-Kutta-Gill. Polydyne and the exponent
-polynomial have no searched parameters: they are the members with exponents 2-10-18-26-34, and may break a limit. Plain
-`new-design` starts at a12* = 0.95 a12 where there is no jerk limit and at 0 where there is one.
+All families are designed for the conditions of the paper's Table 4 (no jerk limit, no limit on the nose; a ramp of
+0.265 mm for all), and under all limits of `kodama`. The result has their area ratio, peak values, and the order of
+continuity at every junction, and for Table 4 also the bounce on `kodama` at its listed speeds by event-exact and
+Runge-Kutta-Gill. Polydyne and the exponent polynomial have no searched parameters: they are the members with exponents
+2-10-18-26-34, and may break a limit. Plain `new-design` starts at a12* = 0.95 a12 where there is no jerk limit and at 0
+where there is one.
 """
 
 from pathlib import Path
@@ -22,15 +23,15 @@ from camopt.scene import Scene, load_scene
 from camopt.scene.design import Design
 from camopt.scene.units import DEG, MM
 from camopt.verifier.convergence import Tolerances
-from camopt.verifier.verdict import Verdict, verdict_on
+from camopt.verifier.verdict import verdict_on
 from experiments.support.record import RESULTS, run_script, write_result
 
 CONTINUOUS = 1e-6
 """Largest step at a junction, relative to the derivative's largest value in the event, that counts as round-off."""
 HIGHEST = 4
-"""Highest derivative that is looked at."""
+"""Highest derivative that is checked."""
 SAME_MM = 0.005
-"""Ranges of bounce that are wider are printed."""
+"""Width of a range of bounce above which the range is printed in place of one value."""
 HEADS = (
     "cam", "area ratio", "acceleration [mm/deg²]", "jerk [mm/deg³]", "continuity: ramp; sections; nose",
 )  # fmt: skip
@@ -40,33 +41,24 @@ def orders_of_continuity(lift: Lift) -> dict[str, list[int]]:
     """Order of the highest continuous derivative where the opening ramp ends, where sections meet, and at the nose.
 
     A derivative counts as continuous where all lower ones are and its step is at most CONTINUOUS of its largest value
-    in the event; none above HIGHEST is looked at. Cams without sections have no junction but ramp and nose.
+    in the event; derivatives above HIGHEST are not checked. Cams without sections have junctions at the ramp and the
+    nose only.
     """
     half = lift.half_duration
     first, last = np.searchsorted(lift.borders, [-half - 1e-9, half - 1e-9])
-    widths = np.diff(lift.borders)
-    ends = []  # per derivative: values at the start and the end of every piece
-    for k in range(HIGHEST + 1):
-        pieces = [np.polynomial.Polynomial(c).deriv(k) for c in lift.coefficients]
-        ends.append(np.array([[p(0.0), p(w)] for p, w in zip(pieces, widths, strict=True)]))
-    scale = [np.abs(values[first:last]).max() for values in ends]
+    at = np.stack([lift.borders[:-1], lift.borders[1:]])  # the start and the end of every piece
+    ends = [lift.of_piece(np.arange(len(lift.coefficients)), at, k) for k in range(HIGHEST + 1)]
+    scale = [np.abs(values[:, first:last]).max() for values in ends]
 
     def order(angle: float) -> int:
         i = int(np.argmin(np.abs(lift.borders - angle)))
         for k, (values, largest) in enumerate(zip(ends, scale, strict=True)):
-            if abs(values[i, 0] - values[i - 1, 1]) > CONTINUOUS * largest:
+            if abs(values[0, i] - values[1, i - 1]) > CONTINUOUS * largest:
                 return k - 1
         return HIGHEST
 
     inside = -half + np.cumsum(lift.parameters.get("sections_deg", ())[:-1]) * DEG
     return {"ramp": [order(-half)], "sections": [order(a) for a in inside], "nose": [order(0.0)]}
-
-
-def bounces(verdict: Verdict) -> list[dict]:
-    """Bounce per speed: the first method's with its error, its range over neighbouring motions, agreement."""
-    keys = ("speed_rpm", "bounce_mm", "bounce_error_mm", "bounce_range_mm")
-    found = [speed.as_dict() for speed in verdict.speeds]
-    return [{**{k: s[k] for k in keys}, "methods_agree": s["verdict"] != "not converged"} for s in found]
 
 
 def markdown(cams: list[dict]) -> list[str]:
@@ -76,21 +68,21 @@ def markdown(cams: list[dict]) -> list[str]:
     lines = ["| " + " | ".join([*HEADS, *speeds]) + " |", "|---" * (len(HEADS) + len(speeds)) + "|"]
     for cam in rows:
         low, high = cam["acceleration_min_mm_per_deg2"], cam["acceleration_max_mm_per_deg2"]
-        orders = "; ".join(" ".join(map(str, found)) or "–" for found in cam["continuity"].values())
+        orders = "; ".join(" ".join(map(str, highest)) or "–" for highest in cam["continuity"].values())
         shape = [f"{cam['area_ratio']:.4f}", f"{high:.4f} / −{-low:.4f}", f"{cam['jerk_max_mm_per_deg3']:.4f}", orders]
         lines.append("| " + " | ".join([f"`{cam['cam']}`", *shape, *(_bounce(b) for b in cam["bounce"])]) + " |")
     return lines
 
 
-def _bounce(found: dict) -> str:
-    """A bounce [mm] with the range of neighbouring motions where it is wide, marked where the methods disagree."""
-    if found["bounce_mm"] is None:
+def _bounce(row: dict) -> str:
+    """A bounce [mm], or its range over neighbouring motions where wide; an asterisk marks disagreeing methods."""
+    if row["bounce_mm"] is None:
         return "never seats"
-    mark = "" if found["methods_agree"] else "*"
-    low, high = found["bounce_range_mm"]
+    mark = "" if row["methods_agree"] else "*"
+    low, high = row["bounce_range_mm"]
     if high - low > SAME_MM:
         return f"{low:.2f} to {high:.2f}{mark}"
-    return f"{found['bounce_mm']:.3f}{mark}"
+    return f"{row['bounce_mm']:.3f}{mark}"
 
 
 CAMS = (*FAMILIES, "new-design:start_ratio=0", "new-design:quintic=yes")
@@ -98,6 +90,7 @@ SMALL = ("polydyne", "exponent", "trapezoid")
 SPEEDS = {"small": (5000.0,), "full": None}
 HALVINGS = {"small": 2, "full": 4}
 TOLERANCE_UM = 5.0
+BOUNCES = ("bounce_mm", "bounce_error_mm", "bounce_range_mm")
 JERK_SHOWN = 0.0055
 
 
@@ -113,8 +106,8 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         "question": "what the cam families of the literature reach under the same limits",
         "cams": [
             {"cam": name, "limits": where, **figures(lift, scenes[where]), **motion(lift, scenes[where], where, size)}
-            for where, found in cams.items()
-            for name, lift in found.items()
+            for where, lifts in cams.items()
+            for name, lift in lifts.items()
         ],
     }
     print("\n".join(markdown(result["cams"])))
@@ -124,7 +117,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
 
 
 def opening_flanks(cams: dict[str, Lift], design: Design) -> Figure:
-    """The opening flanks over each other; few jerk axes show a step of 0.015 and a curve of 0.002 mm/deg3 at once."""
+    """The opening flanks of all cams; the jerk axis is cut: steps of 0.015 would hide curves of 0.002 mm/deg3."""
     figure = profiles([(name, lift_table(lift, 0.05)) for name, lift in cams.items()], design)
     _, velocity, _, jerk = figure.axes
     velocity.set_ylim(bottom=-0.02)
@@ -138,15 +131,18 @@ def opening_flanks(cams: dict[str, Lift], design: Design) -> Figure:
 
 
 def motion(lift: Lift, scene: Scene, where: str, size: str) -> dict:
-    """Bounce at the listed speeds by two methods, where it is asked for: under the conditions of Table 4."""
+    """Bounce at the listed speeds by two methods, with error, range and agreement, for Table 4 only."""
     if where != "Table 4":
         return {}
-    tolerances = Tolerances(TOLERANCE_UM, HALVINGS[size])
-    return {"bounce": bounces(verdict_on(scene, lift, SPEEDS[size], ("event", "rkg"), None, tolerances))}
+    tolerances, keys = Tolerances(TOLERANCE_UM, HALVINGS[size]), ("speed_rpm", *BOUNCES)
+    verdict = verdict_on(scene, lift, SPEEDS[size], ("event", "rkg"), None, tolerances)
+    speeds = [speed.as_dict() for speed in verdict.speeds]
+    rows = [{key: s[key] for key in keys} | {"methods_agree": s["verdict"] != "not converged"} for s in speeds]
+    return {"bounce": rows}
 
 
 def figures(lift: Lift, scene: Scene) -> dict:
-    """Area ratio, peaks inside the duration, continuity of the junctions, limits that are broken."""
+    """Area ratio, peaks inside the duration, continuity of the junctions, and broken limits."""
     half = lift.half_duration
     low, high = (value / MM * DEG**2 for value in lift.extremes(2, -half, half))
     return {

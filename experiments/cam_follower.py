@@ -1,9 +1,10 @@
-"""When does the follower of arXiv 0711.1008 leave its cam, how does it move then, which cam keeps it longest?
+"""At what speed does the follower of arXiv 0711.1008 leave its cam, how does it move then, and which cam keeps contact
+to the highest speed?
 
 A rigid follower of 1.221 kg on a spring of 1430.8 N/m, with restitution 0.8, on a cam of circular arcs
-(siconos-tutorials, CamFollower, CamState.h), symmetric about beta = pi. camopt's own contact is stiff, with the damping
-of that restitution; the motions are told at three stiffnesses, so that one sees what depends on them. Long motions are
-classed by what their states at -180 deg do over the last revolutions.
+(siconos-tutorials, CamFollower, CamState.h), symmetric about beta = pi. camopt's contact is stiff, with the damping
+that gives this restitution; the motions are computed with three stiffnesses to show which results depend on the
+stiffness. Long motions are classified by their states at -180 deg over the last revolutions.
 """
 
 from dataclasses import replace
@@ -18,10 +19,11 @@ from scipy.optimize import brentq
 from camopt.cam.lift import Lift
 from camopt.exact import prepare
 from camopt.highs import minimise
-from camopt.plots.style import new_figure
 from camopt.scene import build_train, load_scene, state_at_rest
+from camopt.scene.response import record_of
 from camopt.scene.train import Train
 from camopt.scene.units import DEG, MM, RPM
+from experiments.support.panels import Panel, panels
 from experiments.support.record import RESULTS, run_script, write_result
 
 BASE, FREE_END = 0.40, 0.30
@@ -43,7 +45,7 @@ def arcs(beta: np.ndarray) -> np.ndarray:
 
 
 def profile() -> Lift:
-    """The source's cam: every arc as polynomials of so high a degree that rounding is what is left."""
+    """The source's cam: every arc as polynomials of so high a degree that only rounding errors remain."""
     marks = np.pi / 2 + np.array([-np.pi / 2, 0.0, FLANK, TIP, np.pi / 2])
     half = np.concatenate([np.linspace(a, b, PIECES_PER_ARC, endpoint=False) for a, b in pairwise(marks)])
     half = np.append(half, np.pi)
@@ -77,10 +79,10 @@ def rigid_detachment(lift: Lift, train: Train) -> tuple[float, float]:
 
 
 def damping_of(restitution: float, stiffness: float, mass: float) -> float:
-    """Damping [N s/m] with which a mass leaves a contact that only pushes at `restitution` times its approach speed.
+    """Damping [N s/m] of a non-pulling contact from which a mass rebounds at `restitution` times its approach speed.
 
-    While they touch, x = sin(w t) exp(-z t / ...) as of any damped oscillator; the force is zero again at w t =
-    pi - atan2(2 z sqrt(1 - z^2), 1 - 2 z^2) with the damping ratio z (Schwager and Poeschel 2007, Granular Matter 9).
+    During contact the mass moves as a damped oscillator; the force is zero again at w t = pi - atan2(2 z sqrt(1 - z^2),
+    1 - 2 z^2) with the damping ratio z (Schwager and Poeschel 2007, Granular Matter 9).
     """
 
     def returned(ratio: float) -> float:
@@ -104,8 +106,8 @@ def highest_rise(decline: float, most: float, shift: float, angle: float, knots:
     """The highest rise within `angle` [rad] whose acceleration stays below `most` [m/rad^2] and never sinks below
     -decline * (shift + lift), which is where a follower on a spring leaves the cam.
 
-    A linear program in the accelerations at the knots. The lower limit holds at every angle, because the cubic in each
-    interval stands with its four control points.
+    A linear program in the accelerations at the knots. The lower limit holds at every angle, because it is imposed on
+    the four control points of the cubic in each interval.
     """
     h = angle / (knots - 1)
     eye = np.eye(knots)
@@ -118,8 +120,8 @@ def highest_rise(decline: float, most: float, shift: float, angle: float, knots:
         control = [lift[i], lift[i] + h / 3 * speed[i], lift[i + 1] - h / 3 * speed[i + 1], lift[i + 1]]
         rows += [eye[i] * (1 - k / 3) + eye[i + 1] * k / 3 + decline * control[k] for k in range(4)]
     low, high = np.append(np.full(len(rows), -decline * shift), 0.0), np.append(np.full(len(rows), np.inf), 0.0)
-    found = minimise(-lift[-1], np.array([*rows, speed[-1]]), low, high, np.tile([-np.inf, most], (knots, 1)))
-    return Rise(-found.value, np.linspace(0.0, angle, knots), found.x)
+    optimum = minimise(-lift[-1], np.array([*rows, speed[-1]]), low, high, np.tile([-np.inf, most], (knots, 1)))
+    return Rise(-optimum.value, np.linspace(0.0, angle, knots), optimum.x)
 
 
 def least_decline(height: float, most: float, shift: float, angle: float, knots: int) -> float:
@@ -132,13 +134,14 @@ def least_decline(height: float, most: float, shift: float, angle: float, knots:
 def bound_on_decline(height: float, most: float, shift: float, angle: float) -> float:
     """The least `decline` [1/rad^2] of any rise of that height and angle with accelerations up to `most` [m/rad^2].
 
-    The best rise pushes with `most` as long as it can and then follows the spring: theta^2 / 2 with a switch at t, then
-    lift + shift = (height + shift) cos(sqrt(decline) (angle - theta)). Whoever pushes less, or leaves the spring's arc,
-    is lower at the end. So the switch and the decline are the two unknowns of two equations.
+    The best rise accelerates with `most` as long as possible and then follows the spring: lift = most theta^2 / 2 up to
+    a switch at t, then lift + shift = (height + shift) cos(sqrt(decline) (angle - theta)). A rise that accelerates
+    less, or leaves the spring's arc, is lower at the end. The switch and the decline are the two unknowns of two
+    equations.
     """
 
     def apart(t: float) -> tuple[float, float]:
-        """(decline that the arc needs at the switch t for its lift, and what is left of its velocity there)."""
+        """(decline of the arc that has the lift of the switch t, residual of the velocity there)."""
         low = most * t**2 / 2
         root = np.arccos((low + shift) / (height + shift)) / (angle - t)
         return root**2, (height + shift) * root * np.sin(root * (angle - t)) - most * t
@@ -169,46 +172,45 @@ SCENE = Path(__file__).parent / "support" / "cam_follower.toml"
 PUBLISHED_RPM = (358, 660, 700)
 STIFFNESS = {"small": (1e8,), "full": (1e8, 1e9, 1e10)}
 FADING = {"small": 100, "full": 1000}
-"""Revolutions before a long motion is looked at."""
+"""Revolutions before a long motion is recorded."""
 LOOKED_AT = {"small": 32, "full": 256}
 SAME = 1e-6
 """Distance of two states [m] below which they count as one."""
 NEIGHBOUR = 1e-9
-"""Distance [m] at which a second motion starts, to see whether it stays near."""
+"""Distance [m] at which a second motion starts, which measures the growth of small differences."""
 OVERDAMPED = 20.0
-"""Damping ratio of the contact that the detachment is looked for with: where the cam's acceleration steps, the force
-overshoots by a 1600th part of the step."""
+"""Damping ratio of the contact for the detachment speed: at a step of acceleration the force overshoots by 1/1600."""
 KNOTS = {"small": 101, "full": 801}
 PUSHES = (None, 1.0, 10.0)
-"""Largest accelerations [m/rad^2] of the cams that keep the follower on longest; None: that of the source's cam."""
+"""Largest accelerations [m/rad^2] of the cams with the highest detachment speed; None: that of the source's cam."""
 
 
 def main(size: str, folder=RESULTS) -> dict:
-    """Detachment, motions and the cams that keep the follower on longest."""
+    """Detachment, motions and the cams that keep contact to the highest speed."""
     scene = load_scene(SCENE)
-    cam, given = profile(), build_train(scene)
-    speed, angle = rigid_detachment(cam, given)
+    cam, nominal = profile(), build_train(scene)
+    speed, angle = rigid_detachment(cam, nominal)
     content: dict = {
         "lift_m": cam.max_lift,
         "detachment": {"rigid_rpm": speed / RPM, "cam_angle_deg": 180.0 + abs(angle) / DEG},
-        "motions": [motion(given, cam, k, rpm, size) for rpm in PUBLISHED_RPM for k in STIFFNESS[size]],
-        "longest_on": [longest_on(given, cam, push, KNOTS[size]) for push in PUSHES],
+        "motions": [motion(nominal, cam, k, rpm, size) for rpm in PUBLISHED_RPM for k in STIFFNESS[size]],
+        "longest_on": [longest_on(nominal, cam, push, KNOTS[size]) for push in PUSHES],
     }
-    content["detachment"]["compliant_rpm"] = {f"{k:g}": first_loss(given, cam, k) for k in STIFFNESS[size]}
-    figures = {"motions": draw(given, cam)} if size == "full" else {}
+    content["detachment"]["compliant_rpm"] = {f"{k:g}": first_loss(nominal, cam, k) for k in STIFFNESS[size]}
+    figures = {"motions": draw(nominal, cam)} if size == "full" else {}
     return write_result("cam_follower", size, content, figures, folder)
 
 
 def with_contact(train: Train, stiffness: float, damping: float) -> Train:
-    """The train with that contact at the cam, its first element."""
+    """The train with another stiffness and damping of the contact at the cam, its first element."""
     stiffnesses, dampings = train.stiffness.copy(), train.damping.copy()
     stiffnesses[0], dampings[0] = stiffness, damping
     return replace(train, stiffness=stiffnesses, damping=dampings)
 
 
-def first_loss(given: Train, cam: Lift, stiffness: float) -> float:
-    """Speed [r/min] from which a contact so damped that its force hardly overshoots loses its force, to 0.01."""
-    train = with_contact(given, stiffness, 2.0 * OVERDAMPED * np.sqrt(stiffness * given.mass[0]))
+def first_loss(nominal: Train, cam: Lift, stiffness: float) -> float:
+    """Speed [r/min], to 0.01, above which the force of an overdamped contact reaches zero."""
+    train = with_contact(nominal, stiffness, 2.0 * OVERDAMPED * np.sqrt(stiffness * nominal.mass[0]))
 
     def lost(rpm: float) -> bool:
         revolve = prepare(train, cam, rpm * RPM)
@@ -221,9 +223,9 @@ def first_loss(given: Train, cam: Lift, stiffness: float) -> float:
     return high
 
 
-def motion(given: Train, cam: Lift, stiffness: float, rpm: float, size: str) -> dict:
-    """What a long motion is: its period in revolutions, or none, and how fast a neighbour leaves it."""
-    train = with_contact(given, stiffness, damping_of(RESTITUTION, stiffness, given.mass[0]))
+def motion(nominal: Train, cam: Lift, stiffness: float, rpm: float, size: str) -> dict:
+    """Period of a long motion in revolutions, or None, its hops, and the growth of small differences."""
+    train = with_contact(nominal, stiffness, damping_of(RESTITUTION, stiffness, nominal.mass[0]))
     revolve, state = prepare(train, cam, rpm * RPM), state_at_rest(train)
     state = revolve.advance(state, FADING[size])
     near, growth, states, hops = state + np.array([NEIGHBOUR, 0.0]), [], [state], []
@@ -247,39 +249,30 @@ def motion(given: Train, cam: Lift, stiffness: float, rpm: float, size: str) -> 
 
 
 def longest_on(train: Train, cam: Lift, push: float | None, knots: int) -> dict:
-    """The symmetric cam of the same rise and dwell that a rigid follower leaves last, with the bound on its speed."""
+    """Detachment speed of the best symmetric cam of the same rise and dwell for a rigid follower, with its bound."""
     most = cam.extremes(2)[1] if push is None else push
     natural = np.sqrt(train.stiffness[1] / train.mass[0])
     shift = train.preload[1] / train.stiffness[1]
     bound = natural / np.sqrt(bound_on_decline(cam.max_lift, most, shift, TIP))
-    found = cam_of(highest_rise(least_decline(cam.max_lift, most, shift, TIP, knots), most, shift, TIP, knots))
+    best = cam_of(highest_rise(least_decline(cam.max_lift, most, shift, TIP, knots), most, shift, TIP, knots))
     return {
         "acceleration_max_m_per_rad2": most,
-        "detachment_rpm": rigid_detachment(found, train)[0] / RPM,
+        "detachment_rpm": rigid_detachment(best, train)[0] / RPM,
         "bound_rpm": bound / RPM,
-        "lift_m": found.max_lift,
+        "lift_m": best.max_lift,
     }
 
 
-def draw(given: Train, cam: Lift) -> Figure:
-    """Follower and cam over three revolutions at the published speeds, after the motion's beginning has faded."""
-    chart = new_figure(7.0, 7.0)
-    chart.subplots(3, 1, sharex=True)
-    train = with_contact(given, 1e9, damping_of(RESTITUTION, 1e9, given.mass[0]))
-    for axes, rpm in zip(chart.axes, PUBLISHED_RPM, strict=True):
+def draw(nominal: Train, cam: Lift) -> Figure:
+    """Follower and cam over three revolutions at the published speeds, after the start-up transient has decayed."""
+    train, rows = with_contact(nominal, 1e9, damping_of(RESTITUTION, 1e9, nominal.mass[0])), []
+    for rpm in PUBLISHED_RPM:
         revolve = prepare(train, cam, rpm * RPM)
-        state = revolve.advance(state_at_rest(train), FADING["full"])
-        for turn in range(3):
-            response = revolve(state)
-            at = response.angle / DEG + 360.0 * turn
-            axes.plot(at, response.lift / MM, color="0.6", lw=1.0, label="cam" if turn == 0 else None)
-            axes.plot(at, response.x[:, 0] / MM, color="C0", lw=1.2, label="follower" if turn == 0 else None)
-            state = revolve.advance(state)
-        axes.set_ylabel("lift [mm]")
-        axes.set_title(f"{rpm} r/min")
-    chart.axes[0].legend(loc="upper right")
-    chart.axes[-1].set_xlabel("cam angle [deg]")
-    return chart
+        motion = record_of(revolve, revolve.advance(state_at_rest(train), FADING["full"]), 3)
+        lifts = {"cam": motion.lift, "follower": motion.x[:, 0]}
+        curves = [(name, motion.angle / DEG, lift / MM) for name, lift in lifts.items()]
+        rows.append([Panel("lift [mm]", curves, f"{rpm} r/min")])
+    return panels(rows, "cam angle [deg]", width=7.0, row_height=2.0)
 
 
 if __name__ == "__main__":

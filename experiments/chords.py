@@ -1,10 +1,12 @@
-"""What do chords of curved laws leave of force and motion, what do they cost, and what do tables cost a linear train?
+"""What error in force and motion do chords of a curved force law leave, what do they cost, and what do force tables
+cost a linear train?
 
-Event-exact lays N chords under every Hertz contact and every progressive spring. For each N: the largest error of the
-force, beside the one that is predicted (for a Hertz contact F / (6 N^2)); by what figures of a settled motion differ
-from those of twice the finest N; by what share gradients by bumps on the cam differ from central differences of DOP853,
-which takes the law itself; and the time of a revolution. Then `kodama` beside itself with its springs written as tables
-of one straight line: the time of a revolution, sampled and not, and of a gradient, in turn in one run.
+Event-exact replaces every Hertz contact and every progressive spring by N chords. For each N the result has: the
+largest error of the force, with the predicted one (for a Hertz contact F / (6 N^2)); the differences of the metrics of
+a settled motion from those with twice the finest N; the relative error of gradients by bumps on the cam, compared with
+central differences of DOP853, which uses the law itself; and the time of a revolution. Then `kodama` is compared with a
+copy whose springs are tables of one straight line: the time of a revolution, sampled and not, and of a gradient,
+measured in turn in one run.
 """
 
 from collections.abc import Callable
@@ -36,9 +38,9 @@ SLOPES = "contact_force_max_N", "seating_velocity_m_per_s", "dynamic_area_mm_deg
 BUMPS, BUMP_M = {"small": 1, "full": 2}, 1e-6
 GRID = 20_001
 LONG = 1e-3
-"""Half the length [m] of a spring's table: its straight line goes on beyond."""
+"""Half the length [m] of a spring's table; the straight line continues beyond it."""
 LOOKS = 101
-"""Depths at which a chord is held against its law: the largest error between two of them is missed by 1e-4 of it."""
+"""Number of depths at which a chord is compared with its law; it misses at most 1e-4 of the largest error."""
 
 
 def main(size: str = "full", folder=RESULTS) -> dict:
@@ -56,13 +58,13 @@ def of_scene(name: str, counts: tuple[int, ...], repeats: int, bumps: int) -> li
     bumped = problem(scene, lift, MOTIONS[name], bumps)
     true = dict(zip(METRICS, central_differences(bumped, BUMP_M), strict=True))
     for count in counts:
-        own = with_chords(train, count)
-        figures, begin = settled(own, lift, speed), state_at_rest(own)
-        revolve = prepare(own, lift, speed)
+        chorded = with_chords(train, count)
+        figures, begin = settled(chorded, lift, speed), state_at_rest(chorded)
+        revolve = prepare(chorded, lift, speed)
         off = {key: abs(figures[key] - finest[key]) for key in FIGURES}
         (seconds,) = least([partial(revolve.advance, begin)], repeats)
-        row = {"chords": count, "force_error_N": force_error(train, own), "off": off}
-        row["slope_off"] = {key: slope_error(replace(bumped, train=own), key, true[key]) for key in SLOPES}
+        row = {"chords": count, "force_error_N": force_error(train, chorded), "off": off}
+        row["slope_off"] = {key: slope_error(replace(bumped, train=chorded), key, true[key]) for key in SLOPES}
         rows.append(row | {"predicted_N": float(chord_error(train, count).max()), "revolution_ms": 1e3 * seconds})
     return rows
 
@@ -87,17 +89,17 @@ def chord_error(train: Train, count: int) -> np.ndarray:
 
 
 def slope_error(bumped: Problem, metric: str, true: np.ndarray) -> float:
-    """Distance of the exact path's gradient by bumps (m) from the differences `true` (m), as a share of these."""
+    """Relative distance of the exact path's gradient by bumps (m) from the central differences `true` (m)."""
     start = (bumped.train, bumped.lift, bumped.cam_speed, [metric], bumped.start)
     by_cam = value_and_gradient(*start, revolutions=REVOLUTIONS).by_coefficients[0]
-    found = np.einsum("pq,mpq->m", by_cam, bumped.directions)
-    return float(np.linalg.norm(found - true) / np.linalg.norm(true))
+    slopes = np.einsum("pq,mpq->m", by_cam, bumped.directions)
+    return float(np.linalg.norm(slopes - true) / np.linalg.norm(true))
 
 
 def settled(train: Train, lift: Lift, speed: float) -> dict[str, float]:
     """The worst FIGURES of the settled motion."""
-    found = settled_metrics([train], [lift], [speed], workers=1)
-    return {name: float(found.worst(name)[0, 0, 0]) for name in FIGURES}
+    metrics = settled_metrics([train], [lift], [speed], workers=1)
+    return {name: float(metrics.worst(name)[0, 0, 0]) for name in FIGURES}
 
 
 def force_error(curved: Train, chorded: Train) -> float:
@@ -114,7 +116,7 @@ def force_error(curved: Train, chorded: Train) -> float:
 
 
 def price_of_tables(repeats: int) -> dict[str, float]:
-    """Times with springs by tables of one line over times with linear springs, on `kodama`'s Polydyne at 7000 r/min."""
+    """Ratio of times with tables of one line to those with linear springs, for `kodama`'s Polydyne at 7000 r/min."""
     scene = load_scene("kodama")
     linear, lift, speed = build_train(scene), polydyne(scene), scene.cam_speed(7000.0)
     work: dict[str, list[Callable[[], object]]] = {"end state": [], "sampled": [], "gradient": []}
@@ -142,7 +144,7 @@ def by_tables(train: Train) -> Train:
 
 
 def least(runs: list[Callable[[], object]], repeats: int) -> list[float]:
-    """Least processor times [s] of calls that are made in turn; a first one of each, not counted, builds its tables."""
+    """Least processor times [s] of calls made in turn; the first call of each builds tables and is not counted."""
     seconds = [[fastest(run, 1, first=False)[0] for run in runs] for _ in range(repeats + 1)]
     return np.min(seconds[1:], axis=0).tolist()
 

@@ -1,8 +1,8 @@
-"""What do the classical laws of dwell-rise-dwell cams leave on the table at their own jerk?
+"""By how much could the peak acceleration of the classical dwell-rise-dwell laws be lowered at their own peak jerk?
 
-Each rises by one in unit time. Its peak acceleration stands beside the least one that its own largest jerk allows, from
-the program and from the bound that no motion is below. Beside them stands the least peak jerk of a motion through all
-numbers of Table 5.4 of Rothbart's Cam Design Handbook (2004), a rise, a fall and a dwell.
+Each law rises by one in unit time. Its peak acceleration is compared with the least one that its own peak jerk allows,
+from a linear program, and with a lower bound for every motion. The result also has the least peak jerk of a motion
+through all numbers of Table 5.4 of Rothbart's Cam Design Handbook (2004), a rise, a fall and a dwell.
 """
 
 from collections.abc import Sequence
@@ -14,8 +14,8 @@ from scipy.interpolate import PPoly
 
 from camopt.highs import minimise
 from camopt.optimizer.bound.certificate import absolute_integral
-from camopt.plots.style import new_figure
 from camopt.study.rise import DwellRise, least_acceleration, least_peak
+from experiments.support.panels import DASHED, POINTS, Panel, panels
 from experiments.support.record import RESULTS, run_script, write_result
 
 INTERVALS = {"small": 500, "full": 4000}
@@ -32,7 +32,7 @@ TABLE_INTERVALS = {"small": 540, "full": 2160}
 
 
 def modified_trapezoid(t: np.ndarray) -> np.ndarray:
-    """Acceleration of sine quarters of an eighth each and flats of a quarter (Neklutin 1952)."""
+    """Acceleration of quarter sines, each an eighth of the rise long, and flats of a quarter (Neklutin 1952)."""
     peak = 8 * pi / (2 + pi)
     first = np.where(t < 0.5, t, 1.0 - t)
     falling = np.where(first < 3 / 8, 1.0, np.sin(4 * pi * (first - 1 / 4)))
@@ -81,9 +81,10 @@ def main(size: str, folder=RESULTS) -> dict:
 def least_peak_through(conditions: Sequence[tuple[float, int, float]], order: int, intervals: int) -> DwellRise:
     """The motion from rest through `conditions` whose derivative of `order` m has the least peak.
 
-    Each condition (x, k, value) says that s^(k)(x) = integral of (x - t)_+^(m-1-k) / (m-1-k)! u(t) is the value, with
-    k < m and x > 0; the control u = s^(m) is constant on equal intervals up to the last x. With any multipliers, their
-    sum with the values is at most the peak times the integral of |p|, p being their sum with the kernels.
+    Each condition (x, k, value) says that s^(k)(x) = integral of (x - t)_+^(m-1-k) / (m-1-k)! u(t) is the value, with k
+    < m and x > 0; the control u = s^(m) is constant on equal intervals up to the last x. For any multipliers, the sum
+    of multiplier times value is at most the peak times the integral of |p|, where p is the sum of multiplier times
+    kernel: this is the bound.
     """
     at, orders, values = (np.array(column, float) for column in zip(*conditions, strict=True))
     edges = np.linspace(0.0, at.max(), intervals + 1)
@@ -97,8 +98,8 @@ def least_peak_through(conditions: Sequence[tuple[float, int, float]], order: in
     level = np.append(values / scale, np.zeros(2 * intervals))
     low = np.append(values / scale, np.full(2 * intervals, -np.inf))
     bounds = np.array([(-np.inf, np.inf)] * intervals + [(0.0, np.inf)])
-    found = minimise(np.append(np.zeros(intervals), 1.0), np.vstack([through, *both]), low, level, bounds)
-    multipliers = found.row_duals[: len(rows)] / scale
+    optimum = minimise(np.append(np.zeros(intervals), 1.0), np.vstack([through, *both]), low, level, bounds)
+    multipliers = optimum.row_duals[: len(rows)] / scale
     borders = np.unique(np.append(0.0, at))
     p = np.zeros((order, len(borders) - 1))  # ascending powers about each left border
     for x, q, multiplier in zip(at, powers, multipliers, strict=True):
@@ -107,7 +108,7 @@ def least_peak_through(conditions: Sequence[tuple[float, int, float]], order: in
             term = (x - borders[:-1][before]) ** (q - 1 - j) * (-1) ** j / factorial(j) / factorial(q - 1 - j)
             p[j, before] += multiplier * term
     bound = float(multipliers @ values) / absolute_integral(PPoly(p[::-1], borders))
-    return DwellRise(found.value, bound, found.x[:-1])
+    return DwellRise(optimum.value, bound, optimum.x[:-1])
 
 
 def law_row(name: str, acceleration: np.ndarray, t: np.ndarray, intervals: int) -> tuple[dict, DwellRise]:
@@ -128,32 +129,24 @@ def law_row(name: str, acceleration: np.ndarray, t: np.ndarray, intervals: int) 
 
 
 def draw(t: np.ndarray, best: dict[str, DwellRise]) -> Figure:
-    """The laws' accelerations, and the best ones at the same jerk."""
-    figure = new_figure(7.0, 9.0)
-    axes = figure.subplots(len(LAWS), sharex=True)
-    for ax, (name, law) in zip(axes, LAWS.items(), strict=True):
-        ax.plot(t, law(t), label=name)
-        ax.plot(np.linspace(0, 1, len(best[name].derivative)), best[name].derivative, "--", label="least at this jerk")
-        ax.set_ylabel("acceleration")
-        ax.legend(loc="upper right")
-    axes[-1].set_xlabel("time over that of the rise")
-    return figure
+    """Acceleration of each law, and that of the least peak at the same jerk."""
+    rows = []
+    for name, law in LAWS.items():
+        least = best[name].derivative
+        curves = [(name, t, law(t)), ("least at this jerk", np.linspace(0, 1, len(least)), least)]
+        rows.append([Panel("acceleration", curves)])
+    return panels(rows, "time over that of the rise", width=7.0, look={"least at this jerk": DASHED})
 
 
 def draw_table(table: DwellRise) -> Figure:
-    """Lift, velocity and acceleration of the motion through Table 5.4, and the numbers that the table asks for."""
-    figure = new_figure(7.0, 6.0)
-    axes = figure.subplots(3, sharex=True)
+    """Lift, velocity and acceleration of the motion through Table 5.4, and the numbers of the table."""
     angle = np.linspace(0.0, TABLE_5_4[-1][0], len(table.derivative) + 1)
-    jerk = PPoly(table.derivative[None], np.radians(angle))
-    for order, (ax, unit) in enumerate(zip(axes, ("cm", "cm/rad", "cm/rad²"), strict=True)):
-        asked = [(at, value) for at, of, value in TABLE_5_4 if of == order]
-        ax.plot(angle, jerk.antiderivative(3 - order)(np.radians(angle)), label="motion of least peak jerk")
-        ax.plot(*zip(*asked, strict=True), "o", label="asked for by the table")
-        ax.set_ylabel(f"{('lift', 'velocity', 'acceleration')[order]} [{unit}]")
-    axes[0].legend(loc="lower center")
-    axes[-1].set_xlabel("cam angle [deg]")
-    return figure
+    jerk, rows = PPoly(table.derivative[None], np.radians(angle)), []
+    for order, name in enumerate(("lift [cm]", "velocity [cm/rad]", "acceleration [cm/rad²]")):
+        numbers = zip(*[(at, value) for at, of, value in TABLE_5_4 if of == order], strict=True)
+        motion = jerk.antiderivative(3 - order)(np.radians(angle))
+        rows.append([Panel(name, [("motion of least peak jerk", angle, motion), ("numbers of the table", *numbers)])])
+    return panels(rows, "cam angle [deg]", width=7.0, row_height=1.8, look={"numbers of the table": POINTS})
 
 
 if __name__ == "__main__":

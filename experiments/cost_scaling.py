@@ -1,8 +1,9 @@
-"""How does the cost of a revolution grow with masses and contacts, and what does one mass save?
+"""How does the computing time of a revolution grow with the numbers of masses and contacts, and what does a one-mass
+model save?
 
-Train: `kodama`, its spring divided more finely for more masses, reduced as `camopt reduce` does for fewer. First
-revolution from rest of the plain Polydyne, fixed-step paths at the step that the highest mode asks for. Processor time,
-or time on the wall where JAX is in play.
+The train is `kodama`, with its spring divided more finely for more masses, and reduced as by `camopt reduce` for fewer.
+Measured is the first revolution from rest with the plain Polydyne, with fixed-step methods at the step that the highest
+natural frequency requires. Times are processor times, or times by the clock for JAX programs.
 """
 
 import numpy as np
@@ -24,7 +25,7 @@ from experiments.support.smooth_costs import smooth_times
 
 SPEED_RPM = 6000.0
 CHAIN = ((10, 5), (9, 5), (8, 5), (7, 5), (6, 5), (5, 4), (4, 3), (3, 2), (2, 1), (1, 0))
-"""(masses, surge masses): first the train is condensed, then the spring loses its modes."""
+"""(masses, surge masses) of the reduced models: first the train is condensed, then the spring loses its modes."""
 COILS = {"small": (10,), "full": (10, 20, 40)}
 IDLE = {"small": (0, 1), "full": (0, 1, 2, 4, 8)}
 SMOOTH_AT = {"small": (10, 1), "full": (45, 25, 15, 10, 5, 3, 1)}
@@ -48,21 +49,21 @@ def main(size: str, folder=RESULTS) -> dict:
         "speed_rpm": SPEED_RPM,
         "masses": rows,
         "one_against_ten": one_against_ten(rows),
-        "masses_exponent": {path: exponent(by_masses(rows, path)) for path in rows[0]["ms"]} if size == "full" else {},
-        "contacts": (contacts := [contacts_row(scene, cam, n) for n in IDLE[size]]),
+        "masses_exponent": exponents(rows) if size == "full" else {},
+        "contacts": (contacts := [masses_row(with_clashes(scene, n), cam) | {"idle_contacts": n} for n in IDLE[size]]),
         "never_closing": [never_closing(scene, cam), never_closing(load_scene("motori-1"), cam)],
     }
     return write_result("cost_scaling", size, content, figures(rows, contacts) if size == "full" else {}, folder)
 
 
 def scenes_by_masses(scene: Scene, size: str) -> list[Scene]:
-    """Many masses down to one."""
+    """The scenes from the largest number of masses down to one."""
     models = {(len(m.scene.mass), m.surge_masses): m.scene for m in smaller_models(scene)}
     return [*(with_coils(scene, n) for n in reversed(COILS[size])), *(models[key] for key in CHAIN)]
 
 
 def with_coils(scene: Scene, count: int) -> Scene:
-    """The scene with its spring of five masses divided into `count`: mass and rate stay."""
+    """The scene with its spring of five masses divided into `count` masses, of the same total mass and rate."""
     coils = [m for m in scene.mass if m.name.startswith("spring_")]
     names = [f"spring_{i}" for i in range(1, count + 1)]
     mass = tuple(coils[0].model_copy(update={"name": n, "mass_kg": coils[0].mass_kg * 5 / count}) for n in names)
@@ -74,15 +75,16 @@ def with_coils(scene: Scene, count: int) -> Scene:
         coil.model_copy(update={"name": f"coil_{i}", "between": (ends[i - 1], ends[i]), **update})
         for i in range(1, count + 2)
     ]
-    kept = [e for e in scene.element if not e.name.startswith("coil_")]
+    others = [e for e in scene.element if not e.name.startswith("coil_")]
     masses = tuple(m for m in scene.mass if m not in coils) + mass
     return parse_scene(
-        scene_toml(scene.model_copy(update={"mass": masses, "element": (*kept, *springs), "tolerance": ()})), scene.name
+        scene_toml(scene.model_copy(update={"mass": masses, "element": (*others, *springs), "tolerance": ()})),
+        scene.name,
     )
 
 
-def masses_row(scene: Scene, cam, smooth: bool) -> dict:
-    """Times of one scene by path [ms], and what they are made of."""
+def masses_row(scene: Scene, cam, smooth: bool = False) -> dict:
+    """Times of one scene by method [ms], with the numbers of steps and stops that explain them."""
     train, cam_speed = build_train(scene), scene.cam_speed(SPEED_RPM)
     ms = path_times(LeftOut(scene), train, cam, cam_speed)
     run = engine.prepare(train, cam, cam_speed)
@@ -101,23 +103,23 @@ def masses_row(scene: Scene, cam, smooth: bool) -> dict:
 
 
 def one_against_ten(rows: list[dict]) -> dict:
-    """Time of the one-mass scene over that of the ten-mass one: in all, from the step count, and per step."""
+    """Ratio of the one-mass scene to the ten-mass one by method: total time, number of steps, and time per step."""
     one, ten = (next(r for r in rows if r["masses"] == n) for n in (1, 10))
     steps = {p: "event_steps" if p.startswith("event") else "steps_per_revolution" for p in one["ms"]}
-    found = {}
+    ratios = {}
     for path in one["ms"]:
         time, count = one["ms"][path] / ten["ms"][path], one[steps[path]] / ten[steps[path]]
-        found[path] = {"time": time, "steps": count, "per_step": time / count}
-    return found | {"event_stops": {"one": one["event_stops"], "ten": ten["event_stops"]}}
+        ratios[path] = {"time": time, "steps": count, "per_step": time / count}
+    return ratios | {"event_stops": {"one": one["event_stops"], "ten": ten["event_stops"]}}
 
 
-def by_masses(rows: list[dict], path: str) -> list[tuple[int, float]]:
-    """Masses and time of the rows that have a path."""
-    return [(row["masses"], row["ms"][path]) for row in rows if path in row["ms"]]
+def exponents(rows: list[dict]) -> dict[str, float]:
+    """By method the exponent of the number of masses in the time."""
+    return {p: exponent([(row["masses"], row["ms"][p]) for row in rows if p in row["ms"]]) for p in rows[0]["ms"]}
 
 
 def exponent(points: list[tuple[int, float]]) -> float:
-    """Slope of log time over log number (number, time), over the upper half of the logarithmic range."""
+    """Slope of log time over log number of points (number, time), in the upper half of the logarithmic range."""
     logs = np.log(points)
     upper = logs[logs[:, 0] >= logs[:, 0].mean()]
     return float(np.polyfit(upper[:, 0], upper[:, 1], 1)[0]) if len(upper) > 1 else float("nan")
@@ -131,18 +133,13 @@ def with_clashes(scene: Scene, count: int) -> Scene:
     return parse_scene(text, scene.name)
 
 
-def contacts_row(scene: Scene, cam, count: int) -> dict:
-    """Times with `count` contacts more that never close."""
-    return masses_row(with_clashes(scene, count), cam, smooth=False) | {"idle_contacts": count}
-
-
 def never_closing(scene: Scene, cam, repeats: int = 40) -> dict:
-    """A contact that never closes: kept, and left out under watch, against the scene that does not have it."""
+    """A contact that never closes: kept, and left out but monitored, compared with the scene without it."""
     with_it = with_clashes(scene, 1)
     model = leave_out(with_it, frozenset({"clash_1"}), frozenset())
     cam_speed = scene.cam_speed(SPEED_RPM)
-    whole, part = build_train(with_it), build_train(model.scene)
-    rest, steps = state_at_rest(part), first_steps(part, cam_speed)
+    whole, reduced = build_train(with_it), build_train(model.scene)
+    rest, steps = state_at_rest(reduced), first_steps(reduced, cam_speed)
     methods = {
         "event": engine.prepare,
         "rkg": lambda train, cam, cam_speed: rkg.prepare(train, cam, cam_speed, steps),
@@ -150,12 +147,12 @@ def never_closing(scene: Scene, cam, repeats: int = 40) -> dict:
     }
     rows = {}
     for name, method in methods.items():
-        kept, gone = method(whole, cam, cam_speed), method(part, cam, cam_speed)
-        watched = model.prepare(method, part, cam, cam_speed)
+        kept, gone = method(whole, cam, cam_speed), method(reduced, cam, cam_speed)
+        watched = model.prepare(method, reduced, cam, cam_speed)
         times = np.array(
             [[milliseconds(lambda r=r: r(rest), 1) for r in (kept, gone, watched)] for _ in range(repeats)]
         )
-        kept_more, _, watched_more = np.median(times / times[:, 1:2], axis=0) - 1  # of neighbours in time
+        kept_more, _, watched_more = np.median(times / times[:, 1:2], axis=0) - 1  # ratios of consecutive runs
         end = [r(rest).x[-1] for r in (kept, gone, watched)]
         rows[name] = {
             "ms_without": times[:, 1].min(),
@@ -178,7 +175,7 @@ LINES = {
 
 @styled
 def figures(masses: list[dict], contacts: list[dict]) -> dict[str, Figure]:
-    """Time of a revolution against masses, and what idle contacts add to it."""
+    """Time of a revolution against the number of masses, and the additional time of idle contacts."""
     drawing = new_figure(6.4, 3.6)
     axes = drawing.subplots(1, 2)
     _lines(axes[0], masses, "masses")

@@ -1,8 +1,9 @@
 """What does each limit of an engineer's drawing cost in area, and does it hold at every angle?
 
-Each limit is set by a step beyond what the cam of largest area without it reaches, so that this cam breaks it. The
-bound stands beside every area. The trains' sources have no geometry: what is taken here is assumed, a flat follower for
-most limits. Radii under a roller or pad stand apart: under the finger that the scene `kodama` assumes, and a roller.
+Each limit is set a step beyond the value of the cam of largest area without it, so that this cam breaks the limit.
+Every area is reported with its bound. The sources of the trains give no geometry, so a flat follower is assumed for
+most limits. Radii under a roller or pad are separate cases: with the finger that the scene `kodama` assumes, and with a
+roller.
 """
 
 import numpy as np
@@ -37,10 +38,10 @@ CIRCLES = {
         ("nose_radius_min_mm", "concave_radius_min_mm"),
     ),
 }  # fmt: skip
-"""Followers that touch the cam with a circle, and the radii that are asked under them."""
+"""Followers with a circular contact surface, and the limits on radii that are set with them."""
 PISTON = Piston(stroke_mm=86.0, rod_mm=143.0, gap_at_top_mm=4.0, clearance_mm=1.0, lobe_centre_deg=108.0)
 LIFT_AT_DEG = -54.0
-"""The piston's highest place in cam degrees: 108 crank degrees before the lobe's centre."""
+"""Cam angle [deg] of the piston's top dead centre: 108 crank degrees before the lobe's centre."""
 DURATION_AT_MM = 5.0
 STEP = {
     "lift_at": -0.3,
@@ -50,21 +51,21 @@ STEP = {
     "face_width_mm": -2.0,
     "waves_max": -2,
 }
-"""How far each limit goes beyond the cam without it: mm, deg, mm, mm, mm, sign changes of the jerk."""
+"""Step of each limit beyond the value of the cam without it: mm, deg, mm, mm, mm, sign changes of the jerk."""
 CONCAVE_STEP_MM = 20.0
 ENTRAINMENT_M_PER_S = 0.2
-"""The least entrainment velocity that is asked; without the limit it passes through zero."""
+"""The limit on the least entrainment velocity; without the limit the velocity passes through zero."""
 SNAP_SHARE = 0.5
-"""The largest snap that is asked, of that of the cam without the limit."""
+"""The limit on snap, as a share of the largest snap of the cam without it."""
 LIMITS = (*STEP, "snap_max_mm_per_deg4", "entrainment_min_m_per_s")
 KNOT_DEG = {"small": 4.0, "full": 2.0}
 GRID_DEG = 0.001
 NO_JERK = 1e-5
-"""Share of the largest jerk below which differences on the grid are rounding."""
+"""Share of the largest jerk below which differences on the grid are rounding errors."""
 
 
 def main(size: str, folder=RESULTS) -> dict:
-    """A row per limit and train."""
+    """Computes a row for each limit and train, and writes `drawing_limits.json`."""
     names = list(GEOMETRY)[: 1 if size == "small" else None]
     rows = [row for name in names for row in rows_of(name, KNOT_DEG[size])]
     geometry = {n: [one.model_dump() for one in (GEOMETRY[n], CIRCLES[n][0])] for n in names}
@@ -79,8 +80,8 @@ def rows_of(name: str, knot_deg: float) -> list[dict]:
     rows = []
     for scene, key in [*((flat, key) for key in LIMITS), *((circle, key) for key in CIRCLES[name][1])]:
         reached = value_of(key, free.lift, scene)
-        asked = asked_for(key, reached)
-        limited = with_limit(scene, key, asked)
+        limit = asked_for(key, reached)
+        limited = with_limit(scene, key, limit)
         held = kinematic_optimum(limited.design, program_cam(limited.design, knot_deg))
         rows.append(
             {
@@ -88,7 +89,7 @@ def rows_of(name: str, knot_deg: float) -> list[dict]:
                 "limit": key,
                 "follower": scene.geometry.follower,
                 "value_without": reached,
-                "value_asked": asked,
+                "value_asked": limit,
                 "value_with": value_of(key, held.lift, limited),
                 "broken_without": broken_by_shape(free.lift, limited.design),
                 "broken_with": broken_by_shape(held.lift, limited.design),
@@ -103,7 +104,7 @@ def rows_of(name: str, knot_deg: float) -> list[dict]:
 
 
 def asked_for(key: str, reached: float) -> float:
-    """What is asked of a limit where the cam without it reaches so much."""
+    """Value of a limit where the cam without it has the value `reached`."""
     if key == "snap_max_mm_per_deg4":
         return SNAP_SHARE * reached
     if key == "entrainment_min_m_per_s":
@@ -124,7 +125,7 @@ def with_limit(scene: Scene, key: str, value: float) -> Scene:
 
 
 def value_of(key: str, lift: Lift, scene: Scene) -> float:
-    """What a cam has of a limited quantity, on a grid of 0.001 deg, in the limit's unit."""
+    """Value of a limited quantity of a cam, on a grid of 0.001 deg, in the limit's unit."""
     half = scene.design.duration_deg / 2
     theta = np.arange(-half, half + GRID_DEG / 2, GRID_DEG) * DEG
     if key == "lift_at":

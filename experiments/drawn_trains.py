@@ -1,11 +1,11 @@
-"""What do the settled metrics of 1000 drawn trains of `kodama` cost, and does the compiled path agree with the slow
-one?
+"""What do the settled metrics of 1000 randomly varied trains of `kodama` cost, and does the compiled driver agree with
+the slow path?
 
-Trains of `kodama` with masses, stiffnesses, dampings and preloads scattered by 2 % each; 11 speeds of the band. A cam
-whose contacts keep closed on the train as given, and, with a tenth of the trains, the plain `polydyne`, which bounces
-from 6000 r/min on. The fast path is `camopt.exact.settled`, started from the states of the train as given; the slow one
-settles event-exact from rest, samples it and takes the metrics of its cubics. Processor time of all threads,
-compilation apart.
+The trains are `kodama` with masses, stiffnesses, dampings and preloads scattered by 2 % each, at 11 speeds of the band.
+The cams are one that keeps contact on the nominal train, and, with a tenth of the trains, the plain `polydyne`, which
+bounces from 6000 r/min on. The fast path is `camopt.exact.settled`, started from the states of the nominal train. The
+slow path settles event-exact from rest, samples the motion and takes the metrics from cubics between the samples. Times
+are processor times of all threads, without compilation.
 """
 
 import time
@@ -20,10 +20,10 @@ from camopt.exact import prepare
 from camopt.exact.settled import ERRORS, settled_metrics
 from camopt.measure.settling import settled_from_rest
 from camopt.optimizer.program.no_jump import no_jump_program
-from camopt.plots.style import new_figure
 from camopt.scene import Scene, build_train, load_scene
 from camopt.scene.settled import SettledMetrics
 from camopt.scene.train import Train
+from experiments.support.panels import Panel, panels
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.table5_conclusion import PERTURBED, perturbed
 
@@ -34,17 +34,17 @@ SPEEDS = {"small": 3, "full": 11}
 MARGIN_N = 60.0
 POLYDYNE_SHARE = 10
 EVERY = 5
-"""Every so many speeds are compared with the slow path."""
+"""Interval, in speeds of the band, at which the paths are compared."""
 
 
 def drawn_trains(train: Train, count: int) -> list[Train]:
-    """Trains whose masses, stiffnesses, dampings and preloads are scattered, each number by itself."""
+    """Trains whose masses, stiffnesses, dampings and preloads are scattered independently."""
     rng = np.random.default_rng(0)
     return [perturbed(train, rng, (*PERTURBED, "preload"), SCATTER) for _ in range(count)]
 
 
 def held(scene: Scene, speeds_rpm: np.ndarray) -> Lift:
-    """A cam whose contacts keep a margin of force at every speed of the band."""
+    """A cam with a margin of contact force at every speed of the band."""
     cam, cam_speeds = free_cam(scene.design, 6.0), [scene.cam_speed(s) for s in speeds_rpm]
     return no_jump_program(build_train(scene), scene.design, cam, cam_speeds).solve(MARGIN_N).lift
 
@@ -53,38 +53,38 @@ def measured(trains: list[Train], nominal: Train, lift: Lift, cam_speeds: list[f
     """Cost of the fast path over the drawn trains."""
     starts = settled_metrics([nominal], [lift], cam_speeds).states  # compiles too
     begin = time.process_time()
-    found = settled_metrics(trains, [lift], cam_speeds, starts=starts)
-    seconds, count = time.process_time() - begin, found.periodic.size
+    fast = settled_metrics(trains, [lift], cam_speeds, starts=starts)
+    seconds, count = time.process_time() - begin, fast.periodic.size
     return {
         "motions": count,
         "seconds": seconds,
         "ms_per_motion": 1e3 * seconds / count,
-        "periodic": int(found.periodic.sum()),
-        "refused": int(found.refused.sum()),
-        "revolutions_per_motion": float(found.revolutions.mean()),
-    }, found
+        "periodic": int(fast.periodic.sum()),
+        "refused": int(fast.refused.sum()),
+        "revolutions_per_motion": float(fast.revolutions.mean()),
+    }, fast
 
 
-def compared(trains: list[Train], lift: Lift, cam_speeds: list[float], found: SettledMetrics) -> dict:
-    """Largest differences of the first trains' metrics from those of the slow path at every few speeds.
+def compared(trains: list[Train], lift: Lift, cam_speeds: list[float], fast: SettledMetrics) -> dict:
+    """Largest differences between the two paths in the metrics of the first trains, at every fifth speed.
 
-    Where a contact parts it may multiply the last micrometre of a settled state, so such motions are counted apart.
+    A contact that opens may amplify the last micrometre of a settled state, so such motions are counted separately.
     """
     begin, speeds = time.process_time(), cam_speeds[::EVERY]
     slow = [[_slow(train, lift, speed) for speed in speeds] for train in trains]
     seconds = time.process_time() - begin
-    mine = found.periodic[: len(trains), 0, ::EVERY]
+    fast_periodic = fast.periodic[: len(trains), 0, ::EVERY]
     periodic = np.array([[one["periodic"] for one in row] for row in slow], dtype=bool)
     parts = np.array([[one["jump_mm"] > 0.0 or one["bounce_mm"] > 0.0 for one in row] for row in slow])
     difference = {}
     for name in ERRORS:
-        theirs = np.array([[one[name] for one in row] for row in slow])
-        difference[name] = np.abs(theirs - found.worst(name)[: len(trains), 0, ::EVERY])
-    kept, parted = mine & periodic & ~parts, mine & periodic & parts
+        slow_values = np.array([[one[name] for one in row] for row in slow])
+        difference[name] = np.abs(slow_values - fast.worst(name)[: len(trains), 0, ::EVERY])
+    kept, parted = fast_periodic & periodic & ~parts, fast_periodic & periodic & parts
     return {
         "slow_ms_per_motion": 1e3 * seconds / periodic.size,
         "compared": periodic.size,
-        "periodic_in_one_only": int((periodic != mine).sum()),
+        "periodic_in_one_only": int((periodic != fast_periodic).sum()),
         "contacts_keep": int(kept.sum()),
         "largest_difference": {name: float(d[kept].max(initial=0.0)) for name, d in difference.items()},
         "within_stated_error": all(bool(np.all(difference[n][kept] <= ERRORS[n])) for n in ERRORS),
@@ -99,19 +99,15 @@ def _slow(train: Train, lift: Lift, cam_speed: float) -> dict:
     return {"periodic": settled.periodic, **{name: figures.worst(name) for name in ERRORS}}
 
 
-def figure(speeds_rpm: np.ndarray, found: dict[str, SettledMetrics]) -> Figure:
+def figure(speeds_rpm: np.ndarray, by_cam: dict[str, SettledMetrics]) -> Figure:
     """Bounce of the drawn trains against speed: median, and the range of 90 % of them."""
-    picture = new_figure(7.0, 4.0)
-    axes = picture.subplots()
-    for name, metrics in found.items():
+    curves = []
+    for name, metrics in by_cam.items():
         low, middle, high = np.nanpercentile(metrics.worst("bounce_mm")[:, 0], (5, 50, 95), axis=0)
-        (line,) = axes.plot(speeds_rpm, middle, label=name)
-        axes.fill_between(speeds_rpm, low, high, alpha=0.25, color=line.get_color(), linewidth=0)
-    axes.set_xlabel("engine speed (r/min)")
-    axes.set_ylabel("bounce (mm)")
-    axes.set_title(f"drawn trains, {100 * SCATTER:g} % scatter: median and 90 % range")
-    axes.legend()
-    return picture
+        curves.append((f"{name}, median", speeds_rpm, middle))
+        curves += [(f"{name}, 5 and 95 %", speeds_rpm, end) for end in (low, high)]
+    title = f"{100 * SCATTER:g} % scatter: median and 90 % range"
+    return panels([[Panel("bounce [mm]", curves, title)]], "engine speed [r/min]", row_height=3.0)
 
 
 def main(size: str, folder=RESULTS) -> dict:
@@ -121,15 +117,15 @@ def main(size: str, folder=RESULTS) -> dict:
     cam_speeds, train = [scene.cam_speed(s) for s in speeds], build_train(scene)
     cams = {"held": held(scene, speeds), "polydyne": polydyne(scene)}
     content: dict = {"trains": TRAINS[size], "speeds_rpm": speeds.tolist(), "cams": {}, "stated_error": ERRORS}
-    found = {}
+    fast = {}
     for name, lift in cams.items():
         share = 1 if name == "held" else POLYDYNE_SHARE
         trains = drawn_trains(train, TRAINS[size] // share)
-        row, found[name] = measured(trains, train, lift, cam_speeds)
-        row |= compared(trains[: max(1, COMPARED[size] // share)], lift, cam_speeds, found[name])
+        row, fast[name] = measured(trains, train, lift, cam_speeds)
+        row |= compared(trains[: max(1, COMPARED[size] // share)], lift, cam_speeds, fast[name])
         content["cams"][name] = row
         print(name, row)
-    return write_result("drawn_trains", size, content, {"bounce": figure(speeds, found)}, folder)
+    return write_result("drawn_trains", size, content, {"bounce": figure(speeds, fast)}, folder)
 
 
 if __name__ == "__main__":

@@ -1,12 +1,14 @@
-"""Above the jump: does the gradient of a mean over neighbouring cams say what a step does, where a single one does not?
+"""Above the speed at which the follower jumps, does the gradient of a mean over neighbouring cams predict the effect of
+a step where the gradient of a single cam does not?
 
-`kodama` with a Polydyne at 7000 r/min, the first revolution from rest, 10 bumps on the lift. The mean of a metric is
-J_sigma(z) = E J(z + sigma xi) over cams whose bumps have heights of standard deviation `SIGMA`, with xi normal; members
-come in pairs, xi and -xi. Three gradients of a metric: of the single cam (exact), of the mean (pathwise: exact
-gradients averaged) and of the mean by an evolution strategy (values only). The pathwise one misses what steps of the
-metric contribute (a contact that closes once more or once less), which agreement of its halves does not show; once the
-motion is chaotic its variance has no bound, which their disagreement shows (`split_half_cosine`). Each proposes a step
-of a given length downhill; other members than those of the gradients then say by how much the mean changed.
+The motion is that of `kodama` with a Polydyne at 7000 r/min, the first revolution from rest, with 10 bumps on the lift.
+The mean of a metric is J_sigma(z) = E J(z + sigma xi) over cams whose bumps have heights of standard deviation `SIGMA`,
+with xi normal; members come in pairs, xi and -xi. There are three gradients of a metric: that of the single cam
+(exact), that of the mean (pathwise: exact gradients averaged) and that of the mean by an evolution strategy (function
+values only). The pathwise gradient misses the contribution of discontinuities of the metric (a contact that closes once
+more or once less), which does not show in the agreement of its two halves; once the motion is chaotic its variance has
+no bound, which shows in their disagreement (`split_half_cosine`). Each gradient gives a step of a given length
+downhill; the change of the mean is then measured on other members than those of the gradients.
 """
 
 from collections.abc import Callable
@@ -35,13 +37,13 @@ SIGMA = 2e-6
 BUMPS = {"small": 3, "full": 10}
 MEMBERS = {"small": 8, "full": 1000}
 JUDGES = {"small": 8, "full": 1000}
-"""Members of the gradients, and of the mean that judges a step; the strategy has four times as many of the former."""
+"""Members of the mean on which a step is evaluated; the strategy has four times as many members as MEMBERS."""
 LENGTHS = {"small": (1e-6,), "full": (2e-7, 5e-7, 1e-6, 2e-6, 5e-6)}
 """Lengths of the steps [m]: root of the sum of squared heights."""
 
 
 class Bumped(NamedTuple):
-    """A cam with m bumps in a train at one speed, whose l metrics in the first revolution from rest are asked."""
+    """A cam with m bumps in a train at one speed, with l metrics of the first revolution from rest."""
 
     train: Train
     lift: Lift
@@ -57,8 +59,8 @@ class Bumped(NamedTuple):
     def values_and_slopes(self, heights: np.ndarray) -> np.ndarray:
         """The metrics (l) in the first column of (l, 1 + m), and their slopes by the heights [unit per m]."""
         lift = moved(self.lift, self.directions, heights)
-        found = value_and_gradient(self.train, lift, self.cam_speed, self.metrics)
-        return np.column_stack([found.values, np.einsum("lpq,mpq->lm", found.by_coefficients, self.directions)])
+        slopes = value_and_gradient(self.train, lift, self.cam_speed, self.metrics)
+        return np.column_stack([slopes.values, np.einsum("lpq,mpq->lm", slopes.by_coefficients, self.directions)])
 
 
 def drawn_heights(members: int, bumps: int, sigma_m: float, seed: int) -> np.ndarray:
@@ -67,8 +69,8 @@ def drawn_heights(members: int, bumps: int, sigma_m: float, seed: int) -> np.nda
 
 
 def of_pairs(numbers: Callable[[np.ndarray], np.ndarray], heights: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """(heights (k, m), numbers (k, 2, ...) of the cams with these and with the opposite heights), without the pairs of
-    which a motion is refused or a number is none."""
+    """(heights (k, m), numbers (k, 2, ...) of the cams with these and with the opposite heights), without the pairs in
+    which a motion is refused or a number is not finite."""
 
     def of_pair(one: np.ndarray) -> np.ndarray | None:
         try:
@@ -79,18 +81,18 @@ def of_pairs(numbers: Callable[[np.ndarray], np.ndarray], heights: np.ndarray) -
 
     with ThreadPoolExecutor(WORKERS) as pool:
         pairs = list(pool.map(of_pair, heights))
-    kept = [i for i, pair in enumerate(pairs) if pair is not None]
-    return heights[kept], np.array([pairs[i] for i in kept])
+    complete = [i for i, pair in enumerate(pairs) if pair is not None]
+    return heights[complete], np.array([pairs[i] for i in complete])
 
 
 def pathwise(bumped: Bumped, heights: np.ndarray) -> np.ndarray:
-    """Slopes (k, l, m) of every pair of members: their mean is the gradient of the mean metrics."""
+    """Slopes (k, l, m) of every pair of members; their mean is the gradient of the mean metrics."""
     _, pairs = of_pairs(bumped.values_and_slopes, heights)
     return pairs[..., 1:].mean(axis=1)
 
 
 def evolution_strategy(bumped: Bumped, heights: np.ndarray, sigma_m: float) -> np.ndarray:
-    """The same from values alone: noisier, and right however the motion behaves.
+    """The same from function values only: noisier, but unbiased also where the metric is discontinuous.
 
     It is E [J(z + sigma xi) - J(z - sigma xi)] xi / (2 sigma) (Nesterov, Spokoiny 2017).
     """
@@ -106,7 +108,7 @@ def split_half_cosine(slopes: np.ndarray) -> list[float]:
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
-    """The three gradients of each metric, the change each promises for a step downhill, and the change of the mean."""
+    """The three gradients of each metric, the predicted change of a step downhill, and the change of the mean."""
     scene = load_scene("kodama")
     bumped = Bumped(build_train(scene), *with_bumps(polydyne(scene), BUMPS[size]), scene.cam_speed(RPM))
     slopes = pathwise(bumped, drawn_heights(MEMBERS[size], BUMPS[size], SIGMA, seed=1))
@@ -119,7 +121,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     noise = SIGMA * np.random.default_rng(3).normal(size=(JUDGES[size], BUMPS[size]))
 
     def members(heights: np.ndarray) -> np.ndarray:
-        """Values (k, l) of the judging members about the cam with the bumps at heights (m) [m]."""
+        """Values (k, l) of the evaluation members about the cam with the bumps at heights (m) [m]."""
         return np.array([bumped.values(heights + one) for one in noise])
 
     before, rows = members(np.zeros(BUMPS[size])), []
@@ -145,14 +147,14 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
 
 @styled
 def figure(rows: list[dict]) -> Figure:
-    """Change of the mean over the change that each gradient promised, against the length of the step."""
+    """Change of the mean over the change that each gradient predicted, against the length of the step."""
     drawing = new_figure(3.0 * len(METRICS), 3.2)
     for axis, metric in zip(drawing.subplots(1, len(METRICS), sharey=True), METRICS, strict=True):
         here = [r for r in rows if r["metric"] == metric]
         for number, name in enumerate(dict.fromkeys(r["gradient"] for r in here)):
-            own = [r for r in here if r["gradient"] == name]
-            kept, error = (np.array([r[key] / r["promised"] for r in own]) for key in ("change", "standard_error"))
-            axis.errorbar([r["length_um"] for r in own], kept, np.abs(error), marker="os^"[number], ms=4, capsize=2,
+            curve = [r for r in here if r["gradient"] == name]
+            share, error = (np.array([r[key] / r["promised"] for r in curve]) for key in ("change", "standard_error"))
+            axis.errorbar([r["length_um"] for r in curve], share, np.abs(error), marker="os^"[number], ms=4, capsize=2,
                           color=list(lines().values())[number][0], label=name)  # fmt: skip
         axis.axhline(1.0, color=INK, linestyle=(0, (5, 3)), linewidth=0.9)
         axis.axhline(0.0, color=INK, linewidth=0.6)

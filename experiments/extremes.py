@@ -1,7 +1,7 @@
-"""Does any method, put to the fixed list of extremes on any built-in scene, end in a wrong number without a warning?
+"""Does any method give a wrong result without a warning on the fixed list of extreme cases of any built-in scene?
 
-What `camopt extremes` runs, on every scene that moves (combinations of two extremes on `kodama`), kept row by row in
-`runs/extremes`, from where an interrupted run goes on; the small size takes the case without change on `motori-2`.
+The cases are those of `camopt extremes`, on every scene with a motion (on `kodama` also pairs of extremes). Rows are
+stored in `runs/extremes`, from which an interrupted run resumes. The small size is the unchanged scene `motori-2`.
 """
 
 import tempfile
@@ -20,7 +20,7 @@ RUN = Path("runs") / "extremes"
 
 
 def main(size: str, folder=RESULTS) -> dict:
-    """Runs the list, prints the counts and writes `extremes.json`, at full size with a figure per scene."""
+    """Runs the list of cases, prints the counts and writes `extremes.json`, at full size with a figure per scene."""
     scenes = [load_scene(name) for name in SCENES[size]]
     if size == "full":
         rows = study.extremes(scenes, RUN, resume=RUN.exists())
@@ -31,20 +31,20 @@ def main(size: str, folder=RESULTS) -> dict:
     content = {
         "rows": len(rows),
         "wrong": [f"{r['case']}, {r['method']}" for r in study.defects(rows)],
-        "by_scene": {name: dict(Counter(r["verdict"] for r in mine)) for name, mine in by_scene.items()},
+        "by_scene": {name: dict(Counter(r["verdict"] for r in group)) for name, group in by_scene.items()},
         "by_method": study.counts(rows),
-        "seconds": {name: sum(float(r["seconds"] or 0) for r in mine) for name, mine in by_scene.items()},
-        "verdicts": {name: _by_case(name, mine) for name, mine in by_scene.items()},
+        "seconds": {name: sum(float(r["seconds"] or 0) for r in group) for name, group in by_scene.items()},
+        "verdicts": {name: _by_case(name, group) for name, group in by_scene.items()},
     }
-    figures = {name: verdict_matrix(mine, name) for name, mine in by_scene.items()} if size == "full" else {}
+    figures = {name: verdict_matrix(group, name) for name, group in by_scene.items()} if size == "full" else {}
     return write_result("extremes", size, content, figures, folder)
 
 
 def _by_case(scene: str, rows: list[dict]) -> dict[str, dict[str, str]]:
-    found: dict[str, dict[str, str]] = {}
+    verdicts: dict[str, dict[str, str]] = {}
     for row in rows:
-        found.setdefault(row["case"].removeprefix(f"{scene}: "), {})[row["method"]] = row["verdict"]
-    return found
+        verdicts.setdefault(row["case"].removeprefix(f"{scene}: "), {})[row["method"]] = row["verdict"]
+    return verdicts
 
 
 if __name__ == "__main__":

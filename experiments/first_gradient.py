@@ -1,10 +1,10 @@
-"""How long does it take from `python` to the first gradient, in the first process and in the next one?
+"""How long does it take from the start of `python` to the first gradient, in the first process and in the next one?
 
-Each process begins with nothing loaded and ends with a gradient in hand; the first has an empty folder for compiled
-programs, the second has what the first left there. Two gradients are asked for: that of a Lagrangian by the
-coefficients of a free cam, through the tied motion at nine speeds of the band, from its settled start, as `ascend` with
+Each process starts with nothing loaded and ends with a gradient; the first has an empty folder for compiled programs,
+the second has the programs that the first stored there. Two gradients are measured: that of a Lagrangian by the
+coefficients of a free cam, through the tied motion at nine speeds of the band from its settled start, as `ascend` with
 path constraints takes it; and that of the seating velocity by the gaps, through `simulate(method="smooth")`. Processor
-time is that of all threads of a process, the clock's is shared with whatever else the machine does.
+time is that of all threads of a process; the time by the clock includes other work of the machine.
 """
 
 import os
@@ -15,7 +15,7 @@ import tempfile
 import time
 from pathlib import Path
 
-from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, printed, run_script, write_result
 
 ROOT = Path(__file__).parents[1]
 SCENES = {"small": ("motori-1",), "full": ("kodama", "motori-1", "pushrod-hydraulic")}
@@ -48,20 +48,19 @@ GRADIENTS = {"path constraints": PATHS, "motion": MOTION}
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
-    """Seconds of the clock and of the processor by gradient, scene and process, and whether the first said anything."""
+    """Clock and processor time [s] by gradient, scene and process, and the number of compilation notices."""
     rows = []
     for gradient, script in GRADIENTS.items() if size == "full" else [("path constraints", PATHS)]:
         for scene in SCENES[size]:
             with tempfile.TemporaryDirectory() as cache:
                 for process in PROCESSES:
-                    found = timed(script.format(scene=scene), cache)
-                    rows.append({"gradient": gradient, "scene": scene, "process": process, **found})
-                    print(rows[-1], flush=True)
+                    times = timed(script.format(scene=scene), cache)
+                    rows.append(printed({"gradient": gradient, "scene": scene, "process": process, **times}))
     return write_result("first_gradient", size, {"rows": rows}, {}, folder)
 
 
 def timed(script: str, cache: str) -> dict:
-    """The times of a process that keeps compiled programs in a folder, and how often it said that it compiles."""
+    """Times of a process with a folder of compiled programs, and the number of its compilation notices."""
     environment = {name: value for name, value in os.environ.items() if name != "JAX_COMPILATION_CACHE_DIR"}
     before, begin = resource.getrusage(resource.RUSAGE_CHILDREN), time.perf_counter()
     done = subprocess.run(
@@ -75,8 +74,8 @@ def timed(script: str, cache: str) -> dict:
     if done.returncode:
         raise RuntimeError(done.stderr)
     processor = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    said = done.stderr.count("JAX compiles a program")
-    return {"clock_s": round(clock, 2), "processor_s": round(processor, 2), "lines": said}
+    notices = done.stderr.count("JAX compiles a program")
+    return {"clock_s": round(clock, 2), "processor_s": round(processor, 2), "lines": notices}
 
 
 if __name__ == "__main__":

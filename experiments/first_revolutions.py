@@ -1,8 +1,9 @@
-"""Which revolution from rest says of the settled motion whether it holds its limits?
+"""Which revolution after a start from rest shows whether the settled motion keeps its limits?
 
-On every built-in scene with a design: four families' plain members and the free cam of largest area under the limits on
-the shape, at speeds over the band. Event-exact's bounce and jump of the first revolutions from rest are held against
-the settled motion's, both against `LIMIT_MM`. A valve that never seats bounces without bound.
+On every built-in scene with a design the plain members of four families and the free cam of largest area under the
+limits on the shape run at speeds over the band. Bounce and jump of the first revolutions from rest by event-exact are
+compared with those of the settled motion, both with respect to `LIMIT_MM`. A valve that never seats counts as an
+infinite bounce.
 """
 
 from collections.abc import Iterator
@@ -33,11 +34,11 @@ METRICS = ("bounce_mm", "jump_mm")
 LIMIT_MM = 0.05
 REVOLUTIONS = 8
 NEAR = 0.2
-"""Share of the settled figure by which a revolution's may differ."""
+"""Relative difference from the settled value up to which a revolution counts as near."""
 
 
 def cams(scene: Scene) -> Iterator[Lift]:
-    """The scene's cams; a family without a member there has none."""
+    """The cams of a scene; a family without a member for it is left out."""
     for family in FAMILIES:
         with suppress(InputError):
             yield read_cam(family, scene)
@@ -59,27 +60,27 @@ def figures(scene: Scene, lift: Lift, speeds: list[float]) -> Iterator[np.ndarra
 
 def main(size: str, folder=RESULTS) -> dict:
     """Measures, prints and writes `first_revolutions.json`."""
-    found = []
+    metrics = []
     for name in SCENES[size]:
         scene = load_scene(name)
         speeds = [scene.cam_speed(rpm) for rpm in np.linspace(*scene.required_operation.band_rpm, SPEEDS[size])]
         for lift in cams(scene):
-            found += figures(scene, lift, speeds)
-    first, settled = np.array(found)[:, :-1], np.array(found)[:, -1:]
-    said, true = first > LIMIT_MM, settled > LIMIT_MM
+            metrics += figures(scene, lift, speeds)
+    first, settled = np.array(metrics)[:, :-1], np.array(metrics)[:, -1:]
+    in_revolution, true = first > LIMIT_MM, settled > LIMIT_MM
     both = np.isfinite(first) & np.isfinite(settled) & true
     share = np.divide(first, settled, out=np.ones_like(first), where=both)
     rows = [
         {
             "revolution": r + 1,
-            "missed": int(np.sum(true[:, 0] & ~said[:, r])),
-            "invented": int(np.sum(~true[:, 0] & said[:, r])),
+            "missed": int(np.sum(true[:, 0] & ~in_revolution[:, r])),
+            "invented": int(np.sum(~true[:, 0] & in_revolution[:, r])),
             "near_percent": 100.0 * float(np.mean(np.abs(share[:, r][both[:, r]] - 1.0) <= NEAR)),
             "least_share": float(share[:, r].min()),
         }
         for r in range(REVOLUTIONS)
     ]
-    content = {"motions": len(found), "figures": int(true.size), "broken": int(true.sum()), "rows": rows}
+    content = {"motions": len(metrics), "figures": int(true.size), "broken": int(true.sum()), "rows": rows}
     return write_result("first_revolutions", size, content, {}, folder)
 
 

@@ -1,7 +1,8 @@
-"""What does a blunter nose do to stress and oil film under a flat follower, and does camopt give the published numbers?
+"""How does a blunter nose change stress and oil film under a flat follower, and does camopt give the published numbers?
 
-Published: a nose of 13.7 mm instead of 6 mm lowers the Hertz stress by 34 % and puts the entrainment velocity to zero.
-The film is 4 to 6.5 times the roughness on the flanks, and 0.2 to 0.4 times at the nose, at 0.2 um of each surface.
+Published values: a nose radius of 13.7 mm instead of 6 mm lowers the Hertz stress by 34 % and reduces the entrainment
+velocity to zero. The film is 4 to 6.5 times the roughness on the flanks, and 0.2 to 0.4 times at the nose, with a
+roughness of 0.2 um of each surface.
 """
 
 import numpy as np
@@ -17,7 +18,7 @@ from camopt.scene.units import DEG, MM, RPM
 from experiments.support.record import RESULTS, run_script, write_result
 
 FACE_MM, LIFT_MM = 27.4, 9.4
-"""Distance of the face from the cam's axis at the nose, which the published pair of numbers implies."""
+"""Distance of the follower's face from the cam's axis at the nose, implied by the published numbers, and lift."""
 NOSES_MM = (6.0, 13.7)
 MODULUS, LOAD_N_PER_M = 1.15e11, 1e5
 CAM_RPM, FORCE_N = 2000, 500.0
@@ -25,12 +26,13 @@ OILED = Geometry(
     follower="flat", base_radius_mm=25, contact_width_mm=12, oil_viscosity_mPa_s=10, roughness_um=0.2 * np.sqrt(2)
 )
 FITTED = {"sections_deg": (7.5, 11.5, 7.5, 22.7, 22.8), "a12": 0.0114, "j34": -0.00175, "j45": -0.00014}
-"""Neither oil, speed nor cam are published with the film. Oil and speed are ordinary ones; the cam is the Multi-Pol of
-Table 5, one of six that were tried, whose film lies in the published range. So the film validates nothing."""
+"""Parameters of the cam. Neither oil, speed nor cam are published with the film. Oil and speed have ordinary values;
+the cam is the Multi-Pol of Table 5, which was chosen among six because its film lies in the published range. So the
+film validates nothing."""
 
 
 def entrainment(nose_mm: float) -> float:
-    """Entrainment velocity by the cam's angular speed [m] at a nose of this radius."""
+    """Entrainment velocity over the cam's angular speed [m] at a nose of this radius."""
     law, flat = [LIFT_MM, 0.0, nose_mm - FACE_MM], Geometry(follower="flat", base_radius_mm=FACE_MM - LIFT_MM)
     return float(follower_of(flat).contact(np.array(law)[:, None] * MM, np.zeros(1)).entrainment[0])
 

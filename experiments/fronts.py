@@ -1,9 +1,10 @@
-"""What does each limit of `kodama` cost in area over the band, and what would a spring of its own allow?
+"""What does each limit of `kodama` cost in area over the band, and how much area does a better valve spring allow?
 
-`kodama`, accuracy draft, rows of the exact response: the largest area that the event-exact judge confirms over the band
-against the limit on bounce (jump and seating velocity released, which would hide it), on jump (seating velocity
-released) and on jerk; then the factors on the valve spring's rate and preload, each within 10 %, that give the largest
-area together with the cam, confirmed by a search with the spring found.
+The scene is `kodama` at accuracy draft, with constraint rows of the exact response. Computed is the largest area that
+event-exact confirms over the band, against the limit on bounce (without limits on jump and seating velocity, which
+would hide its effect), on jump (without the limit on seating velocity) and on jerk. Then the factors on rate and
+preload of the valve spring, each within 10 %, are optimised together with the cam, and the area is confirmed by a
+search with this spring.
 """
 
 from dataclasses import replace
@@ -20,30 +21,30 @@ RELEASED = {
     "jump_max_mm": ("seating_velocity_max_m_per_s",),
     "jerk_max_mm_per_deg3": (),
 }
-"""Limits that would hide what the one in question costs."""
+"""By limit the other limits that are removed because they would hide its effect."""
 GRADIENT = "exact"
 SMALL = {"jerk_max_mm_per_deg3": (0.002, 0.004)}
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
     """Searches, prints and writes fronts.json and a figure per limit into `folder`."""
-    scene, asked = load_scene("kodama"), VALUES if size == "full" else SMALL
+    scene, limits = load_scene("kodama"), VALUES if size == "full" else SMALL
     speeds = "band" if size == "full" else "nominal"
-    given = {"speeds": speeds, "gradient": GRADIENT, "progress": size == "full"}
-    fronts = {n: pareto(scene, n, values, release=RELEASED[n], **given) for n, values in asked.items()}
+    settings = {"speeds": speeds, "gradient": GRADIENT, "progress": size == "full"}
+    fronts = {n: pareto(scene, n, values, release=RELEASED[n], **settings) for n, values in limits.items()}
     content = {"fronts": {}}
     for name, front in fronts.items():
         content["fronts"][name] = {k: front.table[k].values.tolist() for k in ("limit", *front.table.data_vars)}
-    found = joint_spring(scene, speeds=speeds, evaluations=30 if size == "full" else 4)
+    design = joint_spring(scene, speeds=speeds, evaluations=30 if size == "full" else 4)
     effort = ACCURACIES["draft"]
     if size == "small":
         effort = replace(effort, feedback_rounds=4)
-    as_given, together = (find_cam(s, speeds, effort, GRADIENT).confirmed[-1] for s in (scene, found.scene))
+    as_given, together = (find_cam(s, speeds, effort, GRADIENT).confirmed[-1] for s in (scene, design.scene))
     content["spring"] = {
-        "rate": found.rate,
-        "preload": found.preload,
-        "area_ratio_program": found.area_ratio,
-        "area_ratio_program_as_given": found.area_ratio_as_given,
+        "rate": design.rate,
+        "preload": design.preload,
+        "area_ratio_program": design.area_ratio,
+        "area_ratio_program_as_given": design.area_ratio_as_given,
         "area_ratio": together.area_ratio,
         "area_ratio_as_given": as_given.area_ratio,
     }

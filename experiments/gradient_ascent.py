@@ -1,12 +1,13 @@
-"""What does gradient ascent alone (`camopt.ascend`) reach on `motori-1` from a Polydyne, by which optimiser, and at
-what price?
+"""What area does gradient ascent alone (`camopt.ascend`) reach on `motori-1` from a Polydyne, by which optimiser, and
+in what time?
 
-The free cam nearest to the plain Polydyne within the limits (knots every 6 deg) climbs the area ratio less penalties on
-bounce and jump, on the exact path by Adam at two rates, plain gradient steps and L-BFGS, and on the smooth path by Adam
-for fewer steps. Two problems: two speeds at which nothing bounces, where the answer is the linear program's, and three
-at which the start breaks its limits a hundredfold. The judge is event-exact, settled, every fifth step; what is told is
-the largest area ratio that it confirms. Processor time includes compilation. Beside them stand the area that the limits
-on the shape alone allow, and that of the linear program that keeps contact at these speeds.
+The start is the free cam nearest to the plain Polydyne within the limits (knots every 6 deg). The objective is the area
+ratio less penalties on bounce and jump. On the exact path it is maximised by Adam at two rates, plain gradient steps
+and L-BFGS, and on the smooth path by Adam with fewer steps. There are two problems: two speeds at which nothing
+bounces, where the linear program gives the answer, and three at which the start exceeds its limits a hundredfold. Every
+fifth step the settled motion is evaluated by event-exact, and the largest area ratio that it confirms is reported.
+Processor time includes compilation. For comparison the result has the area that the limits on the shape alone allow,
+and that of the linear program that keeps contact at these speeds.
 """
 
 import time
@@ -30,9 +31,9 @@ OPTIMISERS = {
     "l-bfgs": ("exact", optax.lbfgs(), {"small": 0, "full": 30}),
     "adam 1e-3, smooth": ("smooth", optax.adam(1e-3), {"small": 0, "full": 15}),
 }
-"""Path, transformation and steps; without steps it is left out."""
+"""Path, optax transformation and number of steps; an optimiser without steps is left out."""
 REVOLUTION = 1
-"""The revolution whose metrics are penalised: that with which the stored result was made."""
+"""The revolution whose metrics are penalised, as in the stored result."""
 
 
 def bounds(scene: Scene, speeds_rpm: tuple[float, ...]) -> dict[str, float]:
@@ -47,7 +48,7 @@ def bounds(scene: Scene, speeds_rpm: tuple[float, ...]) -> dict[str, float]:
 
 
 def climbed(scene: Scene, speeds_rpm: tuple[float, ...], path: str, optimiser, steps: int) -> dict:
-    """One ascent: where it began, what was confirmed, and what it took."""
+    """One ascent: its start, the confirmed area, and its processor time."""
     begin = time.process_time()
     objective = camopt.objective(scene, speeds_rpm=speeds_rpm, penalties=PENALTIES, path=path, revolutions=REVOLUTION)
     history = camopt.ascend(objective, camopt.polydyne(scene), optimiser, steps, knot_deg=KNOT_DEG)

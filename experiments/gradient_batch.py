@@ -1,10 +1,10 @@
-"""What does a gradient through the contacts cost for 64 cams at 4 speeds, beside one diffrax trajectory?
+"""What does a gradient through the contacts cost for 64 cams at 4 speeds, compared with one diffrax trajectory?
 
-One run times, per trajectory with its gradient by 20 bumps on the lift: diffrax's Tsit5 alone with the recursive
-checkpoint adjoint, the exact path (its NumPy interface, and `jax.vmap` of `jax.grad`), the smooth path on equal steps
-(all cams and speeds in one call), and the smooth path on the refined grid. Tsit5 and the equal steps use the loosest
-setting whose valve stays within 1e-3 mm of the same smoothed model resolved finely; gradients are judged against
-central differences of event-exact.
+Times are measured in one run, per trajectory with its gradient by 20 bumps on the lift: diffrax's Tsit5 alone with the
+recursive checkpoint adjoint, the exact path (its NumPy interface, and `jax.vmap` of `jax.grad`), the smooth path on
+equal steps (all cams and speeds in one call), and the smooth path on the refined grid. Tsit5 and the equal steps use
+the loosest setting whose valve position is within 1e-3 mm of a fine solution of the same smoothed model; gradients are
+compared with central differences of event-exact.
 """
 
 import os
@@ -25,7 +25,7 @@ from camopt.cam.polynomials import recentred
 from camopt.exact.adjoint.motion import TracedMotion, value_and_gradient
 from camopt.exact.engine import prepare as prepare_exact
 from camopt.measure.hermite import Hermite
-from camopt.scene import load_scene
+from camopt.scene import Response, load_scene
 from camopt.scene.units import DEG
 from camopt.smooth.exact_rule import exact_metrics
 from camopt.smooth.grid import equal_grid
@@ -40,7 +40,7 @@ from experiments.support.smooth_batch import BATCH_EPS, batch_motion, stage_lift
 SIZES = {"small": (2, 3, (5000.0, 6000.0)), "full": (64, 20, (5000.0, 6000.0, 6500.0, 7000.0))}
 """Cams, bumps, speeds."""
 DESIGN = Path(__file__).parents[1] / "tests" / "data" / "kodama-design.json"
-"""The cam that `camopt optimize kodama` delivered: calm enough at every speed that 1e-3 mm has a meaning."""
+"""The design of `camopt optimize kodama`; its motion is calm enough for an error of 1e-3 mm to mean something."""
 ON_KNOTS = {"interval_deg": 4.0, "last_deg": 38.0}
 """Bumps whose knots are every second of the cam's own, which are 2 deg apart."""
 SPACING = 2 * DEG
@@ -52,9 +52,9 @@ REFERENCE_STEPS = 28_800
 DIFFRAX_SAMPLES = 720
 WORKERS = os.cpu_count() or 1
 Timed = tuple[np.ndarray, np.ndarray, dict]
-"""Wall and processor seconds per trajectory with gradient, gradients (s, m) of the first cam, and the setting."""
+"""Wall and processor time [s] per trajectory with gradient, gradients (s, m) of the first cam, and the setting."""
 HEIGHT = 1e-6
-"""Scale of the random heights that make one cam of the batch from another [m]."""
+"""Standard deviation of the random heights of bumps by which the cams of the batch differ [m]."""
 
 
 def main(size: str, folder=RESULTS) -> dict:
@@ -63,11 +63,11 @@ def main(size: str, folder=RESULTS) -> dict:
     scene = load_scene("kodama")
     p = problem(scene, read_design(DESIGN, scene), speeds, bumps, **ON_KNOTS)
     z = HEIGHT * np.random.default_rng(4).normal(size=(bumps, cams))
-    z[:, 0] = 0.0  # the cam whose gradient is judged
+    z[:, 0] = 0.0  # the cam whose gradient is compared
     truth = [exact_differences(p, s) for s in range(len(speeds))]
     rows = []
     for name, method in METHODS.items():
-        with threadpool_limits(limits=1, user_api="blas"):  # its threads wait busily, on the cores of the others
+        with threadpool_limits(limits=1, user_api="blas"):  # its threads spin on the cores of the others
             (seconds, processor), gradients, setting = method(p, z)
         judged = [against(g, t) for g, t in zip(gradients, truth, strict=True)]
         times = {"ms_per_trajectory": 1e3 * seconds, "processor_ms_per_trajectory": 1e3 * processor}
@@ -92,8 +92,8 @@ def diffrax_tsit5(p: Problem, z: np.ndarray) -> Timed:
         return p.metric(system, motion(z, speed, y0, tolerance), speed, BATCH_EPS)
 
     def valve(s: int, tolerance: float):
-        found = jax.jit(motion)(jnp.zeros(len(p.bumps)), *p.at(s), tolerance)
-        return np.asarray(found.angle), np.asarray(found.x[:, p.train.valve])
+        response = jax.jit(motion)(jnp.zeros(len(p.bumps)), *p.at(s), tolerance)
+        return np.asarray(response.angle), np.asarray(response.x[:, p.train.valve])
 
     tolerance, error = loosest(p, TOLERANCES, valve)
     gradient = jax.jit(jax.value_and_grad(value))
@@ -111,16 +111,16 @@ def equal_steps(p: Problem, z: np.ndarray) -> Timed:
 
     def valve(s: int, steps: int):
         speed, y0 = p.at(s)
-        found = jax.jit(batch_motion)(system, jnp.asarray(lifts(steps)[0])[..., None], jnp.full(1, speed), y0)
-        return np.asarray(found.angle[0]), np.asarray(found.x[0, :, p.train.valve])
+        response = jax.jit(batch_motion)(system, jnp.asarray(lifts(steps)[0])[..., None], jnp.full(1, speed), y0)
+        return np.asarray(response.angle[0]), np.asarray(response.x[0, :, p.train.valve])
 
     steps, error = loosest(p, STEPS, valve)
     base, parts = (jnp.asarray(q) for q in lifts(steps))
 
     def total(z, speed, y0):
         motions = batch_motion(system, base[..., None] + parts @ z, speed, y0)
-        found = jax.vmap(lambda one, at: p.metric(system, one, at, BATCH_EPS))(motions, speed)
-        return jnp.sum(found), found
+        values = jax.vmap(lambda motion, at: p.metric(system, motion, at, BATCH_EPS))(motions, speed)
+        return jnp.sum(values), values
 
     @jax.jit
     def gradients(z, speed, y0):
@@ -136,7 +136,7 @@ def equal_steps(p: Problem, z: np.ndarray) -> Timed:
 
 
 def refined_grid(p: Problem, z: np.ndarray) -> Timed:
-    """The smooth path at its defaults, whose gradients are those of the exact motion: a few cams stand for all."""
+    """The smooth path at its defaults, whose gradients are those of the exact motion; two cams represent all."""
     system, some = build_system(p.train), z[:, :2].T
     under = p.under(system)
 
@@ -150,7 +150,7 @@ def refined_grid(p: Problem, z: np.ndarray) -> Timed:
 
 
 def exact_numpy(p: Problem, z: np.ndarray) -> Timed:
-    """All cams and speeds in threads, gradients by the pieces turned into those by the bumps."""
+    """All cams and speeds in threads; gradients by the pieces are converted to gradients by the bumps."""
     lift, bumps = on_common_pieces(p)
     speeds, states = np.tile(p.cam_speeds, z.shape[1]), np.tile(p.states, (z.shape[1], 1))
 
@@ -183,12 +183,12 @@ def exact_jax(p: Problem, z: np.ndarray) -> Timed:
 
 def on_common_pieces(p: Problem) -> tuple[Lift, np.ndarray]:
     """The cam on the union of its borders and the bumps', and the bumps (p, q, m) there [m/rad^k]."""
-    inner = {round(b, 9): b for part in (*p.bumps, p.lift) for b in part.borders[1:-1]}  # equal but for rounding
+    inner = {round(b, 9): b for law in (*p.bumps, p.lift) for b in law.borders[1:-1]}  # equal but for rounding
     borders = np.array([-np.pi, *(inner[key] for key in sorted(inner)), np.pi])
 
-    def pieces(part: Lift) -> np.ndarray:
-        own = recentred(part, np.searchsorted(part.borders, 0.5 * (borders[1:] + borders[:-1])) - 1, borders[:-1])
-        return np.pad(own, ((0, 0), (0, p.lift.coefficients.shape[1] - own.shape[1])))
+    def pieces(law: Lift) -> np.ndarray:
+        rows = recentred(law, np.searchsorted(law.borders, 0.5 * (borders[1:] + borders[:-1])) - 1, borders[:-1])
+        return np.pad(rows, ((0, 0), (0, p.lift.coefficients.shape[1] - rows.shape[1])))
 
     lift = replace(p.lift, borders=borders, coefficients=pieces(p.lift))
     return lift, np.stack([pieces(one) for one in p.bumps], axis=-1)
@@ -201,9 +201,7 @@ def exact_setting(p: Problem, lift: Lift) -> dict:
         fine = prepare_exact(p.train, p.lift, speed, REFERENCE_STEPS)(state)
         motion = TracedMotion(p.train, lift, speed, state, spacing=SPACING)
         angle = np.linspace(-np.pi, np.pi, 721)
-        i = p.train.valve
-        curve = Hermite(fine.angle, fine.x[:, i], fine.v[:, i] / speed)
-        worst = max(worst, 1e3 * float(np.max(np.abs(motion.at(angle).x[:, i] - curve(angle)))))
+        worst = max(worst, valve_error_mm(p, fine, speed, angle, motion.at(angle).x[:, p.train.valve]))
     return {"error_mm": worst}
 
 
@@ -214,24 +212,25 @@ METHODS: dict[str, Callable[[Problem, np.ndarray], Timed]] = {
     "smooth, equal steps, batch": equal_steps,
     "smooth, refined grid, batch": refined_grid,
 }
-"""The first is the yardstick."""
+"""The first is the reference for the ratios of times."""
 
 
 def loosest(p: Problem, settings, valve) -> tuple[float, float]:
-    """First of the settings whose valve position keeps within ERROR_MM of the finely resolved one at every speed."""
-    fine = []
-    for s in range(len(p.speeds_rpm)):
-        record = prepare(p.train, p.lift, p.cam_speeds[s], eps=BATCH_EPS)(p.states[s])
-        i = p.train.valve
-        fine.append(Hermite(record.angle, record.x[:, i], record.v[:, i] / p.cam_speeds[s]))
+    """First setting whose valve position is within ERROR_MM of the fine solution at every speed, and its error [mm]."""
+    speeds = list(enumerate(p.cam_speeds))
+    fine = [prepare(p.train, p.lift, speed, eps=BATCH_EPS)(p.states[s]) for s, speed in speeds]
     for setting in settings:
-        worst = 0.0
-        for s, curve in enumerate(fine):
-            angle, x = valve(s, setting)
-            worst = max(worst, 1e3 * float(np.max(np.abs(x - curve(angle)))))
+        worst = float(np.max([valve_error_mm(p, fine[s], speed, *valve(s, setting)) for s, speed in speeds]))
         if worst <= ERROR_MM:
             return setting, worst
     raise RuntimeError(f"no setting of {settings} keeps within {ERROR_MM} mm of its own reference")
+
+
+def valve_error_mm(p: Problem, fine: Response, cam_speed: float, angle: np.ndarray, x: np.ndarray) -> float:
+    """Largest distance [mm] of valve positions x [m] at angles [rad] from cubics through a fine motion."""
+    i = p.train.valve
+    curve = Hermite(fine.angle, fine.x[:, i], fine.v[:, i] / cam_speed)
+    return 1e3 * float(np.max(np.abs(x - curve(angle))))
 
 
 def timed(call, repeats: int = 10):

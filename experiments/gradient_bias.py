@@ -1,8 +1,8 @@
-"""What do the width of the contact's layer, the step and the precision do to the smooth path's values and gradients?
+"""How do the width of the contact's layer, the step and the precision affect values and gradients of the smooth path?
 
-The seating velocity of a Polydyne cam and its gradient by bumps on the lift, at four speeds, against central
-differences of event-exact motion (several heights, the one that agrees best). Settings that fail stay in the table as
-NaN, which JSON writes as null.
+The seating velocity of a Polydyne cam and its gradient by bumps on the lift are computed at four speeds and compared
+with central differences of the event-exact motion (with several heights, of which the one that agrees best is used).
+Settings that fail are kept in the table as NaN, which JSON writes as null.
 """
 
 import jax
@@ -11,23 +11,24 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from camopt.cam.families.polydyne import polydyne
-from camopt.plots.style import LIMIT, legend_above, lines, new_figure, styled
+from camopt.plots.style import LIMIT
 from camopt.scene import load_scene
 from camopt.smooth.laws import Layer
 from camopt.smooth.simulate import TOLERANCE, response_arrays
 from camopt.smooth.system import build_system
 from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, exact_value, problem
+from experiments.support.panels import POINTS, Panel, panels
 from experiments.support.record import RESULTS, run_script, write_result
 
 SPEEDS = {"small": (5000.0, 7000.0), "full": (5000.0, 6000.0, 6500.0, 7000.0)}
 BUMPS = {"small": 3, "full": 10}
 EPS = {"small": (1e-6, 2e-9), "full": (1e-5, 1e-6, 1e-7, 1e-8, 2e-9)}
 GRIDS = {"small": ("refined",), "full": ("refined", 2880, 11520, 46080)}
-"""Refined at the default tolerance, or a number of equal steps per revolution."""
+"""A grid that is refined at the default tolerance, or a number of equal steps per revolution."""
 TOLERANCE_32 = 1e-8
-"""In single precision positions of 9 mm are rounded by 1e-9 m."""
+"""Tolerance of the refined grid [m] in single precision, in which positions of 9 mm are rounded by 1e-9 m."""
 FLOOR, TOP = 1e-7, 1e2
-"""Range of errors that the figure shows."""
+"""Range of errors in the figure."""
 
 
 def main(size: str, folder=RESULTS) -> dict:
@@ -41,12 +42,11 @@ def main(size: str, folder=RESULTS) -> dict:
         run = compiled(p, grid, precision)
         for eps in EPS[size]:
             for s, (value, differences) in enumerate(truth):
-                found, gradient = (np.asarray(q, float) for q in run(eps, s))
-                gradient = (
-                    gradient if np.isfinite(found) else np.full_like(gradient, np.nan)
-                )  # no value has no gradient
+                smooth, gradient = (np.asarray(q, float) for q in run(eps, s))
+                if not np.isfinite(smooth):  # without a value there is no gradient
+                    gradient = np.full_like(gradient, np.nan)
                 row = {"speed_rpm": p.speeds_rpm[s], "eps_m": eps, "grid": str(grid), "precision": precision}
-                rows.append({**row, "value_bias": abs(float(found) / value - 1.0), **against(gradient, differences)})
+                rows.append({**row, "value_bias": abs(float(smooth) / value - 1.0), **against(gradient, differences)})
     content = {"metric": METRIC, "bumps": BUMPS[size], "exact_m_per_s": [v for v, _ in truth], "rows": rows}
     return write_result("gradient_bias", size, content, {} if size == "small" else {"eps": figure(rows)}, folder)
 
@@ -72,32 +72,27 @@ def compiled(p: Problem, grid: str | int, precision: str):
     return run
 
 
-@styled
 def figure(rows: list[dict]) -> Figure:
     """Value bias (upper row) and gradient error (lower) against eps, a column per speed; failures at the upper edge."""
     speeds = sorted({row["speed_rpm"] for row in rows})
     kinds = list(dict.fromkeys((row["grid"], row["precision"]) for row in rows))
-    drawing = new_figure(3.0 * len(speeds), 5.2)
-    axes = drawing.subplots(2, len(speeds), sharex=True, sharey=True, squeeze=False)
-    for axis, speed in zip(axes.T, speeds, strict=True):
-        for number, kind in enumerate(kinds):
-            here = [r for r in rows if r["speed_rpm"] == speed and (r["grid"], r["precision"]) == kind]
-            eps = np.array([r["eps_m"] for r in here])
-            name = f"{'refined grid' if kind[0] == 'refined' else kind[0] + ' equal steps'}, {kind[1]}"
-            for panel, key in zip(axis, ("value_bias", "relative_error"), strict=True):
-                shown = np.array([r[key] for r in here])
-                failed = ~np.isfinite(shown)
-                colour = list(lines().values())[number][0]
-                panel.loglog(eps, np.clip(shown, FLOOR, TOP), "os^vD"[number] + "-", color=colour, label=name, ms=4)
-                panel.loglog(eps[failed], np.full(failed.sum(), TOP), "x", color=colour, ms=7)
-        axis[0].set_title(f"{speed:g} r/min")
-        axis[1].axhline(1e-2, color=LIMIT, linestyle=(0, (5, 3)), linewidth=0.9)
-        axis[1].set_xlabel("width of the layer [m]")
-    axes[0, 0].set_ylim(FLOOR / 2, TOP * 2)
-    axes[0, 0].set_ylabel("seating velocity:\nrelative error of the value")
-    axes[1, 0].set_ylabel("relative error of the gradient\n(dashed: 1e-2; x: NaN)")
-    legend_above(drawing, axes[0, 0])
-    return drawing
+    names = "seating velocity:\nrelative error of the value", "relative error of the gradient\n(x: NaN)"
+    grid = []
+    for key, ylabel in zip(("value_bias", "relative_error"), names, strict=True):
+        grid.append([])
+        for speed in speeds:
+            curves = []
+            for kind in kinds:
+                here = [r for r in rows if r["speed_rpm"] == speed and (r["grid"], r["precision"]) == kind]
+                eps, shown = (np.array([r[name] for r in here], dtype=float) for name in ("eps_m", key))
+                name = f"{'refined grid' if kind[0] == 'refined' else kind[0] + ' equal steps'}, {kind[1]}"
+                failed = eps[~np.isfinite(shown)]
+                curves += [(name, eps, np.clip(shown, FLOOR, TOP)), ("NaN", failed, np.full(len(failed), TOP))]
+            title = f"{speed:g} r/min" if key == "value_bias" else ""
+            grid[-1].append(Panel(ylabel if speed == speeds[0] else "", curves, title, (FLOOR / 2, TOP * 2)))
+    look = {"NaN": POINTS | {"marker": "x", "color": LIMIT}}
+    width, log = 3.0 * len(speeds), ("log", "log")
+    return panels(grid, "width of the layer [m]", None, width, 2.2, sharey=True, scale=log, marker="o", look=look)
 
 
 if __name__ == "__main__":

@@ -1,7 +1,8 @@
-"""What does the exact gradient cost beside its value?
+"""What does the exact gradient cost compared with its value?
 
-Processor time of one event-exact revolution from rest with one metric, and of the same with its gradient by the free
-coefficients of a spline cam: least of many repeats, the two in turn so that a loaded machine slows both.
+Measured is the processor time of one event-exact revolution from rest with one metric, and of the same with its
+gradient by the free coefficients of a spline cam. Each is the least of many repeats, which alternate so that a loaded
+machine slows both.
 """
 
 import numpy as np
@@ -56,7 +57,7 @@ def bell(cam: FreeCam) -> np.ndarray:
 
 
 def pieces_by_z(cam: FreeCam) -> np.ndarray:
-    """Derivatives (m, p q) of the pieces' coefficients by z: linear."""
+    """Derivatives (m, p q) of the pieces' coefficients by z, in which they are linear."""
     zero = np.zeros(cam.Z.shape[1])
     offset = cam.lift(zero).coefficients
     return np.stack([(cam.lift(unit).coefficients - offset).ravel() for unit in np.eye(len(zero))])

@@ -1,11 +1,12 @@
-"""How right are gradients through a damped contact by what researchers use, beside the exact and the smooth path?
+"""How accurate are gradients through a damped contact by the tools that researchers use, compared with the exact and
+the smooth path?
 
-First one mass that flies onto a damped contact and off again, whose end has a closed form: the derivatives of its end
-by speed, distance, damping and stiffness. Then `kodama` with its Polydyne: the seating velocity of a settled revolution
-by the heights of bumps on the cam, against central differences of the exact motion. A damped contact closes with a
-force that jumps by damping times speed, so that derivatives jump there too; a solver that merely switches its
-right-hand side does not know it. MuJoCo MJX and NVIDIA Warp are left out, with a line that says so, where they are not
-installed.
+The first problem is one mass that flies onto a damped contact and off again, whose end state has a closed form: the
+derivatives of its end state by speed, distance, damping and stiffness. The second is `kodama` with its Polydyne: the
+derivatives of the seating velocity of a settled revolution by the heights of bumps on the cam, compared with central
+differences of the exact motion. When a damped contact closes, its force jumps by damping times speed, so that
+derivatives jump there too; a solver that merely switches its right-hand side does not include this. MuJoCo MJX and
+NVIDIA Warp are left out, with a line that says so, where they are not installed.
 """
 
 import time
@@ -25,17 +26,8 @@ from camopt.smooth.system import build_system
 from camopt.study.measurements import fastest
 from experiments.gradient_batch import on_common_pieces
 from experiments.gradient_bias import compiled
-from experiments.support.gradient_ball import (
-    Answer,
-    diffrax_events,
-    diffrax_switch,
-    exact_path,
-    judged,
-    mjx_contact,
-    mjx_force,
-    smooth_path,
-    warp_kernel,
-)
+from experiments.support import gradient_ball as ball
+from experiments.support.gradient_ball import Answer
 from experiments.support.gradient_bumps import METRIC, Problem, against, exact_differences, exact_value, problem
 from experiments.support.record import RESULTS, run_script, write_result
 from experiments.support.smooth_batch import tsit5_states
@@ -49,11 +41,11 @@ ENGINES = {"mujoco": "MuJoCo MJX", "warp": "NVIDIA Warp"}
 REPEATS = {"small": 1, "full": 5}
 SPEED_RPM, BUMPS = 6000.0, {"small": 2, "full": 10}
 SAMPLES = 11_520
-"""Angles at which diffrax tells its motion: between them the touch of the seat is sought on cubics."""
+"""Number of angles at which diffrax records its motion; between them the seating is located on cubics."""
 
 
 class Switch(Layer):
-    """No ramp at all: the law of the non-smooth model by `where`, through which diffrax is to step."""
+    """The non-smooth contact law by `where`, without a layer, over which diffrax has to step."""
 
     def ramp(self, r):
         return jax.nn.relu(r)
@@ -64,31 +56,31 @@ class Switch(Layer):
 
 def main(size: str = "full", folder=RESULTS) -> dict:
     """Errors, cosines and times; small: one width, two bumps and few steps."""
-    ball = [{"method": name, **judged(make(), REPEATS[size])} for name, make in ball_methods(size).items()]
+    rows = [{"method": name, **ball.judged(make(), REPEATS[size])} for name, make in ball_methods(size).items()]
     train = of_kodama(size)
     absent = [name for module, name in ENGINES.items() if not find_spec(module)]
     missing = [f"{name} is not installed and is left out." for name in absent]
-    content = {"ball": ball, "kodama": train, "metric": METRIC, "speed_rpm": SPEED_RPM, "missing": missing}
+    content = {"ball": rows, "kodama": train, "metric": METRIC, "speed_rpm": SPEED_RPM, "missing": missing}
     return write_result("gradient_quality", size, content, {}, folder)
 
 
 def ball_methods(size: str) -> dict[str, Callable[[], Callable[[], Answer]]]:
-    """What makes each method, by its name in the table."""
-    methods: dict[str, Callable[[], Callable[[], Answer]]] = {"exact path": lambda: exact_path}
-    methods |= {f"smooth path, {w:g} m": lambda w=w: smooth_path(w) for w in WIDTHS[size]}
-    methods["diffrax, switch by where"] = lambda: diffrax_switch(TOLERANCE)
-    methods["diffrax, two events"] = lambda: diffrax_events(TOLERANCE)
+    """A function that prepares each method, by its name in the table."""
+    methods: dict[str, Callable[[], Callable[[], Answer]]] = {"exact path": lambda: ball.exact_path}
+    methods |= {f"smooth path, {w:g} m": lambda w=w: ball.smooth_path(w) for w in WIDTHS[size]}
+    methods["diffrax, switch by where"] = lambda: ball.diffrax_switch(TOLERANCE)
+    methods["diffrax, two events"] = lambda: ball.diffrax_events(TOLERANCE)
     for steps in EQUAL_STEPS[size]:
         if find_spec("mujoco"):
-            methods[f"MJX, its contact, {steps} steps"] = lambda steps=steps: mjx_contact(steps)
-            methods[f"MJX, the law as a force, {steps} steps"] = lambda steps=steps: mjx_force(steps)
+            methods[f"MJX, its contact, {steps} steps"] = lambda steps=steps: ball.mjx(steps, contact=True)
+            methods[f"MJX, the law as a force, {steps} steps"] = lambda steps=steps: ball.mjx(steps, contact=False)
         if find_spec("warp"):
-            methods[f"Warp, the law in a kernel, {steps} steps"] = lambda steps=steps: warp_kernel(steps)
+            methods[f"Warp, the law in a kernel, {steps} steps"] = lambda steps=steps: ball.warp_kernel(steps)
     return methods
 
 
 def of_kodama(size: str) -> list[dict]:
-    """The same question on `kodama`."""
+    """The rows of the problem on `kodama`."""
     scene = load_scene("kodama")
     p = problem(scene, polydyne(scene), (SPEED_RPM,), BUMPS[size])
     value, differences = exact_value(p, p.lift, 0), exact_differences(p, 0)
@@ -101,16 +93,16 @@ def of_kodama(size: str) -> list[dict]:
 
 
 def _row(name: str, method: Callable, value: float, differences: np.ndarray, repeats: int) -> dict:
-    seconds, (found, gradient) = fastest(lambda: jax.block_until_ready(method()), repeats, time.perf_counter)
+    seconds, (computed, gradient) = fastest(lambda: jax.block_until_ready(method()), repeats, time.perf_counter)
     judged_ = against(np.asarray(gradient), differences)
-    return {"method": name, "value_error": abs(float(found) / value - 1), **judged_, "ms": 1e3 * float(seconds)}
+    return {"method": name, "value_error": abs(float(computed) / value - 1), **judged_, "ms": 1e3 * float(seconds)}
 
 
 def exact(p: Problem) -> tuple[float, np.ndarray]:
     """Value and gradient by the bumps (m), by the discrete adjoint."""
     lift, bumps = on_common_pieces(p)
-    found = value_and_gradient(p.train, lift, p.cam_speeds[0], [METRIC], p.states[0], revolutions=2)
-    return float(found.values[0]), np.tensordot(found.by_coefficients[0], bumps, 2)
+    slopes = value_and_gradient(p.train, lift, p.cam_speeds[0], [METRIC], p.states[0], revolutions=2)
+    return float(slopes.values[0]), np.tensordot(slopes.by_coefficients[0], bumps, 2)
 
 
 def by_switch(p: Problem) -> Callable:

@@ -1,7 +1,7 @@
 """Does the pushrod train of the Cam Design Handbook have the masses and frequencies that the book prints?
 
 Rothbart (editor), Cam Design Handbook, 2004, pages 349 and 353: the two-mass form at the cam. `pushrod-5mass` is the
-same train on the valve's axis, with its stem and its spring's mass apart.
+same train on the valve's axis, with separate masses of stem and spring.
 """
 
 import camopt
@@ -36,16 +36,16 @@ PRINTED = {"mass_lbm": (0.327, 1.10), "frequency_Hz": (67.0, 3400.0)}
 
 
 def main(size: str, folder=RESULTS) -> dict:
-    """Printed masses and frequencies beside those of the scene made from the printed parts."""
+    """Compares the printed masses and frequencies with those of the scene made from the printed parts."""
     scene = parse_scene(TWO_MASSES, "handbook")
-    found = modes(scene).frequency_Hz
+    frequencies = modes(scene).frequency_Hz
     rows = [
         {"what": f"mass at the {m.name.replace('_', ' ')} [lbm]", "printed": printed, "camopt": m.mass_kg / POUND}
         for m, printed in zip(scene.mass, PRINTED["mass_lbm"], strict=True)
     ]
     rows += [
         {"what": f"frequency {number} [Hz]", "printed": printed, "camopt": float(hertz)}
-        for number, (hertz, printed) in enumerate(zip(found, PRINTED["frequency_Hz"], strict=True), 1)
+        for number, (hertz, printed) in enumerate(zip(frequencies, PRINTED["frequency_Hz"], strict=True), 1)
     ]
     five = modes(camopt.load_scene("pushrod-5mass"), "lifted")
     return write_result("handbook", size, {"rows": rows}, {"modes": five.plot()}, folder)

@@ -1,8 +1,8 @@
-"""Does a linear train cost more since trains may have tables, adjusters, friction and gas force?
+"""Does a linear train cost more since camopt supports force tables, adjusters, friction and gas force?
 
-Event-exact of this tree beside that of the last commit before such trains, each in processes of its own that take
-turns: the end state of a revolution, a sampled revolution, and a gradient, on linear scenes. The older tree is taken
-from the history of the clone that the experiment runs in. The small size compares this tree with itself.
+Event-exact of this tree is compared with that of the last commit before such elements, each in its own processes that
+run in turn: the end state of a revolution, a sampled revolution, and a gradient, on linear scenes. The older tree is
+extracted from the history of the clone in which the experiment runs. The small size compares this tree with itself.
 """
 
 import json
@@ -22,7 +22,7 @@ from experiments.support.record import RESULTS, run_script, write_result
 
 ROOT = Path(__file__).parents[1]
 BEFORE = "b3ce9431"
-"""The last commit of the first wave."""
+"""The last commit before such elements."""
 SCENES = {"kodama": 6000.0, "motori-1": 4000.0, "pushrod-5mass": 3000.0}
 """Crankshaft speeds [r/min]."""
 ROUNDS, REPEATS = {"small": 1, "full": 5}, {"small": 3, "full": 400}
@@ -66,13 +66,13 @@ def older_tree(commit: str, folder: Path) -> Path:
 
 
 def measured_in(tree: Path, repeats: int) -> dict[str, float]:
-    """What `measure` prints where `camopt` is that of a tree."""
+    """The times [s] that `measure` prints with the package `camopt` of a tree."""
     environment = os.environ | {"PYTHONPATH": str(tree)}
     command = [sys.executable, "-c", f"import sys; sys.path.append({str(ROOT)!r}); {MEASURE.format(repeats)}"]
     done = subprocess.run(command, cwd=tree, env=environment, stdout=subprocess.PIPE, check=True, text=True)
-    found = json.loads(done.stdout.splitlines()[-1])
-    assert Path(found.pop("camopt")).is_relative_to(tree), "another camopt was measured"
-    return found
+    times = json.loads(done.stdout.splitlines()[-1])
+    assert Path(times.pop("camopt")).is_relative_to(tree), "another camopt was measured"
+    return times
 
 
 MEASURE = "from experiments.linear_cost import measure; measure({})"
@@ -87,7 +87,7 @@ def measure(repeats: int) -> None:
     from camopt.scene import build_train, load_scene
     from camopt.scene.rest import state_at_rest
 
-    found: dict[str, float | str] = {"camopt": str(camopt.__file__)}
+    times: dict[str, float | str] = {"camopt": str(camopt.__file__)}
     for name, speed_rpm in SCENES.items():
         scene = load_scene(name)
         train, lift, speed = build_train(scene), polydyne(scene), scene.cam_speed(speed_rpm)
@@ -98,12 +98,12 @@ def measure(repeats: int) -> None:
             "sampled": partial(revolve, state),
             "gradient": partial(value_and_gradient, train, lift, speed, ["seating_velocity_m_per_s"], state),
         }
-        found |= {f"{name}, {key}": fastest_tenth(run, repeats) for key, run in work.items()}
-    print(json.dumps(found))
+        times |= {f"{name}, {key}": fastest_tenth(run, repeats) for key, run in work.items()}
+    print(json.dumps(times))
 
 
 def fastest_tenth(run: Callable[[], object], repeats: int) -> float:
-    """Mean processor time [s] of the fastest tenth of the calls; two before them build what is kept."""
+    """Mean processor time [s] of the fastest tenth of the calls, after two calls that fill caches."""
     seconds = []
     for _ in range(repeats + 2):
         begin = time.thread_time()

@@ -1,10 +1,10 @@
-"""Does HiGHS decide every linear program of drawn scenes, and what does the box of the free columns change?
+"""Does HiGHS decide every linear program of randomly drawn scenes, and what do bounds on the free columns change?
 
-Scenes drawn far beyond ordinary ones: 1 to 60 mm of lift, two-stroke and four-stroke, slow and fast, limits from tight
-to contradictory. Of each the programs that a design solves: largest area, the same without jump at several margins, and
-the same short of them at a price. Each is solved twice, by working sets that grow: with columns that are free in sign,
-and as camopt does, with columns that begin in a box. Undecided is a program of which neither an optimum nor a
-contradiction nor unboundedness comes out by any of the solver's attempts.
+Scenes are drawn far beyond ordinary values: 1 to 60 mm of lift, two-stroke and four-stroke, slow and fast, limits from
+tight to contradictory. For each scene the programs of a design are solved: the largest area, the same without jump at
+several margins, and the same with penalised violation of the margins. Each is solved twice, by working sets that grow:
+with free columns, and as camopt does, with columns that are first bounded by a box. A program is undecided if none of
+the solver's attempts gives an optimum, infeasibility or unboundedness.
 """
 
 import time
@@ -28,7 +28,7 @@ from experiments.support.record import RESULTS, called, run_script, write_result
 
 PROGRAMS = {"small": 20, "full": 2000}
 PER_SCENE = 10
-"""Programs of a scene: five at either number of knots."""
+"""Programs of a scene: five for each number of knots."""
 KNOTS_PER_DURATION = 24, 48
 MARGINS_N = -300.0, 100.0
 KINDS = ("largest area", "without jump", "short of margins")
@@ -67,7 +67,7 @@ def design(rng: np.random.Generator) -> dict:
     lift = between(rng, (1.0, 60.0)) if rng.random() < 0.5 else float(rng.uniform(6.0, 12.0))
     duration = float(rng.integers(80, 240)) if rng.random() < 0.5 else float(rng.integers(120, 170))
     height, half = max(0.27, float(rng.uniform(0.02, 0.04)) * lift), duration / 2
-    found = {
+    data = {
         "duration_deg": duration,
         "max_lift_mm": lift,
         "reach_max_lift": bool(rng.random() < 0.4),
@@ -81,16 +81,16 @@ def design(rng: np.random.Generator) -> dict:
         "jerk_max_mm_per_deg3": (0.8, lift / half**3 * between(rng, (15.0, 400.0))),
         "snap_max_mm_per_deg4": (0.2, lift / half**4 * between(rng, (200.0, 9000.0))),
         "nose_deg": (0.3, duration * float(rng.uniform(0.05, 0.25))),
-        "closing_ramp_velocity_mm_per_deg": (0.3, found["ramp_velocity_mm_per_deg"] * float(rng.uniform(0.7, 1.0))),
+        "closing_ramp_velocity_mm_per_deg": (0.3, data["ramp_velocity_mm_per_deg"] * float(rng.uniform(0.7, 1.0))),
         "lift_at": (0.15, [[float(rng.uniform(-0.3, 0.3) * duration), 0.0, float(rng.uniform(0.3, 0.9) * lift)]]),
         "duration_at": (0.15, [[lift / 2, 0.3 * duration, float(rng.uniform(0.45, 0.7) * duration)]]),
         "contact_force_max_N": (0.3, between(rng, (800.0, 4000.0))),
     }
-    return found | {key: value for key, (share, value) in others.items() if rng.random() < share}
+    return data | {key: value for key, (share, value) in others.items() if rng.random() < share}
 
 
 def programs(number: int) -> Iterator[Posed]:
-    """The programs of a scene; those that differ in their right sides alone share their rows, and with them a basis."""
+    """The programs of a scene; those that differ in right-hand sides only share their rows, and so a basis."""
     scene, rng = drawn(number), np.random.default_rng([35, number])
     design = scene.required_design
     speeds = [scene.cam_speed(speed) for speed in scene.required_operation.speeds_rpm]
@@ -113,14 +113,14 @@ def programs(number: int) -> Iterator[Posed]:
 
 
 class FreeInSign(WarmModel):
-    """A model whose columns are free in sign from the beginning."""
+    """A model whose columns are free from the beginning."""
 
     def within(self, reach: float) -> None:
         super().within(np.inf)
 
 
-def one(number: int) -> dict:
-    """What became of the programs of a scene; none where its numbers contradict each other before any."""
+def outcomes(number: int) -> dict:
+    """Outcomes of the programs of a scene; empty where its numbers contradict each other before any program."""
     free: dict[str, Rows] = {}
     try:
         return {"programs": [solved(posed, free) for posed in programs(number)]}
@@ -129,21 +129,20 @@ def one(number: int) -> dict:
 
 
 def solved(posed: Posed, free: dict[str, Rows]) -> dict:
-    """How a program ended as camopt solves it, and with columns that are free in sign, whose rows `free` keeps
-    as long as the program has the same ones."""
-    found: dict = {"kind": posed.kind, "rows": len(posed.bound), "columns": len(posed.objective)}
+    """Outcome of a program as camopt solves it, and with free columns, whose rows are kept in `free`."""
+    outcome: dict = {"kind": posed.kind, "rows": len(posed.bound), "columns": len(posed.objective)}
     if free.get("of") is not posed.rows:
         free |= {"of": posed.rows, "rows": Rows(posed.rows.matrix, posed.rows.column)}
         vars(free["rows"])["model"] = FreeInSign(posed.rows.scaled)
     for way, rows in (("boxed", posed.rows), ("free", free["rows"])):
         begun = time.process_time()
-        found[way] = decided(posed, rows)
-        found[f"{way}_seconds"] = time.process_time() - begun
-    return found
+        outcome[way] = decided(posed, rows)
+        outcome[f"{way}_seconds"] = time.process_time() - begun
+    return outcome
 
 
 def decided(posed: Posed, rows: Rows) -> str:
-    """How a program ends; where its first rows leave it unbounded, all of them are given."""
+    """Outcome of a program; where its first working set leaves it unbounded, all rows are used."""
     try:
         try:
             maximise(posed.objective, rows, posed.bound, posed.working)
@@ -161,27 +160,29 @@ def decided(posed: Posed, rows: Rows) -> str:
 
 def main(size: str, folder=RESULTS) -> dict:
     """Draws, solves, counts, prints and writes `linear_programs.json`."""
-    wanted, rows, first = PROGRAMS[size], [], 0
-    while len(rows) < wanted:
-        count = max(1, (wanted - len(rows)) // PER_SCENE)
-        found = called("experiments.linear_programs:one", ({"number": n} for n in range(first, first + count)), size)
-        rows += [row for scene in found for row in scene["programs"]]
+    most, rows, first = PROGRAMS[size], [], 0
+    while len(rows) < most:
+        count = max(1, (most - len(rows)) // PER_SCENE)
+        scenes = called(
+            "experiments.linear_programs:outcomes", ({"number": n} for n in range(first, first + count)), size
+        )
+        rows += [row for scene in scenes for row in scene["programs"]]
         first += count
-    rows = rows[:wanted]
+    rows = rows[:most]
     content = {"scenes": first, "programs": len(rows), "kinds": {kind: counted(rows, kind) for kind in KINDS}}
     content["all"] = counted(rows)
     return write_result("linear_programs", size, content, {}, folder)
 
 
 def counted(rows: list[dict], kind: str | None = None) -> dict:
-    """How many programs of a kind, or of all, ended in what way, and what they took."""
+    """Numbers of programs of a kind, or of all, by outcome, and their processor times [s]."""
     rows = [row for row in rows if kind in (None, row["kind"])]
     ways = ("free", "boxed")
-    found: dict = {way: dict(Counter(row[way] for row in rows)) for way in ways}
-    found |= {f"{way}_undecided": found[way].get(UNDECIDED, 0) for way in ways}
+    outcomes: dict = {way: dict(Counter(row[way] for row in rows)) for way in ways}
+    outcomes |= {f"{way}_undecided": outcomes[way].get(UNDECIDED, 0) for way in ways}
     seconds = {f"{way}_seconds": sum(row[f"{way}_seconds"] for row in rows) for way in ways}
     longest = {f"{way}_longest": max((row[f"{way}_seconds"] for row in rows), default=0.0) for way in ways}
-    return {"programs": len(rows), **found, **seconds, **longest}
+    return {"programs": len(rows), **outcomes, **seconds, **longest}
 
 
 if __name__ == "__main__":

@@ -1,14 +1,14 @@
-"""How soon does the page of `camopt design` answer while a number is dragged, and when the hand rests?
+"""How soon does the page of `camopt design` answer while a slider is dragged, and after the last change?
 
-`camopt design` in a process of its own and Chromium by Playwright, on five scenes: three built-in ones, and a bucket
+`camopt design` runs in its own process and Chromium by Playwright, on five scenes: three built-in ones, and a bucket
 tappet and a pushrod train from ../shared/data/scenes beside the repository, which are left out where that folder is
-missing. Sliders are moved by keys, a step every 50 ms: limits of the cam, whose rows stay, and duration, ramp, spring
-and lash, for which rows are made again. The latency is from the input to the frame after the one that shows its first
-answer, by the page's own clock; inputs that a newer one overtook have none. "Rest" is from the last input to the
-painted curve of the band. The targets are for two idle cores. So that runs on busy machines can be read, a fixed loop
-of arithmetic is timed by the clock before every slider: on an idle core its clock and its processor time are the
-same, and `p95_per_loop` are latencies in units of it. Memory is the server's, over `changes` further answers on the
-first scene. The small size is `motori-1` with few steps.
+missing. Sliders are moved by keys, a step every 50 ms: limits of the cam, for which constraint rows are kept, and
+duration, ramp, spring and lash, for which rows are computed again. The latency is the time from the input to the frame
+after the one that shows its first answer, by the page's own clock; inputs that were overtaken by a newer one have none.
+"Rest" is the time from the last input to the painted curve of the band. The targets are for two idle cores. To make
+runs on busy machines comparable, a fixed loop of arithmetic is timed before every slider: on an idle core its time by
+the clock and its processor time are equal, and `p95_per_loop` are latencies in units of it. Memory is that of the
+server, over `changes` further answers on the first scene. The small size is `motori-1` with few steps.
 """
 
 import shutil
@@ -24,7 +24,7 @@ import numpy as np
 
 from camopt.storage import write_bytes
 from experiments.job_time import arithmetic_loop
-from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, resident_MB, run_script, write_result
 
 SCENES = Path(__file__).resolve().parents[2] / "shared" / "data" / "scenes"
 OTHERS = "bucket-tappet", "pushrod-exhaust"
@@ -33,21 +33,21 @@ SIZES = {
     "small": (("motori-1",), 1, 6, 20),
     "full": (("kodama", "motori-1", "finger-hydraulic", *OTHERS), 2, 20, 300),
 }
-"""Scenes, how often each slider is dragged and in how many steps, and changes over which memory is watched."""
+"""Scenes, number of drags of each slider, steps of a drag, and number of changes over which memory is measured."""
 SLIDERS = {
     "limits": ("jerk_max_mm_per_deg3", "acceleration_max_mm_per_deg2", "max_lift_mm"),
     "shape": ("duration_deg", "ramp_height_mm", "spring_rate_percent", "lash_mm"),
 }
 STEP_MS = 50
 WIDTHS = {1366: 520, 420: 700}
-"""Widths of the window in which the marks of unfinished answers are pictured, and the picture's heights [px]."""
+"""Widths of the window for pictures of the marks of unfinished answers, and the heights of the pictures [px]."""
 TARGETS_MS = {"drag_p95": 300.0, "rest_p95": 1000.0}
 ROOT = "document.getElementById('camopt-live')"
 LISTEN = f"window.found = []; {ROOT}.addEventListener('camopt-painted', (e) => window.found.push(e.detail))"
 
 
 def dragged(page, key: str, steps: int) -> list[dict]:
-    """Every painted answer while a slider is moved by keys and then left alone."""
+    """Every painted answer while a slider is moved by keys, and after that until the page has settled."""
     slider = page.locator(f"[data-key={key}] input[type=range]")
     if slider.count() == 0 or slider.is_disabled():
         return []
@@ -72,19 +72,13 @@ def timed_loop() -> tuple[float, float]:
 
 
 def percentiles(values: list[float]) -> dict:
-    """How many, and the percentiles [ms]."""
+    """The number of latencies, and their percentiles [ms]."""
     p50, p95, most = np.percentile(values, (50, 95, 100)).round(1).tolist() if values else (None, None, None)
     return {"answers": len(values), "p50_ms": p50, "p95_ms": p95, "largest_ms": most}
 
 
-def resident_MB(process: subprocess.Popen) -> float:
-    """Memory of a process; Linux alone tells it so."""
-    pages = int(Path(f"/proc/{process.pid}/statm").read_text(encoding="ascii").split()[1])
-    return pages * 4096 / 1000**2
-
-
 def watched(page, process: subprocess.Popen, changes: int) -> dict:
-    """The server's memory after a tenth and after all of so many changes of four numbers."""
+    """The server's memory after a tenth, a half and all of a number of changes of the inputs."""
     ask = """async (values) => (await (await fetch('/ask', {
         method: 'POST', headers: {'Content-Type': 'application/json'},
         body: JSON.stringify({kind: 'answer', part: 'sketch', client: 'm', sequence: 1, values})})).json()).state"""
@@ -95,25 +89,25 @@ def watched(page, process: subprocess.Popen, changes: int) -> dict:
         state = page.evaluate(ask, values)
         states[state] = states.get(state, 0) + 1
         if i + 1 in (changes // 10, changes // 2, changes):
-            rows.append({"changes": i + 1, "resident_MB": round(resident_MB(process), 1)})
+            rows.append({"changes": i + 1, "resident_MB": round(resident_MB(process.pid), 1)})
     return {"states": states, "memory": rows}
 
 
 def measured(page, times: int, steps: int) -> dict:
     """Latencies by kind of slider, and at rest."""
-    found: dict[str, list[dict]] = {kind: [] for kind in SLIDERS}
+    answers: dict[str, list[dict]] = {kind: [] for kind in SLIDERS}
     loops = []
     for kind, keys in SLIDERS.items():
         for key in keys * times:
             loops.append(timed_loop())
-            found[kind] += dragged(page, key, steps)
-    sketches = {kind: [a["latency_ms"] for a in every if a["part"] == "sketch"] for kind, every in found.items()}
+            answers[kind] += dragged(page, key, steps)
+    sketches = {kind: [a["latency_ms"] for a in every if a["part"] == "sketch"] for kind, every in answers.items()}
     content = {
         "loop_clock_s": float(np.mean([clock for clock, _ in loops])),
         "loop_processor_s": float(np.min([processor for _, processor in loops])),
         "drag": {kind: percentiles(values) for kind, values in sketches.items()},
         "drag_all": percentiles([value for values in sketches.values() for value in values]),
-        "rest": percentiles([a["latency_ms"] for every in found.values() for a in every if a["part"] == "band"]),
+        "rest": percentiles([a["latency_ms"] for every in answers.values() for a in every if a["part"] == "band"]),
     }
     p95 = {"drag_p95": content["drag_all"]["p95_ms"], "rest_p95": content["rest"]["p95_ms"]}
     per_loop = {key: ms and ms / 1000 / content["loop_clock_s"] for key, ms in p95.items()}
@@ -123,8 +117,9 @@ def measured(page, times: int, steps: int) -> dict:
 
 
 def marks(browser, address: str) -> dict[str, bytes]:
-    """Pictures (PNG) of the page at WIDTHS: with the numbers before, as the first answer to a longer duration does not
-    come, and with a first answer, as the cam at rest does not; for longer than the second after which that is shown."""
+    """Pictures (PNG) of the page at WIDTHS: with the previous numbers, while the first answer to a longer duration is
+    blocked, and with a first answer, while the final cam is blocked; each for longer than the second after which the
+    page says so."""
     pictures = {}
     for (width, height), (part, mark) in product(WIDTHS.items(), {"sketch": "before", "cam": "first"}.items()):
         page = browser.new_page(viewport={"width": width, "height": height})
@@ -141,13 +136,13 @@ def marks(browser, address: str) -> dict[str, bytes]:
 
 
 def _unless(part: str, route) -> None:
-    """Lets a message go on to the server, unless it asks for this part of an answer."""
+    """Forwards a request to the server unless it is for this part of an answer."""
     if route.request.post_data_json.get("part") != part:
         route.continue_()
 
 
 def of_scene(driver, scene: str, times: int, steps: int, changes: int, pictures: Path | None) -> dict:
-    """What is measured of one scene's page; memory where there are `changes`; marks are pictured into a folder."""
+    """The measurements of one scene's page, with memory if there are `changes`; pictures go into a folder."""
     chromium = next(filter(None, map(shutil.which, ("chromium", "chromium-browser"))))
     with tempfile.TemporaryDirectory() as held:
         words = [sys.executable, "-m", "camopt", "design", scene]
@@ -159,7 +154,7 @@ def of_scene(driver, scene: str, times: int, steps: int, changes: int, pictures:
             page = browser.new_page(viewport={"width": 1366, "height": 768})
             page.goto(address)
             page.wait_for_selector("#camopt-live[data-mark=settled]", timeout=120_000)
-            time.sleep(1.0 if steps < 10 else 8.0)  # until the first slow parts are done
+            time.sleep(1.0 if steps < 10 else 8.0)  # until the first slow parts are finished
             page.evaluate(LISTEN)
             row = {"scene": Path(scene).stem, **measured(page, times, steps)}
             if changes:

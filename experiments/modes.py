@@ -1,7 +1,8 @@
-"""What are the natural frequencies of the built-in trains, and which cam harmonics meet the spring's surge?
+"""What are the natural frequencies of the built-in trains, and which cam harmonics coincide with the spring's surge?
 
-Surge: the masses of a divided valve spring between fixed ends, recognised as the masses that only preloaded elements
-hold. The eigen analysis of a valvetrain in the literature (Tables 1 and 2) is set beside `ohv-3dof`.
+Surge modes are those of the masses of a divided valve spring between fixed ends. These masses are identified as the
+ones that are connected to preloaded elements only. The modes of `ohv-3dof` are compared with an eigen analysis of a
+valve train in the literature (Tables 1 and 2).
 """
 
 from collections.abc import Sequence
@@ -29,9 +30,9 @@ def campbell(
     cam_per_crank: float,
     title: str = "",
 ) -> Figure:
-    """Draws the frequencies (m) as level lines and the cam's harmonics `orders` as rays over the crankshaft speed.
+    """Draws the frequencies (m) as horizontal lines and the cam's harmonics `orders` as rays over the crankshaft speed.
 
-    Dots mark where they meet inside the band, which is shaded.
+    Dots mark the crossings inside the band, which is shaded.
     """
     figure = new_figure(7.6, 4.6)
     axes = figure.subplots()
@@ -69,22 +70,22 @@ PAPER_HZ = (2832.25, 15642.9, 72247.8)
 PAPER_SHAPES = ((0.6894, 0.6557, 0.3078), (-0.0217, 0.0745, 0.9970), (0.0104, -0.9997, 0.0232))
 STATES = ("lifted", "seated")
 LISTED = 15
-"""Modes written per scene and state at most, the lowest."""
+"""Largest number of modes that are written per scene and state, the lowest ones."""
 
 
 def main(size: str, folder=RESULTS) -> dict:
-    """Modes of every built-in scene, surge and the paper's tables; drawn where there are two masses or more (full)."""
+    """Modes of every built-in scene, surge and the paper's tables; figures of two masses or more (full size)."""
     scenes = {name: load_scene(name) for name in builtin_scenes()}
     content: dict = {"modes": {}, "surge": {}, "ohv_3dof": beside_the_paper(scenes["ohv-3dof"])}
     figures: dict[str, Figure] = {}
     for name, scene in scenes.items():
         states = STATES if scene.seat else STATES[:1]
-        found = {state: modes(scene, state) for state in states}
+        by_state = {state: modes(scene, state) for state in states}
         content["modes"][name] = {
             s: {"frequency_Hz": m.frequency_Hz[:LISTED], "damping_ratio": m.damping_ratio[:LISTED], "closed": m.closed}
-            for s, m in found.items()
+            for s, m in by_state.items()
         }
-        lifted = found["lifted"]
+        lifted = by_state["lifted"]
         if size == "full" and len(scene.mass) > 1:
             what = f"{name}, lifted" if scene.seat else name
             figures[name] = draw_modes(lifted.frequency_Hz, lifted.shape, lifted.mass_names, what)
@@ -114,7 +115,7 @@ def surge_frequencies(scene: Scene) -> np.ndarray:
 
 
 def meetings(scene: Scene, surge: np.ndarray) -> list[dict]:
-    """Every harmonic of the cam that meets a surge frequency inside the band, with the harmonic of a Polydyne lift."""
+    """Every crossing of a cam harmonic and a surge frequency in the band, and the harmonic of a Polydyne lift."""
     (low, high), ratio = scene.required_operation.band_rpm, scene.required_operation.cam_per_crank
     angle = np.linspace(-np.pi, np.pi, 7200, endpoint=False)
     amplitude = 2 * np.abs(np.fft.rfft(polydyne(scene)(angle))) / len(angle) / MM
@@ -130,13 +131,13 @@ def meetings(scene: Scene, surge: np.ndarray) -> list[dict]:
 
 
 def beside_the_paper(scene: Scene) -> list[dict]:
-    """Tables 1 and 2 of the eigen analysis beside this program's modes; a shape's sign is free."""
-    found = modes(scene)
+    """Tables 1 and 2 of the eigen analysis with the modes by camopt; the sign of a shape is arbitrary."""
+    computed = modes(scene)
     rows = []
     for i, (hz, shape) in enumerate(zip(PAPER_HZ, PAPER_SHAPES, strict=True)):
-        sign = np.sign(found.shape[i] @ np.array(shape))
-        rows.append({"mode": i + 1, "paper_Hz": hz, "frequency_Hz": found.frequency_Hz[i], "paper_shape": shape,
-                     "shape": sign * found.shape[i]})  # fmt: skip
+        sign = np.sign(computed.shape[i] @ np.array(shape))
+        rows.append({"mode": i + 1, "paper_Hz": hz, "frequency_Hz": computed.frequency_Hz[i], "paper_shape": shape,
+                     "shape": sign * computed.shape[i]})  # fmt: skip
     return rows
 
 

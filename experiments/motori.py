@@ -1,8 +1,9 @@
-"""Does a stiffer valve train calm the contact force, as Osman (2014) says of the tool MOTORI 2004?
+"""Does a stiffer valve train make the contact force smoother, as Osman (2014) states of the tool MOTORI 2004?
 
-Figures 3 and 4 of the paper in kind (motion and forces over the cam angle), a span of speeds with a pitch, and Figures
-5 and 6 (contact force against train stiffness). The paper's own Kurz cam is not tabulated: a Kurz-type cam of the
-scene's duration and lift stands in. Speeds are camshaft speeds, as the tool's.
+The experiment has the counterparts of Figures 3 and 4 of the paper (motion and forces over the cam angle) and of
+Figures 5 and 6 (contact force against train stiffness), and the metrics over a range of speeds. The paper's own Kurz
+cam is not tabulated and is replaced by a Kurz-type cam of the scene's duration and lift. Speeds are camshaft speeds, as
+in the tool.
 """
 
 from collections.abc import Mapping
@@ -24,8 +25,8 @@ from experiments.support.record import RESULTS, run_script, write_result
 
 ENGINES = ("motori-1", "motori-2")
 SECTIONS_DEG, DECELERATION = (24.3, 24.7, 23.0), -0.008
-"""Section angles and a23 [mm/deg^2] of the cam, near the largest area under Kodama's acceleration limits; the same for
-every variant, so that only the train changes."""
+"""Section angles [deg] and a23 [mm/deg^2] of the cam, near the largest area under Kodama's acceleration limits; they
+are the same for every variant, so that only the train changes."""
 SPEED = 2000.0
 STIFFNESS = {"small": (10, 50, 1000), "full": (2, 5, 10, 20, 50, 100, 150, 300, 600, 1000)}
 DRAWN = (10, 20, 50, 1000)
@@ -35,7 +36,7 @@ TABLE = ("bounce_mm", "jump_mm", "jump_deg", "contact_force_min_N", "contact_for
 
 
 def main(size: str, folder=RESULTS) -> dict:
-    """Everything above, as figures and tables; small: fewer stiffnesses and speeds, no figures."""
+    """All tables and figures; at small size fewer stiffnesses and speeds, and no figures."""
     scenes = {name: load_scene(name) for name in ENGINES}
     content: dict = {"cam_speed_rpm": SPEED, "cam": cam_of(scenes["motori-1"]).parameters}
     content["stiffness"] = [row for zeta in (None, 0.1) for row in stiffness_table(scenes["motori-1"], size, zeta)]
@@ -69,7 +70,7 @@ def figures_of(scene: Scene, lift: Lift, cam_rpm: float) -> dict:
         motion = settled(scene, lift, cam_rpm)
     except MotionRefused as refused:
         return {"refused": str(refused)}
-    response, found = motion.response, motion.metrics(lift)
+    response, metrics = motion.response, motion.metrics(lift)
     train, omega = response.train, cam_rpm * RPM
     angle = np.mod(response.angle + np.pi, 2 * np.pi) - np.pi
     spring = train.element_names.index("spring")
@@ -78,17 +79,17 @@ def figures_of(scene: Scene, lift: Lift, cam_rpm: float) -> dict:
     contact = response.force[:, train.cam_side[0]]
     step = np.gradient(response.angle) * (np.abs(angle) <= lift.half_duration)
     lashed = np.abs(angle) < lift.closing_angle(train.lash)
-    row = {name: found.worst(name) for name in TABLE}
+    row = {name: metrics.worst(name) for name in TABLE}
     row["ripple_N"] = float(np.sqrt(np.sum(step * (contact - rigid) ** 2) / np.sum(step)))
     row["landing_force_N"] = float(contact.max())
     row["seat_force_max_N"] = float(response.force[:, train.seat].max())
     row["clash_force_max_N"] = float(response.force[:, train.element_names.index("coil_clash")].max())
-    row["hop_um"] = round(response.separation(train.cam_side[0])[lashed].max() * 1e6, 6)  # below: rounding of mm
+    row["hop_um"] = round(response.separation(train.cam_side[0])[lashed].max() * 1e6, 6)  # smaller: round-off
     return row | {"periodic": motion.periodic}
 
 
 def stiffened(scene: Scene, kN_per_mm: float, zeta: float | None) -> Scene:
-    """The train's stiffness replaced; its damping constant kept (None), or set to a damping ratio `zeta`."""
+    """The scene with another stiffness of the train, and its damping constant (None) or a damping ratio `zeta`."""
     new = {"train.stiffness_N_per_m": kN_per_mm * 1e6}
     if zeta is not None:
         new["train.damping_N_s_per_m"] = 2 * zeta * np.sqrt(kN_per_mm * 1e6 * scene.mass[0].mass_kg)
@@ -96,18 +97,18 @@ def stiffened(scene: Scene, kN_per_mm: float, zeta: float | None) -> Scene:
 
 
 def stiffness_table(scene: Scene, size: str, zeta: float | None) -> list[dict]:
-    """Figures 5 and 6 as numbers: the contact force against the train's stiffness [kN/mm]."""
+    """The numbers of Figures 5 and 6: the contact force against the train's stiffness [kN/mm]."""
     lift = cam_of(scene)
-    kept = "damping ratio 0.1" if zeta else "damping constant 1200 kg/s"
+    damping = "damping ratio 0.1" if zeta else "damping constant 1200 kg/s"
     rows = []
     for k in STIFFNESS[size]:
-        row = {"engine": scene.name, "train_kN_per_mm": k, "kept": kept}
+        row = {"engine": scene.name, "train_kN_per_mm": k, "kept": damping}
         rows.append(row | figures_of(stiffened(scene, k, zeta), lift, SPEED))
     return rows
 
 
 def span(scene: Scene, size: str) -> dict[str, list[float]]:
-    """Metrics over a span of camshaft speeds with start, end and pitch."""
+    """Metrics over a range of camshaft speeds with start, end and step."""
     first, last, pitch = SPAN[size]
     speeds = np.arange(first, last + pitch / 2, pitch)
     rows = at_speeds(settled_metrics, scene, cam_of(scene), speeds / scene.required_operation.cam_per_crank)
@@ -115,14 +116,14 @@ def span(scene: Scene, size: str) -> dict[str, list[float]]:
 
 
 def drawn_forces(scene: Scene, kN_per_mm: float) -> dict[str, Response]:
-    """Motions at one train stiffness, by what was done with the damping."""
+    """Motions at one train stiffness, with constant damping and with constant damping ratio."""
     lift = cam_of(scene)
-    kept = {"damping constant kept (1200 kg/s)": None, "damping ratio kept (0.1)": 0.1}
-    return {k: settled(stiffened(scene, kN_per_mm, zeta), lift, SPEED).response for k, zeta in kept.items()}
+    dampings = {"damping constant kept (1200 kg/s)": None, "damping ratio kept (0.1)": 0.1}
+    return {k: settled(stiffened(scene, kN_per_mm, zeta), lift, SPEED).response for k, zeta in dampings.items()}
 
 
 EVENT = (-110, 110)
-"""Cam angles drawn [deg]: the event with its ramps."""
+"""Range of cam angles of the figures [deg]: the event with its ramps."""
 SPAN_ROWS = {
     "contact_force_max_N": "peak contact\nforce [N]",
     "contact_force_min_N": "least contact\nforce [N]",
@@ -133,13 +134,13 @@ SPAN_ROWS = {
 
 
 def group_figure(motions: Mapping[str, Settled], lift: Lift) -> Figure:
-    """Figures 3 and 4 in kind: a column per engine of lift, velocity and acceleration of cam and valve, all forces."""
+    """Counterpart of Figures 3 and 4: a column per engine of lift, velocity, acceleration and forces."""
     columns = [_group(name, motion.response, lift) for name, motion in motions.items()]
     return panels([*zip(*columns, strict=True)], "cam angle [deg]", EVENT, 9.5)
 
 
 def _group(engine: str, response: Response, lift: Lift) -> list[Panel]:
-    """The spring acceleration -F2 / m, what the spring alone gives the valve, is this project's reading of h0PR''."""
+    """The panels of one engine. Its spring acceleration -F2 / m is this project's interpretation of h0PR''."""
     turn = response.angle <= np.pi
     angle, x, v, force = response.angle[turn], response.x[turn, 0], response.v[turn, 0], response.force[turn]
     omega, degrees, mass = response.cam_speed, angle / DEG, response.train.mass[0]
@@ -158,7 +159,7 @@ def _group(engine: str, response: Response, lift: Lift) -> list[Panel]:
 
 
 def stiffness_figure(motions: Mapping[float, Mapping[str, Response]]) -> Figure:
-    """Figures 5 and 6 in kind: contact force against cam angle, a panel per train stiffness [kN/mm]."""
+    """Counterpart of Figures 5 and 6: contact force against cam angle, a panel per train stiffness [kN/mm]."""
     rows = []
     for k, by_damping in motions.items():
         curves = []

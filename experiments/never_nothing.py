@@ -1,16 +1,18 @@
-"""Does `camopt optimize` end without a cam anywhere where a plain cam of the literature holds?
+"""Is there a scene on which `camopt optimize` ends without a cam although a plain cam of the literature keeps all
+limits?
 
-100 drawn scenes with every element, cams of 1 to 60 mm of lift, soft and stiff contacts, unequal ramps, two-stroke
-timing, low and high speeds. A built-in train, or one of `near_limit_scenes`, is made larger or smaller, heavier or
-lighter and faster or slower as a whole, which alone changes no motion but its scale. Then contacts, dampers, spring,
-gas, speeds and limits move on their own, so that some trains are calm, some follow no cam at all, and most lie between.
+The 100 random scenes have elements of every kind, cams of 1 to 60 mm of lift, soft and stiff contacts, unequal ramps,
+two-stroke timing, and low and high speeds. A built-in train, or one of `near_limit_scenes`, is scaled as a whole in
+size, mass and speed, which alone changes only the scale of its motion. Then contacts, dampers, spring, gas force,
+speeds and limits are varied independently, so that some trains are calm, some cannot follow any cam, and most are in
+between.
 
-In each scene every family's largest cam goes through `camopt.verify` at draft, the largest first, until one is
-confirmed, but for those with which event-exact breaks a limit tenfold. Then the command
-`camopt optimize --accuracy draft --no-compare` runs, and its exit code, its verdict and its area stand beside. A loss
-is a scene in which a family's cam is confirmed and the command ends otherwise, or with less area.
+In each scene the largest cams of the families are verified by `camopt.verify` at draft, the largest first, until one is
+confirmed; cams that exceed a limit tenfold by event-exact are skipped. Then the command
+`camopt optimize --accuracy draft --no-compare` runs, and its exit code, verdict and area are recorded. A loss is a
+scene in which a family's cam is confirmed and the command ends without a confirmed cam, or with a smaller area.
 
-It runs on `camopt.sweep`, with a store beside the results, so that a run that was stopped goes on where it was.
+It runs on `camopt.sweep`, with a store in the folder of the results, so that an interrupted run resumes.
 """
 
 import contextlib
@@ -55,14 +57,13 @@ DIMENSIONS = {
     "_m_per_s": (0, 1, 1), "_mm": (0, 1, 0), "_mm_per_deg": (0, 1, 0), "_mm_per_deg2": (0, 1, 0),
     "_mm_per_deg3": (0, 1, 0), "_mm_per_deg4": (0, 1, 0),
 }  # fmt: skip
-"""Powers of mass, length and speed in a number, by the unit at the end of its key: cam angles have no scale."""
+"""Powers of mass, length and speed in a number, by the unit at the end of its key; cam angles are not scaled."""
 TABLES = {"stiffness_table": ("_mm", "_N_per_m"), "force_table": ("_mm", "_N"), "table": ("", "_N")}
 LEFT_OUT = ("tolerance", "grinding", "geometry", "title", "reference")
 
 
 def drawn_design(number: int) -> Scene:
-    """The scene of a number. Draws that do not load, that no method could begin, or whose limits on the shape let no
-    cam through, are drawn again."""
+    """The scene of a number; drawn again if it does not load, needs too many steps, or has no cam within its limits."""
     rng = np.random.default_rng([SEED, number])
     while True:
         data = moved(scaled(base(rng), rng), rng)
@@ -76,7 +77,7 @@ def drawn_design(number: int) -> Scene:
 
 
 def has_a_shape(scene: Scene) -> bool:
-    """Whether any cam, free or of a family, holds the limits on the shape."""
+    """Whether any cam, free or of a family, keeps the limits on the shape."""
     design = scene.required_design
     try:
         return kinematic_optimum(design, program_cam(design, ACCURACIES["draft"].knot_deg)).area_ratio > 0
@@ -86,7 +87,7 @@ def has_a_shape(scene: Scene) -> bool:
 
 
 def base(rng: np.random.Generator) -> dict:
-    """A train to begin with, as the plain data of its file, without what only says how trains differ."""
+    """A train to start from, as the plain data of its file, without the entries LEFT_OUT."""
     number = int(rng.integers(len(BUILT_IN) + len(KINDS)))
     scene = load_scene(BUILT_IN[number]) if number < len(BUILT_IN) else drawn_scene(number - len(BUILT_IN))
     data = scene.model_dump(exclude_none=True, mode="json")
@@ -94,7 +95,7 @@ def base(rng: np.random.Generator) -> dict:
 
 
 def scaled(data: dict, rng: np.random.Generator) -> dict:
-    """The same train in another size, of other masses, at other speeds."""
+    """The same train scaled in size, mass and speed."""
     length = between(rng, LIFT_MM) / data["design"]["max_lift_mm"]
     top = max(data["operation"]["band_rpm"])
     speed = float(np.clip(top / length * between(rng, (0.3, 1.5)), *TOP_RPM)) / top
@@ -117,7 +118,7 @@ def scaled(data: dict, rng: np.random.Generator) -> dict:
 
 
 def moved(data: dict, rng: np.random.Generator) -> dict:
-    """The train with contacts, dampers, preload, gas, speeds and limits changed on their own."""
+    """The train with contacts, dampers, gas force, speeds and limits varied independently."""
     stiff = max(e.get("stiffness_N_per_m", 0.0) for e in data["element"] if e["law"] == "linear")
     contact, damper, gas = between(rng, (0.2, 5.0)), between(rng, (0.3, 3.0)), between(rng, (0.3, 1.5))
     for element in data["element"]:
@@ -139,7 +140,7 @@ def moved(data: dict, rng: np.random.Generator) -> dict:
 
 
 def with_hertz_contact(data: dict) -> None:
-    """Makes the contact at the cam a point contact (Hertz) that is as stiff as before under the seat's preload."""
+    """Replaces the contact at the cam by a Hertz point contact of the same stiffness under the seat's preload."""
     preload = next(e["preload_N"] for e in data["element"] if e["name"] == data["seat"])
     for element in data["element"]:
         if element["cam_driven"] and element["kind"] == "contact":
@@ -147,7 +148,7 @@ def with_hertz_contact(data: dict) -> None:
 
 
 def limits_moved(design: dict, rng: np.random.Generator) -> None:
-    """Other limits and ramps, unequal ones in three scenes of ten; some limits on the shape are left out."""
+    """Varies limits and ramps, with unequal ramps in three scenes of ten; some limits on the shape are removed."""
     for key, ends in (
         ("acceleration_max_mm_per_deg2", (0.8, 1.8)),
         ("acceleration_min_mm_per_deg2", (0.85, 1.6)),
@@ -170,13 +171,13 @@ def limits_moved(design: dict, rng: np.random.Generator) -> None:
 
 SCENES = {"small": (87,), "full": tuple(range(100))}
 FAR = 10.0
-"""Part of a limit beyond which event-exact's settled motion alone says that a family's cam is none."""
+"""Ratio to a limit above which a family's cam is rejected by event-exact's settled motion alone."""
 SAME_AREA = 1e-9
 """Area ratio by which the delivered cam, read from its file, may differ from the same cam as it was designed."""
 
 
 def main(size: str, folder: Path = RESULTS) -> dict:
-    """Draws, verifies, optimises, counts, prints and writes `never_nothing.json`."""
+    """Draws the scenes, verifies and optimises, counts, prints and writes `never_nothing.json`."""
     store = folder / "never_nothing.sqlite"
     folder.mkdir(parents=True, exist_ok=True)
     cases = ({"number": number} for number in SCENES[size])
@@ -186,7 +187,7 @@ def main(size: str, folder: Path = RESULTS) -> dict:
 
 
 def outcome(number: int) -> dict:
-    """The row of a drawn scene: what is known of the families, and what the command ends with."""
+    """The row of a drawn scene: the best cam of the families, and the outcome of the command."""
     scene = drawn_design(number)
     design, operation = scene.required_design, scene.required_operation
     return {
@@ -205,7 +206,7 @@ def best_of_the_families(scene: Scene) -> dict:
     """The largest confirmed cam among the families' own, by `camopt.verify`."""
     design, cams, begin = scene.required_design, {}, time.process_time()
     for name in FAMILIES:
-        with contextlib.suppress(InputError):  # a family that has no member here
+        with contextlib.suppress(InputError):  # a family without a member for this scene
             cams[name] = read_cam(name, scene)
     within = {name: cam for name, cam in cams.items() if not broken_by_shape(cam, design)}
     verdicts, best = {}, None
@@ -221,7 +222,7 @@ def best_of_the_families(scene: Scene) -> dict:
 
 
 def largest_share(scene: Scene, cam: Lift) -> float:
-    """The largest part of a limit that event-exact's settled motion from rest uses at the listed speeds."""
+    """The largest ratio of a metric to its limit of event-exact's settled motion from rest at the listed speeds."""
     design, operation = scene.required_design, scene.required_operation
     try:
         rows = at_speeds(settled_metrics, scene, cam, operation.speeds_rpm)
@@ -233,12 +234,12 @@ def largest_share(scene: Scene, cam: Lift) -> float:
 
 def optimised(scene: Scene) -> dict:
     """Exit code, verdict, family and area of `camopt optimize`; its last line where it found no cam."""
-    begin, said = time.process_time(), io.StringIO()
+    begin, output = time.process_time(), io.StringIO()
     with tempfile.TemporaryDirectory() as work:
         file, folder = Path(work) / "scene.toml", Path(work) / "run"
         file.write_text(scene_toml(scene), encoding="utf-8")
         words = ["optimize", str(file), "--accuracy", "draft", "--no-compare", "--quiet", "--out", str(folder)]
-        with contextlib.redirect_stdout(said), contextlib.redirect_stderr(said):
+        with contextlib.redirect_stdout(output), contextlib.redirect_stderr(output):
             code = camopt_command(words)
         record, verdict = ({}, {}) if not (folder / "design.json").exists() else (
             json.loads((folder / name).read_text(encoding="utf-8")) for name in ("design.json", "verification.json")
@@ -249,20 +250,20 @@ def optimised(scene: Scene) -> dict:
         "delivered_family": record.get("family"),
         "area_ratio": record.get("area_ratio"),
         "bound": record.get("area_ratio_bound"),
-        "says": record.get("why_a_family") or ("" if record else said.getvalue().strip().splitlines()[-1]),
+        "says": record.get("why_a_family") or ("" if record else output.getvalue().strip().splitlines()[-1]),
         "optimize_s": round(time.process_time() - begin, 1),
     }
 
 
 def is_loss(row: dict) -> bool:
-    """Whether a family's cam is confirmed and the command ends without one, or with a smaller one."""
+    """Whether a family's cam is confirmed and the command ends without a confirmed cam, or with a smaller one."""
     if row["best_family"] is None:
         return False
     return row["verdict"] != "confirmed" or row["area_ratio"] < row["family_area_ratio"] - SAME_AREA
 
 
 def counted(rows: list[dict]) -> dict:
-    """How the scenes ended, and those in which something was lost."""
+    """Numbers of scenes by outcome, and the losses."""
     confirmed = [row for row in rows if row["verdict"] == "confirmed"]
     return {
         "scenes": len(rows),

@@ -1,9 +1,9 @@
-"""What area do a scene's limits allow, and what does each demand cost?
+"""What area do the limits of a scene allow, and what does each of them cost?
 
-camopt's designs on three scenes. `kodama`, `kodama` with its spring's coils a quarter heavier, and `pushrod-5mass`:
-nominal speeds and band, the band judged by event-exact on a 20 r/min grid that the search did not use. On `kodama`
-further: without jump, without the jerk limit, without the nose window, and up to 4850 and 7210 r/min. Every row has the
-certified bound beside it.
+camopt designs cams for three scenes: `kodama`, `kodama` with the masses of its spring a quarter heavier, and
+`pushrod-5mass`, at the nominal speeds and over the band. The band is evaluated by event-exact on a 20 r/min grid that
+the search did not use. Further designs on `kodama` are without jump, without the jerk limit, without the nose window,
+and for the band from 4850 to 7210 r/min. Every row has the certified bound.
 """
 
 import time
@@ -20,7 +20,7 @@ from camopt.optimizer.search.search import find_cam
 from camopt.scene import InputError, load_scene
 from camopt.scene.parameters import Tied, matching
 from camopt.scene.schema import Scene
-from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, printed, run_script, write_result
 
 GRID_RPM = 20.0
 WIDER_RPM = (4850.0, 7210.0)
@@ -43,7 +43,9 @@ def cases(size: str) -> list[tuple[str, Scene, str]]:
     kodama = designed(load_scene("kodama"), bounce_max_mm=BOUNCE_MM)
     if size == "small":
         return [("kodama, nominal", kodama, "nominal")]
-    others = heavier_spring(kodama), designed(load_scene("pushrod-5mass"), bounce_max_mm=BOUNCE_MM)
+    heavier = Tied("coils", tuple(matching(kodama, "spring_*.mass_kg"))).scaled(kodama, 1.25)
+    heavier = heavier.model_copy(update={"name": "kodama-heavy-spring"})
+    others = heavier, designed(load_scene("pushrod-5mass"), bounce_max_mm=BOUNCE_MM)
     wider = kodama.model_copy(update={"operation": kodama.operation.model_copy(update={"band_rpm": WIDER_RPM})})
     rows = [(f"{s.name}, {speeds}", s, speeds) for s in (kodama, *others) for speeds in ("nominal", "band")]
     return [
@@ -57,14 +59,14 @@ def cases(size: str) -> list[tuple[str, Scene, str]]:
 
 
 def row(name: str, scene: Scene, speeds: str, size: str) -> dict:
-    """One design: areas, its worst figures at speeds the search did not use, sign changes of acceleration, time."""
+    """One design: areas, worst metrics at speeds not used in the search, sign changes of the acceleration, time."""
     started = time.perf_counter()
     try:
-        found = find_cam(scene, speeds, EFFORT[size], GRADIENT[size]).confirmed[-1]
+        design = find_cam(scene, speeds, EFFORT[size], GRADIENT[size]).confirmed[-1]
     except InputError as error:
         return {"case": name, "area_ratio": None, "why": str(error)}
     seconds = time.perf_counter() - started
-    lift, operation = found.lift, scene.operation
+    lift, operation = design.lift, scene.operation
     low, high = operation.band_rpm
     grid = operation.speeds_rpm if speeds == "nominal" else np.arange(low, high + 1, GRID_RPM)
     at = at_speeds(settled_metrics, scene, lift, grid)
@@ -72,7 +74,7 @@ def row(name: str, scene: Scene, speeds: str, size: str) -> dict:
     bends = np.sign(np.round(lift(np.linspace(-1, 1, 4001) * lift.half_duration, 2), 9))
     return {
         "case": name,
-        "area_ratio": found.area_ratio,
+        "area_ratio": design.area_ratio,
         "area_ratio_bound": area_ratio_bound(scene.design).bound if certified else None,
         "speeds_judged": len(grid),
         **{n: max(r[n] for r in at) for n in SHOWN},
@@ -83,17 +85,8 @@ def row(name: str, scene: Scene, speeds: str, size: str) -> dict:
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
     """Designs and prints every row, and writes optimiser.json into `folder`."""
-    rows = []
-    for case in cases(size):
-        rows.append(row(*case, size))
-        print(rows[-1], flush=True)
+    rows = [printed(row(*case, size)) for case in cases(size)]
     return write_result("optimiser", size, {"rows": rows}, {}, folder)
-
-
-def heavier_spring(scene: Scene) -> Scene:
-    """The scene with the masses of its spring's coils a quarter heavier."""
-    heavier = Tied("coils", tuple(matching(scene, "spring_*.mass_kg"))).scaled(scene, 1.25)
-    return heavier.model_copy(update={"name": f"{scene.name}-heavy-spring"})
 
 
 if __name__ == "__main__":

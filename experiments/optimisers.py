@@ -1,16 +1,17 @@
-"""Which optimiser reaches how much area within one budget of processor time, from three starts, on four scenes?
+"""How much area does each optimiser reach within the same processor time, from three starts, on four scenes?
 
-Two scenes whose laws are straight, `motori-1` and `kodama`, and two others, `finger-hydraulic` and `kodama-hertz`, at
-their listed speeds, each with a free cam with knots every 6 deg, from the calmest cam and from those within the limits
-on the shape that are nearest to a plain Multi-Pol (on the first two alone) and a plain Polydyne (on the first three).
-Methods that see the contact forces and the gap at the seat along smoothed, tied paths: ascents of the augmented
-Lagrangian by Adam and L-BFGS (optax), in the metric of one Gauss-Newton matrix and without, SLSQP and trust-constr
-(SciPy) with the paths' Jacobian, in the same metric, and camopt's convex search by rows of the smoothed motion or of
-the exact response. CMA-ES (Hansen, pycma) sees the judge's word alone. IPOPT is not among them: cyipopt is built from
-sources beside an installed IPOPT, and there was none. Every cam that is judged holds the limits on the shape, one judge
-decides (event-exact, settled, share of each limit at most 1), and each has the same budget of processor time, in which
-its start and compilation do not count. A step under way when the budget ends is finished and not counted. What finds no
-cam that holds stays, with what ended it. An interrupted run goes on.
+There are two scenes with linear force laws, `motori-1` and `kodama`, and two others, `finger-hydraulic` and
+`kodama-hertz`, at their listed speeds. The cam is a free cam with knots every 6 deg. The starts are the calmest cam and
+the cams within the limits on the shape that are nearest to a plain Multi-Pol (on the first two scenes only) and to a
+plain Polydyne (on the first three). These methods have constraints on the contact forces and the gap at the seat along
+smoothed, tied paths: ascents of the augmented Lagrangian by Adam and L-BFGS (optax), in the metric of one Gauss-Newton
+matrix and without it; SLSQP and trust-constr (SciPy) with the Jacobian of the paths, in the same metric; and camopt's
+convex search by rows of the smoothed motion or of the exact response. CMA-ES (Hansen, pycma) uses the evaluated motion
+only. IPOPT is not among them: cyipopt must be built from sources with an installed IPOPT, which was not available.
+Every evaluated cam keeps the limits on the shape. All cams are evaluated in the same way (event-exact, settled, ratio
+to each limit at most 1), and each method has the same budget of processor time, which excludes preparation and
+compilation. A step that is running when the budget ends is finished but not counted. Runs without a cam are kept, with
+the reason why they ended. An interrupted run resumes.
 """
 
 from collections.abc import Callable
@@ -18,10 +19,9 @@ from itertools import product
 from pathlib import Path
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from camopt.plots.style import new_figure, styled
+from experiments.support.panels import Panel, panels
 from experiments.support.record import RESULTS, called, run_script, write_result
 
 METHODS = (
@@ -38,15 +38,14 @@ METHODS = (
 SCENES = {"small": ("motori-1",), "full": ("motori-1", "kodama", "finger-hydraulic", "kodama-hertz")}
 STARTS = {"small": ("calmest",), "full": ("calmest", "multi-pol", "polydyne")}
 LEFT_OUT = {"finger-hydraulic": ("multi-pol",), "kodama-hertz": ("multi-pol", "polydyne")}
-"""Scenes whose runs take longest, and the starts that are left out there."""
+"""Starts that are left out on the scenes whose runs take longest."""
 TRIED = {"small": ("convex search, exact rows", "CMA-ES"), "full": METHODS}
-"""The small size compiles nothing by JAX."""
+"""Methods by size; those of the small size compile nothing by JAX."""
 SECONDS = {"small": 1.0, "full": 10.0}
-COLOURS = ("#0072B2", "#D55E00", "#222222", "#009E73", "#9A6A00")
 NEAR = 0.99
 """Share of a scene's largest area that counts as near it."""
 SHOWN = 0.06
-"""Area ratio below the largest one of a scene down to which its panel reaches."""
+"""Height of a panel in area ratio, below the largest one of its scene."""
 
 
 def tasks(size: str) -> list[dict]:
@@ -57,51 +56,38 @@ def tasks(size: str) -> list[dict]:
 
 def gathered(rows: list[dict], of: Callable[[dict], float | None]) -> dict[str, dict[str, list[float | None]]]:
     """By method and scene a number of the run from each start."""
-    found: dict[str, dict[str, list[float | None]]] = {}
+    by_method: dict[str, dict[str, list[float | None]]] = {}
     for row in rows:
-        found.setdefault(row["method"], {}).setdefault(row["scene"], []).append(of(row))
-    return found
+        by_method.setdefault(row["method"], {}).setdefault(row["scene"], []).append(of(row))
+    return by_method
 
 
 def largest(rows: list[dict]) -> dict[str, float]:
-    """By scene the largest area ratio of a cam that holds; zero where there is none."""
+    """By scene the largest area ratio of a cam that keeps all limits; zero where there is none."""
     return {row["scene"]: max(r["area_ratio"] or 0.0 for r in rows if r["scene"] == row["scene"]) for row in rows}
 
 
 def largest_until(stairs: list, time: np.ndarray) -> np.ndarray:
-    """The largest area ratio until each second; minus infinity before there is one."""
+    """The largest area ratio up to each time [s]; minus infinity before the first cam."""
     at, ratios = np.array(stairs, dtype=float).reshape(-1, 2).T
     return np.append(-np.inf, ratios)[np.searchsorted(at, time, side="right")]
 
 
-@styled
 def figure(rows: list[dict], budget: float) -> Figure:
-    """A panel for each scene: by method the median over the starts, of two the lesser, of the area until then."""
-    scenes = list(dict.fromkeys(row["scene"] for row in rows))
-    drawn = new_figure(9.0, 3.4 * ((len(scenes) + 1) // 2) + 0.8)
-    panels = drawn.subplots((len(scenes) + 1) // 2, min(2, len(scenes)), squeeze=False, sharex=True)
-    for axes, scene in zip(panels.flat, scenes, strict=False):
-        panel(axes, [row for row in rows if row["scene"] == scene], budget)
-        axes.set_title(scene)
-    for axes in panels[:, 0]:
-        axes.set_ylabel("area ratio that holds, median [-]")
-    for axes in panels[-1]:
-        axes.set_xlabel("processor time [s]")
-    handles, labels = panels.flat[0].get_legend_handles_labels()
-    drawn.legend(handles, labels, loc="outside lower center", ncols=3, frameon=False)
-    return drawn
-
-
-def panel(axes: Axes, rows: list[dict], budget: float) -> None:
-    """One scene's methods."""
-    time = np.geomspace(0.05, budget, 400)
-    for number, method in enumerate(dict.fromkeys(row["method"] for row in rows)):
-        courses = [largest_until(row["stairs"], time) for row in rows if row["method"] == method]
-        middle = np.sort(courses, axis=0)[(len(courses) - 1) // 2]
-        colour, dashes = COLOURS[number // 2], ("-", "--")[number % 2]
-        axes.plot(time, np.where(np.isfinite(middle), middle, np.nan), dashes, color=colour, label=method)
-    (most,) = largest(rows).values()
-    axes.set(xscale="log", xlim=(time[0], budget), ylim=(most - SHOWN, most + 0.05 * SHOWN))
+    """A panel for each scene: by method the median over the starts (of two the lower) of the largest area so far."""
+    time, most, grid = np.geomspace(0.05, budget, 400), largest(rows), []
+    for number, (scene, area) in enumerate(most.items()):
+        here = [row for row in rows if row["scene"] == scene]
+        curves = []
+        for method in dict.fromkeys(row["method"] for row in here):
+            courses = [largest_until(row["stairs"], time) for row in here if row["method"] == method]
+            middle = np.sort(courses, axis=0)[(len(courses) - 1) // 2]
+            curves.append((method, time, np.where(np.isfinite(middle), middle, np.nan)))
+        if number % 2 == 0:
+            grid.append([])
+        ylabel = "" if grid[-1] else "area ratio within all limits"
+        grid[-1].append(Panel(ylabel, curves, scene, (area - SHOWN, area + 0.05 * SHOWN)))
+    return panels(grid, "processor time [s]", (time[0], budget), 9.0, 3.4, scale=("log", "linear"))
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
@@ -112,12 +98,12 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
     def seconds(row: dict) -> float | None:
         return next((at for at, area in row["stairs"] if area >= NEAR * most[row["scene"]]), None)
 
-    found = gathered(rows, lambda row: row["area_ratio"])
+    areas = gathered(rows, lambda row: row["area_ratio"])
     content = {
         "budget_s": SECONDS[size],
         "processor_s": sum(row["processor_s"] for row in rows),
         "starts": STARTS[size],
-        "areas": found,
+        "areas": areas,
         "largest": most,
         "seconds_to_near": gathered(rows, seconds),
         "runs": [{key: value for key, value in row.items() if key != "seconds"} for row in rows],

@@ -1,9 +1,10 @@
-"""Why do gradients by all coefficients of a cam's pieces differ between the exact and the smooth path?
+"""Why do gradients by the raw coefficients of a cam's pieces differ between the exact and the smooth path?
 
-One coefficient of one piece moves the lift on one side of a border alone: it makes a step in lift or velocity, and what
-a motion owes to a step no path promises. The exact path takes it as a step, the smooth one reads the lift from cubics
-between samples. So the two gradients of the seating velocity are compared three times: along all directions, along
-those that leave the lift continuous, and along those that leave lift and velocity continuous, as every family's do.
+A change of one coefficient of one piece changes the lift on one side of a border only: it makes a step in lift or
+velocity, and the response to a step is not defined equally on the two paths. The exact path uses the step itself, the
+smooth path interpolates the lift by cubics between samples. Therefore the two gradients of the seating velocity are
+compared three times: along all directions, along those that keep the lift continuous, and along those that keep lift
+and velocity continuous, as the parameters of every family do.
 """
 
 from pathlib import Path
@@ -23,7 +24,7 @@ DIRECTIONS = {"all": (), "lift continuous": (0,), "lift and velocity continuous"
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
-    """By scene and set of directions their number, and cosine, norm ratio and relative difference of the gradients."""
+    """Cosine, norm ratio and relative difference of the gradients, by scene and set of directions."""
     rows = []
     for name, rpm in CASES[size].items():
         scene = camopt.load_scene(name)
@@ -46,8 +47,8 @@ def gradient(scene, cam: Lift, rpm: float, method: str) -> np.ndarray:
     def value(coefficients):
         return camopt.simulate(scene, cam, rpm, method, parameters={"lift": coefficients})[METRIC].data[0]
 
-    found = np.asarray(jax.grad(value)(motion_parameters(scene, cam)["lift"]))
-    return (found / np.diff(cam.borders)[:, None] ** np.arange(found.shape[1])).ravel()
+    slopes = np.asarray(jax.grad(value)(motion_parameters(scene, cam)["lift"]))
+    return (slopes / np.diff(cam.borders)[:, None] ** np.arange(slopes.shape[1])).ravel()
 
 
 def continuous(cam: Lift, orders: tuple[int, ...]) -> np.ndarray:

@@ -1,7 +1,7 @@
-"""Do trains with springs by tables, adjusters, friction and gas force get a confirmed cam?
+"""Does the design job find a confirmed cam for trains with spring tables, adjusters, friction and gas force?
 
-One train with Hertz contacts is among them. Each scene goes through `camopt.optimize` at its listed speeds, accuracy
-draft, to a verdict. Beside it stand the plain Polydyne and Multi-Pol, before the search's own judge.
+One of the trains has Hertz contacts. For each scene `camopt.optimize` runs at the listed speeds and accuracy draft,
+verdict included. The plain Polydyne and Multi-Pol are evaluated for comparison, as in the search.
 """
 
 import tempfile
@@ -23,7 +23,7 @@ BESIDE = ("polydyne", "multi-pol")
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
-    """The job of every scene, and the literature's cams beside it."""
+    """Runs the job of every scene, and evaluates the literature's cams for comparison."""
     content = {}
     for name in SCENES[size]:
         scene = load_scene(name)
@@ -33,7 +33,7 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
 
 
 def job(scene: Scene, gradient: str) -> dict:
-    """What `camopt optimize SCENE --accuracy draft --speeds nominal --gradient GRADIENT` comes to."""
+    """Result of `camopt optimize SCENE --accuracy draft --speeds nominal --gradient GRADIENT`."""
     begin = time.process_time()
     with tempfile.TemporaryDirectory() as work:
         try:
@@ -50,16 +50,16 @@ def job(scene: Scene, gradient: str) -> dict:
 
 
 def beside(scene: Scene) -> dict:
-    """Area ratio and largest used part of a limit of the literature's plain cams; a sentence where there is none."""
-    judge, found = Judge(scene, scene.required_operation.speeds_rpm), {}
+    """Area ratio and largest ratio to a limit of the literature's plain cams; a sentence where there is no cam."""
+    judge, cams = Judge(scene, scene.required_operation.speeds_rpm), {}
     for name, cam in plain_baselines(scene).items():
         if name in BESIDE:
-            found[name] = cam
+            cams[name] = cam
         if name in BESIDE and not isinstance(cam, str):
             share = float(judge(cam).share.max())
             ratio = cam.area_ratio_in(scene.required_design)
-            found[name] = {"area_ratio": ratio, "used_part_of_a_limit": min(share, 1e6)}
-    return found
+            cams[name] = {"area_ratio": ratio, "used_part_of_a_limit": min(share, 1e6)}
+    return cams
 
 
 if __name__ == "__main__":

@@ -1,10 +1,11 @@
-"""Does the search come to the same cam from every start, by either source of its rows?
+"""Does the search converge to the same cam from every start, with either source of its constraint rows?
 
-Every built-in scene with a design, over its band at the accuracy of a job: from the calmest cam, from the literature's
-plain cams, and from random free cams within the limits on the shape, with rows of the smoothed motion by JAX and with
-those of the closed periodic response. Of each search the largest cam that the full verdict confirms, with the rounds,
-the Jacobians and the processor time that it took; beside them the areas of the job before there were paths (at commit
-066e876). First-order methods from the calmest cam are compared by `experiments.optimisers`. An interrupted run goes on.
+The search runs on every built-in scene with a design, over its band at the accuracy of a job: from the calmest cam,
+from the literature's plain cams, and from random free cams within the limits on the shape, with constraint rows of the
+smoothed motion by JAX and with those of the closed periodic response. The result of each search is the largest cam that
+the full verdict confirms, with the numbers of rounds and Jacobians and the processor time. The areas are compared with
+those of the job before its search used paths (commit 066e876). First-order methods from the calmest cam are compared by
+`experiments.optimisers`. An interrupted run resumes.
 """
 
 import time
@@ -13,7 +14,6 @@ from pathlib import Path
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
 
 import camopt
 from camopt.cam.lift import Lift
@@ -23,8 +23,8 @@ from camopt.optimizer.candidates import largest_confirmed
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.search.region import largest_acceleration
 from camopt.optimizer.search.search import find_cam
-from camopt.plots.style import new_figure, styled
 from camopt.scene import InputError, Scene, load_scene
+from experiments.support.panels import POINTS, Panel, panels
 from experiments.support.record import RESULTS, called, run_script, write_result
 
 BEFORE = {
@@ -41,33 +41,30 @@ BEFORE = {
 SCENES = {"small": ("motori-1",), "full": tuple(BEFORE)}
 FAMILIES = {"Polydyne": camopt.polydyne, "Multi-Pol": camopt.multi_pol, "New Design": camopt.new_design}
 RANDOM = {"random 1": 1, "random 2": 2}
-"""Random cams by their seed."""
+"""Seeds of the random cams."""
 STARTS = {"small": ("calmest", "Polydyne", "random 1"), "full": ("calmest", *FAMILIES, *RANDOM)}
 SOURCES = {"small": ("exact",), "full": ("smooth", "exact")}
 SPEEDS = {"small": "nominal", "full": "band"}
 ACCURACY = {"small": "draft", "full": "standard"}
 DRAWN, DRAWN_STARTS = "kodama", ("calmest", "Polydyne", "Multi-Pol", "random 1")
-"""What the figure shows."""
-COLOURS = ("#222222", "#0072B2", "#D55E00", "#009E73")
-LINES = {"smooth": "-", "exact": "--"}
+"""Scene and starts of the figure."""
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
     """Searches from every start, prints and writes starts.json and its figure into `folder`."""
-    asked = SCENES[size]
+    names = SCENES[size]
     cases = [
-        {"scene": s, "start": b, "gradient": g, "size": size} for g, s, b in product(SOURCES[size], asked, STARTS[size])
+        {"scene": s, "start": b, "gradient": g, "size": size} for g, s, b in product(SOURCES[size], names, STARTS[size])
     ]
     rows = called("experiments.starts:searched", cases, size, folder / "starts.sqlite")
-    by_scene = {s: summary(s, rows) for s in asked}
+    by_scene = {s: summary(s, rows) for s in names}
     content = {"accuracy": ACCURACY[size], "speeds": SPEEDS[size], "scenes": by_scene, "rows": rows}
-    drawn = {"kodama": figure(rows)} if DRAWN in asked else {}
+    drawn = {"kodama": figure(rows)} if DRAWN in names else {}
     return write_result("starts", size, content, drawn, folder)
 
 
 def searched(scene: str, start: str, gradient: str, size: str = "small") -> dict:
-    """One search from a start, and the largest of its cams that the full verdict confirms; why there is none where
-    there is none."""
+    """One search from a start, and the largest of its cams that the full verdict confirms, or why there is none."""
     loaded, lines, speeds, effort = load_scene(scene), [], SPEEDS[size], ACCURACIES[ACCURACY[size]]
     try:
         search = find_cam(loaded, speeds, effort, gradient, show=lines.append, start=start_cam(loaded, start, effort))
@@ -88,15 +85,15 @@ def searched(scene: str, start: str, gradient: str, size: str = "small") -> dict
 
 
 def start_cam(scene: Scene, name: str, effort: Accuracy) -> Lift | None:
-    """The cam that a search begins from; None for the calmest one, with which it begins by itself."""
+    """The start of a search; None for the calmest cam, from which it starts by default."""
     if name == "calmest":
         return None
     return random_cam(scene, RANDOM[name], effort) if name in RANDOM else FAMILIES[name](scene)
 
 
 def random_cam(scene: Scene, seed: int, effort: Accuracy) -> Lift:
-    """The free cam within the limits on the shape that is nearest to drawn coefficients, which are normal with the
-    largest acceleration that the scene allows for their standard deviation."""
+    """The free cam within the limits on the shape that is nearest to random coefficients. These are normal; their
+    standard deviation is the largest acceleration that the scene allows."""
     design = scene.required_design
     cam = program_cam(design, effort.knot_deg)
     drawn = np.random.default_rng(seed).normal(0.0, largest_acceleration(design), cam.Z.shape[1])
@@ -104,45 +101,38 @@ def random_cam(scene: Scene, seed: int, effort: Accuracy) -> Lift:
 
 
 def summary(scene: str, rows: list[dict]) -> dict:
-    """Of each source the least and the largest confirmed area ratio, how many of how many searches were confirmed, and
-    the median of their rounds, Jacobians and processor seconds. The first smooth search in a process compiles."""
-    found: dict = {"before": BEFORE[scene]}
+    """By source the least and the largest confirmed area ratio, the numbers of searches and of confirmed ones, and the
+    medians of their rounds, Jacobians and processor times [s]. The first smooth search in a process compiles."""
+    by_source: dict = {"before": BEFORE[scene]}
     for source in dict.fromkeys(row["gradient"] for row in rows):
         tried = [row for row in rows if (row["scene"], row["gradient"]) == (scene, source)]
         held = [row for row in tried if row["verdict"] == "confirmed"]
         areas = [row["area_ratio"] for row in held]
-        found[source] = {"tried": len(tried), "confirmed": len(held)} | {
+        by_source[source] = {"tried": len(tried), "confirmed": len(held)} | {
             "least": min(areas, default=None),
             "largest": max(areas, default=None),
             "rounds": median([row["rounds"] for row in held]),
             "jacobians": median([row["jacobians"] for row in held]),
             "seconds": median([row["search_s"] for row in held]),
         }
-    return found
+    return by_source
 
 
 def median(values: list[float]) -> float | None:
-    """Their median; None where there are none."""
+    """The median; None of an empty list."""
     return float(np.median(values)) if values else None
 
 
-@styled
 def figure(rows: list[dict]) -> Figure:
     """Area ratio of the cam of each round, by start and source, and the confirmed cam at the end."""
-    drawn = new_figure(6.4, 3.8)
-    axes = drawn.subplots()
-    for row in rows:
-        if row["scene"] != DRAWN or row["start"] not in DRAWN_STARTS or row["area_ratio"] is None:
-            continue
-        colour, rounds = COLOURS[DRAWN_STARTS.index(row["start"])], np.arange(1, row["rounds"] + 1)
-        label = f"from {row['start']}, {row['gradient']}"
-        axes.plot(rounds, row["course"], LINES[row["gradient"]], color=colour, label=label)
-        axes.plot(rounds[-1], row["area_ratio"], "o", color=colour, markersize=4)
-    axes.axhline(BEFORE[DRAWN], color="#8a1c1c", linewidth=0.8, linestyle=":")
-    axes.set(xlabel="round [-]", ylabel="area ratio [-]", title=f"{DRAWN}: the cam of each round")
-    axes.xaxis.set_major_locator(MaxNLocator(integer=True))
-    axes.legend(fontsize=7)
-    return drawn
+    shown = [r for r in rows if r["scene"] == DRAWN and r["start"] in DRAWN_STARTS and r["area_ratio"] is not None]
+    curves: list = [(f"from {r['start']}, {r['gradient']}", range(1, r["rounds"] + 1), r["course"]) for r in shown]
+    curves.append(("confirmed", [r["rounds"] for r in shown], [r["area_ratio"] for r in shown]))
+    curves.append(("before", [1, max(r["rounds"] for r in shown)], [BEFORE[DRAWN]] * 2))
+    areas = np.concatenate([r["course"] for r in shown])
+    panel = Panel("area ratio", curves, f"{DRAWN}: the cam of each round", (areas.min() - 0.01, areas.max() + 0.01))
+    look = {"confirmed": POINTS, "before": {"linestyle": ":"}}
+    return panels([[panel]], "round", width=6.4, row_height=3.0, look=look)
 
 
 if __name__ == "__main__":

@@ -1,9 +1,10 @@
-"""Is what a job says of trains as built right: does its interval cover, and do independent methods judge alike?
+"""Is the yield that a job states correct: does its interval cover the true yield, and do independent methods agree
+about single trains?
 
-Cams and statements are those of jobs at the default accuracy, at small size of draft jobs. Of each statement 20 trains,
-the first ones, are judged by the verdict's methods at the speed at which each uses most of its limits. The interval is
-put to the test by a population of trains, of which many statements are made, each of trains that are drawn anew from
-it: how many of their intervals hold the population's share?
+Cams and yield statements are those of jobs at the default accuracy, at small size of draft jobs. The first 20 trains of
+each statement are verified by the verdict's methods at the speed at which each train has its largest ratio to a limit.
+The interval is tested on a population of trains, from which many statements are simulated with newly sampled trains:
+the share of their intervals that contain the population's yield is the coverage.
 """
 
 from pathlib import Path
@@ -27,11 +28,11 @@ POPULATION = {"small": 60, "full": 4000}
 REPETITIONS = 200
 ACCURACY = {"small": "draft", "full": "standard"}
 POPULATION_SEED = 4_000_037
-"""A seed that no search and no statement uses."""
+"""Seed of the population, which no search and no statement uses."""
 
 
 def main(size: str = "full", folder: Path = RESULTS) -> dict:
-    """The statement on each scene's cam with its independent judgement, and the coverage of the interval."""
+    """The statement on each scene's cam with its independent verification, and the coverage of the interval."""
     content: dict = {"judged": JUDGED[size], "repetitions": REPETITIONS, "scenes": {}}
     for name in SCENES[size]:
         scene = load_scene(name)
@@ -39,8 +40,8 @@ def main(size: str = "full", folder: Path = RESULTS) -> dict:
         content["scenes"][name] = row = judged(scene, lift, size)
         print(f"{name}: {row['differs']} of {row['judged']} verdicts differ, {row['open']} are left open")
         if name == SCENES[size][0]:
-            content["coverage"] = found = coverage(scene, lift, size)
-            print(f"{name}: {100 * found['covered']:.1f} % of the intervals hold {100 * found['share']:.2f} %")
+            content["coverage"] = tested = coverage(scene, lift, size)
+            print(f"{name}: {100 * tested['covered']:.1f} % of the intervals hold {100 * tested['share']:.2f} %")
     return write_result("stated_yields", size, content, {}, folder)
 
 
@@ -51,10 +52,10 @@ def designed(scene: Scene, size: str) -> Lift:
 
 
 def judged(scene: Scene, lift: Lift, size: str) -> dict:
-    """The job's statement, and what independent methods say of its first trains at their worst speeds.
+    """The job's statement, and the verdicts of independent methods on its first trains at their worst speeds.
 
-    A train differs where they confirm one that breaks a limit, or find a limit broken in one that holds; what they call
-    sensitive or not converged is left open.
+    A verdict differs if they confirm a train that breaks a limit, or find a broken limit in one that keeps all;
+    verdicts of sensitive or not converged are open.
     """
     stated = statement_of_run(scene, lift, {"accuracy": ACCURACY[size], "speeds": "band", "seed": 0}, None)
     assert stated is not None, "the scenes say how trains differ"
@@ -76,23 +77,21 @@ def judged(scene: Scene, lift: Lift, size: str) -> dict:
 
 
 def coverage(scene: Scene, lift: Lift, size: str) -> dict:
-    """How many statements' intervals hold the share of a population from which their trains are drawn."""
+    """Share of simulated statements whose interval contains the yield of the sampled population."""
     effort, population = ACCURACIES[ACCURACY[size]], POPULATION[size]
     way = track(scene, lift, np.linspace(*scene.required_operation.band_rpm, effort.stated_speeds))
     holds = way.used(trains_as_built(scene, population, seed=POPULATION_SEED)).max(axis=(1, 2)) <= 1.0
-    looks, random, inside, trains = looks_of(effort, scene, None), np.random.default_rng(0), 0, []
+    looks, random, inside = looks_of(effort, scene, None), np.random.default_rng(0), 0
     for _ in range(REPETITIONS):
         drawn = random.choice(holds, looks.trains[-1])
         ended = next(drawn[:n] for n in looks.trains if looks.ends(int(drawn[:n].sum()), n))
-        found = share_of(ended, looks)
-        inside += bool(found.low <= holds.mean() <= found.high)
-        trains.append(found.trains)
+        stated = share_of(ended, looks)
+        inside += bool(stated.low <= holds.mean() <= stated.high)
     return {
         "population": population,
         "share": float(holds.mean()),
         "covered": inside / REPETITIONS,
         "expected": looks.coverage(float(holds.mean())),
-        "mean_trains": float(np.mean(trains)),
     }
 
 

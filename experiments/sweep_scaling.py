@@ -1,11 +1,12 @@
-"""What does a sweep cost beside its tasks, how do tasks per second grow with workers, and does memory stay flat?
+"""What does a sweep cost in addition to its tasks, how do tasks per second grow with workers, and does memory stay
+constant?
 
-Stand-ins that do nothing, and settled motions of `motori-1` at speeds drawn over its band, by one and two processes
-and, at full size and where dask is installed, by a cluster of two workers on the loopback interface. The times are
-those between two tasks of the plan being asked for, once every worker runs, so that the start, which is told apart,
-does not count. Then stand-ins in great number: the memory of the parent after a tenth of them and at the end, and the
-size of the store. On a shared machine the times by the clock are upper bounds; beside them stands the processor time
-of the parent.
+The tasks are empty tasks, and settled motions of `motori-1` at random speeds of its band, computed by one and two
+processes and, at full size and where dask is installed, by a cluster of two workers on the loopback interface. The
+times are those between two requests for a task once every worker runs, so that the start, which is reported separately,
+is not included. Then a large number of empty tasks is computed: measured are the memory of the parent after a tenth of
+them and at the end, and the size of the store. On a shared machine the times by the clock are upper bounds; the
+processor time of the parent is reported too.
 """
 
 import tempfile
@@ -20,21 +21,20 @@ import numpy as np
 import camopt
 from camopt.scene import load_scene
 from camopt.tasks.engines import cluster
-from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, resident_MB, run_script, write_result
 
 EMPTY = {"small": (200, 1000), "full": (1000, 10_000)}
 SETTLED = {"small": (24, 72), "full": (200, 2000)}
-"""The task from which the clock runs, and how many there are."""
+"""(first task that is timed, number of tasks)."""
 MANY = {"small": (20_000, 0), "full": (1_000_000, 2)}
-"""Tasks, and the processes that compute them (0: the parent itself)."""
-PAGE_BYTES = 4096
+"""(number of tasks, processes that compute them; 0: the parent itself)."""
 EARLY = 0.1
-"""The part of many tasks after which memory is first looked at."""
+"""Share of the tasks after which memory is first measured."""
 
 
 @contextmanager
 def engines(size: str) -> Iterator[dict[str, dict]]:
-    """The arguments of `camopt.sweep` by what computes."""
+    """The arguments of `camopt.sweep` by the name of the workers."""
     local = {"one process": {"workers": 1}, "two processes": {"workers": 2}}
     if size == "small" or find_spec("distributed") is None:
         yield local
@@ -47,12 +47,12 @@ def engines(size: str) -> Iterator[dict[str, dict]]:
 
 
 def empty(count: int) -> Iterator[dict]:
-    """Stand-ins that do nothing."""
+    """Empty tasks."""
     return ({"verb": "rehearse", "number": i} for i in range(count))
 
 
 def settled(count: int) -> Iterator[dict]:
-    """Settled motions at drawn speeds."""
+    """Tasks that compute settled motions at random speeds."""
     band = load_scene("motori-1").required_operation.band_rpm
     speeds = np.random.default_rng(0).uniform(*band, count).tolist()
     return ({"verb": "settled", "scene": "motori-1", "cam": "polydyne", "speed_rpm": speed} for speed in speeds)
@@ -80,19 +80,19 @@ def timed(tasks: Iterator[dict], start: int, how: dict, store: Path) -> dict[str
 
 
 def memory(count: int, workers: int, folder: Path) -> dict[str, float]:
-    """The parent's memory early and late in a sweep of many stand-ins, and the size of a row."""
+    """The parent's memory early and late in a sweep of many empty tasks, and the size of a row."""
     seen = {}
 
     def watched() -> Iterator[dict]:
         for i, task in enumerate(empty(count)):
             if i in (int(EARLY * count), count - 1):
-                seen[i] = int(Path("/proc/self/statm").read_text().split()[1]) * PAGE_BYTES / 1e6
+                seen[i] = resident_MB()
             yield task
 
     begin = time.perf_counter()
-    found = camopt.sweep(watched(), folder / "many.sqlite", workers=workers)
+    swept = camopt.sweep(watched(), folder / "many.sqlite", workers=workers)
     early, late = seen.values()
-    assert found.counts == {"done": count}
+    assert swept.counts == {"done": count}
     return {
         "tasks": count,
         "early_MB": early,

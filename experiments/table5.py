@@ -1,10 +1,11 @@
 """Can Runge-Kutta-Gill and the transition matrix method differ by up to 0.3 mm on one model, as Table 5 of Kodama et
-al. says?
+al. states?
 
-Bounce of the three cams on `kodama` by Runge-Kutta-Gill and the transition matrix method at the paper's kind of step
-and at a fine one, under this project's separation criterion (force) and the paper's (displacement), beside the
-event-exact truth with its range over revolutions 3 to 8 and over lifts changed by 1e-9 mm, and beside the printed
-numbers. Train and cams are assumed and were fitted to those numbers together: agreement with them proves nothing.
+The bounce of the three cams on `kodama` is computed by Runge-Kutta-Gill and the transition matrix method with steps of
+the paper's kind and with fine ones, with this project's criterion of separation (force) and the paper's (displacement).
+It is compared with event-exact as the reference, with its range over revolutions 3 to 8 and over lifts changed by 1e-9
+mm, and with the printed numbers. Train and cams are assumed and were fitted to those numbers together: agreement with
+them proves nothing.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -23,8 +24,7 @@ from camopt.exact import prepare as event
 from camopt.measure.metrics import measure
 from camopt.plots import last_revolution, valve_motion
 from camopt.scene import MotionRefused, Scene, Train, build_train, load_scene
-from camopt.scene.design import Design
-from camopt.scene.response import Response, Revolve, end_state, joined
+from camopt.scene.response import Response, Revolve, record_of
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM
 from camopt.verifier.methods import rkg, tmm
@@ -41,13 +41,13 @@ PAPER = {
 }  # fmt: skip
 """Bounce [mm] by Runge-Kutta-Gill and by the transition matrix method, as printed."""
 STEPS = {"small": (1440, 11520), "full": (720, 1080, 1200, 1440, 2880, 5760, 11520, 46080)}
-"""Per revolution. The paper prints none; 1440 is a quarter of a degree, and below 1200 the printed matrices blow up."""
+"""Steps per revolution. The paper gives none; 1440 is a quarter of a degree; the printed tmm is unstable below 1200."""
 DRAWS = {"small": 2, "full": 16}
 SPEEDS = {"small": (6500,), "full": (5000, 6000, 6500, 7000)}
 METHODS = {"rkg": rkg.prepare, "tmm": tmm.prepare}
 CRITERIA = ("force", "displacement")
 REVOLUTIONS = 9
-"""From rest; the last one only ends the window of the eighth."""
+"""Number of revolutions from rest; the last one only completes the window of the eighth."""
 LIFT_CHANGE_MM = 1e-9
 
 
@@ -75,7 +75,8 @@ def main(size: str, folder=RESULTS) -> dict:
             for name, lift in lifts.items()
             for s in speeds
         }
-        figures["motion"] = motion_figure(motions, scene.required_design)
+        ninth = [last_revolution(cam, speed, response) for (cam, speed), response in motions.items()]
+        figures["motion"] = valve_motion(ninth, scene.required_design)  # as Figures 5 to 8 and 12 to 15
         shown: dict[tuple[str, float], Response] = {}
         for s in speeds:
             for name, prepare in METHODS.items():
@@ -88,8 +89,8 @@ def main(size: str, folder=RESULTS) -> dict:
 
 
 def cams(scene: Scene, polydyne_ramp_mm: float = 0.250) -> dict[str, Lift]:
-    """The three cams of the reproduction: assumed parameters, fitted with the train. The paper's Polydyne has a ramp of
-    its own (0.250 mm against 0.265)."""
+    """The three cams of the reproduction, with assumed parameters that were fitted together with the train. The paper's
+    Polydyne has another ramp height (0.250 mm instead of 0.265)."""
     exponents, dynamic = (2, 12, 20, 32, 34), (1.02, 9.22 * DEG**2)
     return {
         "polydyne": polydyne(scene, exponents, ramp_height_mm=polydyne_ramp_mm, dynamic=dynamic),
@@ -99,19 +100,15 @@ def cams(scene: Scene, polydyne_ramp_mm: float = 0.250) -> dict[str, Lift]:
 
 
 def run(train: Train, revolve: Revolve) -> Response:
-    """The motion from rest, nine revolutions. Raises MotionRefused where a step past its stability limit blows up."""
-    state = state_at_rest(train)
-    record = []
-    for _ in range(REVOLUTIONS):
-        record.append(revolve(state))
-        state = end_state(record[-1])
-        if not np.abs(record[-1].x).max() < 1.0:  # a metre; NaN is caught too
-            raise MotionRefused("the step is past the method's stability limit")
-    return joined(record)
+    """Nine revolutions of the motion from rest. Raises MotionRefused if the step is above the stability limit."""
+    motion = record_of(revolve, state_at_rest(train), REVOLUTIONS)
+    if not np.abs(motion.x).max() < 1.0:  # a metre; NaN is caught too
+        raise MotionRefused("the step is past the method's stability limit")
+    return motion
 
 
 def bounces(train: Train, revolve: Revolve, lift: Lift) -> np.ndarray:
-    """Bounce [mm] of revolutions 1 to 8; NaN where the step is past the stability limit."""
+    """Bounce [mm] of revolutions 1 to 8; NaN where the step is above the stability limit."""
     try:
         return measure(run(train, revolve), lift)["bounce_mm"]
     except MotionRefused:
@@ -119,19 +116,19 @@ def bounces(train: Train, revolve: Revolve, lift: Lift) -> np.ndarray:
 
 
 def summary(by_revolution: np.ndarray) -> dict[str, float]:
-    """Median and range of revolutions 3 to 8, and the second: the paper's figures show 2 pi to 4 pi."""
+    """Median and range of revolutions 3 to 8, and the second one: the paper's figures show 2 pi to 4 pi."""
     late = by_revolution[2:8]
     return {"median": np.median(late), "low": late.min(), "high": late.max(), "second": by_revolution[1]}
 
 
 def in_threads(work: Callable, arguments: Iterable[tuple]) -> list:
-    """work(*arguments) on two threads, in order; the compiled methods let go of Python's lock."""
+    """work(*arguments) on two threads, in order; the compiled methods release Python's global lock."""
     with ThreadPoolExecutor(2) as pool:
         return list(pool.map(lambda a: work(*a), arguments))
 
 
 def _row(scene: Scene, lifts: dict[str, Lift], size: str, cam: str, speed: int, seed: np.random.SeedSequence) -> dict:
-    """One line of Table 5: printed numbers, truth and methods [mm]."""
+    """One line of Table 5: printed numbers, reference and methods [mm]."""
     train, lift, cam_speed = build_train(scene), lifts[cam], scene.cam_speed(speed)
     nearby = [bounces(train, event(train, near, cam_speed), lift) for near in _neighbours(lift, seed, size)]
     medians = [summary(b)["median"] for b in nearby]
@@ -153,22 +150,23 @@ def _row(scene: Scene, lifts: dict[str, Lift], size: str, cam: str, speed: int, 
 
 
 def _neighbours(lift: Lift, seed: np.random.SeedSequence, size: str) -> list[Lift]:
-    """The lift scaled so that its top moves by about 1e-9 mm."""
+    """Lifts scaled by random factors that change the maximum lift by about 1e-9 mm."""
     draws = np.random.default_rng(seed).normal(size=DRAWS[size]) * LIFT_CHANGE_MM * MM / lift.max_lift
     return [replace(lift, coefficients=lift.coefficients * (1 + change)) for change in draws]
 
 
 def _distance(rows: list[dict], criterion: str, steps: int) -> dict:
-    """Root mean square over the cams, by speed, of the methods' distance from each other and from the truth [mm].
+    """RMS over the cams, by speed, of the differences of the methods from each other and from the reference [mm].
 
-    Of the medians of revolutions 3 to 8, and of the second revolution alone. NaN: a method blew up.
+    The differences are those of the medians of revolutions 3 to 8, and of the second revolution. NaN: a method was
+    unstable.
     """
     out: dict = {"criterion": criterion, "steps_per_revolution": steps}
     for speed in dict.fromkeys(row["speed_rpm"] for row in rows):
         here = [row for row in rows if row["speed_rpm"] == speed]
-        found = {name: [_of(row, name, criterion, steps) for row in here] for name in METHODS}
-        median = {name: np.array([m["median"] for m in of]) for name, of in found.items()}
-        second = {name: np.array([m["second"] for m in of]) for name, of in found.items()}
+        summaries = {name: [_of(row, name, criterion, steps) for row in here] for name in METHODS}
+        median = {name: np.array([m["median"] for m in of]) for name, of in summaries.items()}
+        second = {name: np.array([m["second"] for m in of]) for name, of in summaries.items()}
         truth = np.array([row["event"]["median"] for row in here])
         out[str(speed)] = {
             "rkg_to_tmm": _rms(median["rkg"] - median["tmm"]),
@@ -180,7 +178,7 @@ def _distance(rows: list[dict], criterion: str, steps: int) -> dict:
 
 
 def _of(row: dict, *way) -> dict:
-    """A row's summary of a method under a criterion with a step."""
+    """The summary in a row of a method, criterion and number of steps."""
     keys = ("method", "criterion", "steps_per_revolution")
     return next(m for m in row["methods"] if tuple(m[key] for key in keys) == way)
 
@@ -190,12 +188,7 @@ def _rms(values) -> float:
 
 
 Motions = Mapping[tuple[str, float], Response]
-"""By cam or method, and speed [r/min]."""
-
-
-def motion_figure(motions: Motions, design: Design) -> Figure:
-    """Figures 5 to 8 and 12 to 15 in kind: the ninth revolution of the event-exact motion of each cam."""
-    return valve_motion([last_revolution(cam, speed, response) for (cam, speed), response in motions.items()], design)
+"""Motions by (cam or method, speed [r/min])."""
 
 
 def methods_figure(motions: Motions, title: str) -> Figure:
@@ -216,7 +209,7 @@ def methods_figure(motions: Motions, title: str) -> Figure:
 
 
 def steps_figure(distances: Sequence[Mapping]) -> Figure:
-    """Distance between the methods and from the truth against the steps per revolution, a column per criterion."""
+    """Differences of the methods from each other and the reference against the steps, a column per criterion."""
     columns = []
     criteria = list(dict.fromkeys(d["criterion"] for d in distances))
     for criterion in criteria:

@@ -1,9 +1,10 @@
-"""Is the paper's order of the cams a property of the cams?
+"""Is the paper's ranking of the cams by bounce a property of the cams?
 
 Kodama et al. conclude that continuous acceleration and jerk reduce bounce: New Design below Multi-Pol. Their masses,
-stiffnesses and dampings are unknown, so each of them is moved by a normal deviate of 1 % and the cams are compared on
-the same train, by the event-exact median of revolutions 3 to 8. The cams were fitted together with the nominal train,
-which favours the printed order there. Polydyne appears with the paper's ramp and with that of the others (0.265 mm).
+stiffnesses and dampings are unknown, so each of them is varied by a normal deviate of 1 %, and the cams are compared on
+the same trains, by the event-exact median of revolutions 3 to 8. The cams were fitted together with the nominal train,
+which favours the printed order there. Polydyne is included with the paper's ramp and with that of the other cams (0.265
+mm).
 """
 
 from collections.abc import Sequence
@@ -26,17 +27,17 @@ DRAWS = {"small": 4, "full": 50}
 SPEEDS = (6500.0, 7000.0)
 PERTURBED = ("mass", "mass_damping", "stiffness", "damping")
 CLAIMS = (("new-design", "multi-pol"), ("multi-pol", "polydyne"), ("multi-pol", WIDER))
-"""(bounces less, than)."""
+"""(cam that bounces less, cam that bounces more)."""
 
 
 def main(size: str, folder=RESULTS) -> dict:
-    """How often each claim holds over the perturbed trains, with 95 % intervals, and every train's bounce."""
+    """Number of perturbed trains for which each claim is true, with 95 % intervals, and every train's bounce."""
     scene = load_scene("kodama")
     lifts = cams(scene) | {WIDER: cams(scene, 0.265)["polydyne"]}
     rng = np.random.default_rng(5)
     trains = [perturbed(build_train(scene), rng, PERTURBED, SIGMA) for _ in range(DRAWS[size])]
-    found = in_threads(partial(_bounces, scene, lifts), [(train,) for train in trains])
-    bounce = {name: np.array([row[name] for row in found]) for name in lifts}  # (draws, speeds)
+    by_train = in_threads(partial(_bounces, scene, lifts), [(train,) for train in trains])
+    bounce = {name: np.array([row[name] for row in by_train]) for name in lifts}  # (draws, speeds)
     claims = []
     for i, speed in enumerate(SPEEDS):
         for less, than in CLAIMS:
@@ -58,7 +59,7 @@ def main(size: str, folder=RESULTS) -> dict:
 
 
 def perturbed(train: Train, rng: np.random.Generator, names: Sequence[str], sigma: float) -> Train:
-    """The train with every number of the arrays `names` multiplied by 1 + `sigma` of a normal deviate of its own."""
+    """The train with every number of the arrays `names` times 1 + `sigma` times an independent normal deviate."""
     values = {name: getattr(train, name) for name in names}
     return replace(train, **{n: v * (1 + sigma * rng.normal(size=v.shape)) for n, v in values.items()})
 

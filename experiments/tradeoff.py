@@ -1,9 +1,9 @@
-"""What does each accuracy cost on `kodama`, by every method and every dial of the job (`camopt tradeoff kodama --cam
-polydyne`)?
+"""What does accuracy cost on `kodama`, for every method and every accuracy setting of the job
+(`camopt tradeoff kodama --cam polydyne`)?
 
-`camopt tradeoff` on `kodama` (small: the small size on `motori-1`): table and figures. Beside it, at full size, what
-single precision changes of the same motion: float32 against float64 at the same steps and layer, alone and side by
-side; and the gradient by the adjoint and by reverse mode.
+The experiment runs `camopt tradeoff` on `kodama` (small: its small size on `motori-1`) for table and figures. At full
+size it also measures the effect of single precision on the same motion (float32 against float64 with the same steps and
+layer, for one speed and for a batch of speeds), and the gradient by the adjoint and by reverse mode.
 """
 
 import json
@@ -26,14 +26,14 @@ SCENE = {"small": "motori-1", "full": "kodama"}
 
 
 def rounding(lines: list[dict]) -> list[dict]:
-    """By setting: how far float32 moves the valve's lift [um], how far float64 is from the truth, ratio of times."""
+    """By setting: change of the valve's lift by float32 [um], error of float64 [um], and ratio of the times."""
     references = {line["case"]: line for line in lines if line["method"] == "reference"}
     rows = []
     for line in lines:
         if "float32" not in line["method"] or line["failure"]:
             continue
         key = line["case"], line["method"].replace("float32", "float64"), line["setting"]
-        (double,) = (other for other in lines if (other["case"], other["method"], other["setting"]) == key)
+        (double,) = (row for row in lines if (row["case"], row["method"], row["setting"]) == key)
         single, wide, true = (
             np.array(one["figures"]["lift_mm"]) * MM / UM for one in (line, double, references[line["case"]])
         )
@@ -50,21 +50,21 @@ def rounding(lines: list[dict]) -> list[dict]:
 
 
 def main(size: str, folder: Path = RESULTS) -> dict:
-    """Measures in a scratch folder; keeps table and figures in `folder`."""
+    """Measures in a scratch folder, and writes table and figures into `folder`."""
     scene, more = load_scene(SCENE[size]), []
     cam = polydyne(scene)
     with tempfile.TemporaryDirectory() as scratch:
-        found = tradeoff(scene, Path(scratch) / "run", size=size, progress=size == "full", cam=cam)
+        study = tradeoff(scene, Path(scratch) / "run", size=size, progress=size == "full", cam=cam)
         if size == "full":
             from experiments.support.smooth_costs import smooth_work
 
             work = [or_failure(one) for one in smooth_work(scene, cam)]
             more = measured(Records(None, "case", "method", "setting"), work, progress=True)
-        return keep(found.folder, size, folder, more)
+        return keep(study.folder, size, folder, more)
 
 
 def keep(run: Path, size: str, folder: Path = RESULTS, more: Sequence[dict] = ()) -> dict:
-    """Writes `tradeoff.json` and `tradeoff-<figure>.png` from the measurements of a run and further ones."""
+    """Writes `tradeoff.json` and `tradeoff-<figure>.png` from the measurements of a run and from additional ones."""
     lines = [*(json.loads(line) for line in (run / LINES).read_text(encoding="utf-8").splitlines()), *more]
     rows = rows_of(lines)
     short = [{k: float(f"{v:.4g}") if isinstance(v, float) else v for k, v in row.items()} for row in rows]

@@ -1,10 +1,11 @@
-"""Is every motion periodic that is called so, and is the range of a wandering one kept for 400 revolutions?
+"""Is every motion that is called periodic really periodic, and does an aperiodic motion stay in its stated range for
+400 revolutions?
 
-Drawn scenes and cams (experiments/support/drawn_cases.py), each at speeds about the one at which it first breaks a
-limit on the motion. What is said of a motion is what a verdict's event-exact method says of it: whether it is periodic,
-and every metric's range and error. The truth is event-exact alone over 400 revolutions more, from where the motion had
-settled or had been given up: their states, and the metrics of each of them. A motion has settled where its states a
-revolution apart come to rest.
+Scenes and cams are random (experiments/support/drawn_cases.py), each at speeds near the lowest one at which it breaks a
+limit on the motion. The statement about a motion is that of the event-exact method of a verdict: whether it is
+periodic, and the range and error of every metric. The reference is event-exact over 400 further revolutions, from the
+state at which the verdict's motion ended: the states, and the metrics of each revolution. A motion has settled if the
+distance of its states a revolution apart tends to zero.
 """
 
 import numpy as np
@@ -23,29 +24,29 @@ from camopt.verifier.methods import rkg
 from camopt.verifier.spot_checks import event_alone
 from camopt.verifier.verdict import event_exact
 from experiments.support.drawn_cases import drawn_cases
-from experiments.support.record import RESULTS, run_script, write_result
+from experiments.support.record import RESULTS, printed, run_script, write_result
 
 CASES = {"small": 1, "full": 50}
 REVOLUTIONS = {"small": 80, "full": 400}
 ABOUT = 0.98, 1.02, 1.06, 1.12
-"""Speeds as shares of the one at which a limit is first broken."""
+"""Speeds as shares of the lowest one at which a limit is broken."""
 LOOKED_AT = np.linspace(0.4, 1.6, 61)
-"""Speeds as shares of the band's top among which the first broken limit is looked for."""
+"""Speeds, as shares of the band's top, at which limits are checked."""
 REST, LAST = 1e-2, 20
-"""Largest distance, in the tolerances of settling, of the LAST states of a motion that came to rest."""
+"""Largest distance of the LAST states of a settled motion from those a revolution before, in tolerances of settling."""
 
 
 def first_broken(scene: Scene, lift: Lift) -> float | None:
-    """The lowest of the speeds [r/min] looked at from which on the settled motion breaks a limit, if there is one."""
+    """The lowest of the checked speeds [r/min] at which the settled motion breaks a limit, or None."""
     speeds = LOOKED_AT * scene.required_operation.band_rpm[1]
-    found = settled_metrics([build_train(scene)], [lift], [scene.cam_speed(s) for s in speeds])
-    shares = [limit.share(found.worst(limit.metric)[0, 0]) for limit in motion_limits(scene.design).values()]
+    metrics = settled_metrics([build_train(scene)], [lift], [scene.cam_speed(s) for s in speeds])
+    shares = [limit.share(metrics.worst(limit.metric)[0, 0]) for limit in motion_limits(scene.design).values()]
     broken = np.flatnonzero(~(np.max(shares, axis=0) <= 1.0)) if shares else []
     return float(speeds[broken[0]]) if len(broken) else None
 
 
-def said(scene: Scene, lift: Lift, speed_rpm: float) -> Converged:
-    """What event-exact says of the motion at a speed, as in a verdict."""
+def event_answer(scene: Scene, lift: Lift, speed_rpm: float) -> Converged:
+    """The event-exact answer of a verdict for the motion at a speed."""
     tolerances = Tolerances(limited=limited_metrics(scene.design))
     methods = {"event": event_exact, "rkg": rkg.prepare}
     return event_alone(Case(scene, lift, methods, tolerances, settled_metrics), speed_rpm).methods["event"]
@@ -53,20 +54,20 @@ def said(scene: Scene, lift: Lift, speed_rpm: float) -> Converged:
 
 def apart(train: Train, lift: Lift, cam_speed: float, state: np.ndarray, revolutions: int) -> np.ndarray:
     """Distances of the states a revolution apart, in the tolerances of settling."""
-    revolve, n, found = prepare(train, lift, cam_speed), len(train.mass), []
+    revolve, n, distances = prepare(train, lift, cam_speed), len(train.mass), []
     units = np.repeat([SETTLED_POSITION, SETTLED_VELOCITY, SETTLED_POSITION], [n, n, len(state) - 2 * n])
     for _ in range(revolutions):
         before, state = state, revolve.advance(state, 1)
-        found.append(np.abs((state - before) / units).max())
-    return np.array(found)
+        distances.append(np.abs((state - before) / units).max())
+    return np.array(distances)
 
 
 def compared(scene: Scene, lift: Lift, speed_rpm: float, revolutions: int) -> dict:
-    """What is said at one speed, and what the revolutions say."""
+    """The row of one speed: the verdict's statement, and the comparison with the further revolutions."""
     train, cam_speed = build_train(scene), scene.cam_speed(speed_rpm)
-    answer = said(scene, lift, speed_rpm)
+    answer = event_answer(scene, lift, speed_rpm)
     state = prepare(train, lift, cam_speed).advance(state_at_rest(train), answer.revolutions)
-    how = {"most": 0, "measured": 1, "aperiodic": APERIODIC * (revolutions // APERIODIC)}  # all are, settled or not
+    how = {"most": 0, "measured": 1, "aperiodic": APERIODIC * (revolutions // APERIODIC)}  # measures all of them
     long = settled_metrics([train], [lift], [cam_speed], starts=state, workers=1, **how)
     left = {}
     for name in ERRORS:
@@ -96,8 +97,7 @@ def main(size: str, folder=RESULTS) -> dict:
         broken = first_broken(case.scene, case.lift)
         for share in ABOUT if broken is not None else ():
             row = {"scene": case.scene.name, "cam": case.cam_name}
-            rows.append(row | compared(case.scene, case.lift, share * broken, REVOLUTIONS[size]))
-            print(rows[-1])
+            rows.append(printed(row | compared(case.scene, case.lift, share * broken, REVOLUTIONS[size])))
     content = {
         "revolutions": REVOLUTIONS[size],
         "pairs": len(rows),

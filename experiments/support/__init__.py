@@ -1,1 +1,1 @@
-"""What the experiments share: records with their provenance, drawn scenes, fixed problems, and figures."""
+"""Shared parts of the experiments: records with their provenance, random scenes, fixed problems, and figures."""

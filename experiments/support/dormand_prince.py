@@ -1,7 +1,7 @@
-"""A general solver to compare the methods with: a compiled adaptive Dormand-Prince 5(4).
+"""A general solver for comparison: a compiled adaptive Dormand-Prince 5(4).
 
-It integrates the non-smooth equations, as a compiled right-hand side. No event is located; the step control has to cope
-with the switchings.
+It integrates the non-smooth equations with a compiled right-hand side. No event is located; the step control has to
+handle the switchings.
 
 J. R. Dormand, P. J. Prince, A family of embedded Runge-Kutta formulae, J. Comp. Appl. Math. 6 (1980); error norm, step
 control and dense output after Hairer, Norsett, Wanner, Solving Ordinary Differential Equations I, sections II.4, II.6.
@@ -35,7 +35,7 @@ def problem(train: Train, lift: Lift, cam_speed: float) -> tuple:
 
 @compiled
 def right_hand_side(t, y, dy, arrays):
-    """Writes dy/dt to dy (2n) at the time t [s] after -pi; a contact has f = max(0, p + c d') where p > 0, else 0.
+    """Writes dy/dt to dy (2n) at the time t [s] after angle -pi. A contact has f = max(0, p + c d') if p > 0, else 0.
 
     `arrays` is what `problem` gives.
     """

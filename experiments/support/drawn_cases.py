@@ -1,4 +1,4 @@
-"""Scenes, cams and speeds drawn at random around the built-in ones."""
+"""Random scenes, cams and speeds near the built-in ones."""
 
 from collections.abc import Iterator
 from functools import cache
@@ -17,13 +17,13 @@ SCENES = ("kodama", "motori-1", "motori-2", "pushrod-5mass")
 SPREAD = {"mass_kg": 1.25, "stiffness_N_per_m": 1.4, "damping_N_s_per_m": 2.0, "gap_mm": 1.3}
 """Largest factor by which each number of a scene is multiplied or divided."""
 PRELOAD = 1.3
-"""The same for all preloads of a scene at once: spring and seat stay in balance."""
+"""Largest factor of the preloads, common to a scene, so that spring and seat stay in balance."""
 SPEED = (0.4, 1.05)
 """Lowest and highest speed as shares of the scene's top speed."""
 
 
 class DrawnCase(NamedTuple):
-    """One draw."""
+    """One random case."""
 
     scene: Scene
     cam_name: str
@@ -32,7 +32,7 @@ class DrawnCase(NamedTuple):
 
 
 def drawn_cases(seed: int, count: int) -> Iterator[DrawnCase]:
-    """`count` draws; what cannot stand at rest is drawn again."""
+    """`count` random cases; scenes without a state of rest, and impossible cams, are drawn again."""
     rng = np.random.default_rng(seed)
     while count:
         base = SCENES[rng.integers(len(SCENES))]
@@ -47,24 +47,24 @@ def drawn_cases(seed: int, count: int) -> Iterator[DrawnCase]:
 
 
 def varied(scene: Scene, rng: np.random.Generator) -> Scene:
-    """The scene with every mass, stiffness, damping and gap multiplied by a factor of its own, all preloads by one.
+    """The scene with every mass, stiffness, damping and gap times its own random factor, and all preloads times one.
 
     Raises InputError where the result cannot be loaded.
     """
     preload = PRELOAD ** rng.uniform(-1, 1)
 
-    def changed(part):
-        values = {k: f ** rng.uniform(-1, 1) * getattr(part, k) for k, f in SPREAD.items() if getattr(part, k, None)}
-        if getattr(part, "preload_N", 0.0):
-            values["preload_N"] = preload * part.preload_N
-        return part.model_copy(update=values)
+    def changed(item):
+        values = {k: f ** rng.uniform(-1, 1) * getattr(item, k) for k, f in SPREAD.items() if getattr(item, k, None)}
+        if getattr(item, "preload_N", 0.0):
+            values["preload_N"] = preload * item.preload_N
+        return item.model_copy(update=values)
 
     update = {"mass": tuple(map(changed, scene.mass)), "element": tuple(map(changed, scene.element))}
     return parse_scene(scene_toml(scene.model_copy(update=update)), scene.name)
 
 
 def drawn_cam(base: str, rng: np.random.Generator) -> tuple[str, Lift]:
-    """A Polydyne member (half of the draws), a plain family, or a free cam. Raises InputError for an impossible one."""
+    """A Polydyne (half of the cases), a plain member of a family, or a free cam. Raises InputError if impossible."""
     kind = rng.integers(4)
     if kind < 2:
         powers = np.cumsum([2, *(2 * rng.integers(2, 5, 4))])

@@ -1,8 +1,8 @@
-"""One mass that flies onto a damped contact and off again, in closed form, and its gradients by every method.
+"""One mass that flies onto a damped contact and off again: closed form, and gradients by every method.
 
-Without gravity a mass of 1 kg starts at a distance from the floor with a speed towards it. The floor is a spring with a
-damper beside it, which never pulls. After END the position and the speed are wanted, and their derivatives by speed,
-distance, damping and stiffness, each as the share of a share.
+Without gravity a mass of 1 kg starts at a distance from the floor with a speed towards it. The floor is a spring and a
+damper in parallel and never pulls. The results are position and speed at the time END [s], and their relative
+derivatives by relative changes of speed, distance, damping and stiffness.
 """
 
 import time
@@ -30,7 +30,7 @@ END = 0.02
 AT = np.array([2.0, 0.01, 400.0, 1e6])
 """Speed [m/s], distance [m], damping [N s/m], stiffness [N/m]."""
 WEIGHT = 1e-12
-"""Force [N] that stands in for none: a scene's mass is held at rest by something."""
+"""Force [N] in place of none, because a mass of a scene must be held at rest by some force."""
 SCENE = f"""
 format = 1
 name = "ball"
@@ -47,13 +47,13 @@ damping_N_s_per_m = {float(AT[2])!r}
 """
 FLAT = Lift(np.array([-np.pi, np.pi]), np.zeros((1, 2)), 1.0)
 STEP = 1e-6
-"""Step of the closed form's central differences, as a share: their error is its square and the rounding over it."""
+"""Relative step of the closed form's central differences, whose error is its square plus rounding over it."""
 Answer = tuple[np.ndarray, np.ndarray, int]
 """End (2), its Jacobian (2, 4), and the number of steps."""
 
 
 def closed_form(numbers: np.ndarray) -> np.ndarray:
-    """Position [m] and speed [m/s] at END; the contact lets go where its force is zero."""
+    """Position [m] and speed [m/s] at END; the contact ends when its force is zero."""
     speed, distance, c, k = numbers
     omega, decay = np.sqrt(k - c**2 / 4), c / 2
     phase = np.arctan2(c * omega, decay**2 - omega**2)
@@ -71,7 +71,7 @@ def truth() -> np.ndarray:
 
 
 def exact_path() -> Answer:
-    """camopt's exact path: the discrete adjoint with its jump where a damped contact closes."""
+    """camopt's exact path: the discrete adjoint with the jump of the derivatives where a damped contact closes."""
     train = build_train(parse_scene(SCENE, "ball"))
     train = replace(train, mass_force=np.zeros(1))
     motion = TracedMotion(train, FLAT, 2 * np.pi / END, np.array([AT[1], -AT[0]]), mechanical=True)
@@ -88,8 +88,8 @@ def smooth_path(width: float) -> Callable[[], Answer]:
 
     def end(numbers):
         speed, distance, c, k = numbers
-        own = system_with(train, {"damping": c[None], "stiffness": k[None]})
-        driven = DrivenSystem(own, samples, 2 * jnp.pi / END)
+        system = system_with(train, {"damping": c[None], "stiffness": k[None]})
+        driven = DrivenSystem(system, samples, 2 * jnp.pi / END)
         motion = response_arrays(driven, jnp.stack([distance[None], -speed[None]]), Layer(width), steps=steps)
         return jnp.stack([motion.x[-1, 0], motion.v[-1, 0]]), steps
 
@@ -97,7 +97,7 @@ def smooth_path(width: float) -> Callable[[], Answer]:
 
 
 def diffrax_switch(tolerance: float) -> Callable[[], Answer]:
-    """diffrax's Tsit5 through a right-hand side that switches by `where`, as one writes it first."""
+    """diffrax's Tsit5 with a right-hand side that switches by `where`, the usual first formulation."""
 
     def rate(t, y, numbers):
         x, v = y
@@ -105,14 +105,14 @@ def diffrax_switch(tolerance: float) -> Callable[[], Answer]:
         return jnp.stack([v, force])
 
     def solved(numbers):
-        found = _solve(rate, 0.0, jnp.stack([numbers[1], -numbers[0]]), numbers, tolerance)
-        return found.ys[-1], found.stats["num_steps"]
+        solution = _solve(rate, 0.0, jnp.stack([numbers[1], -numbers[0]]), numbers, tolerance)
+        return solution.ys[-1], solution.stats["num_steps"]
 
     return _by_jax(solved)
 
 
 def diffrax_events(tolerance: float) -> Callable[[], Answer]:
-    """diffrax with an event at touch and one at letting go: three integrations, since three are known to be needed."""
+    """diffrax with events at the two ends of contact: three integrations, because their number is known here."""
 
     def fly(t, y, numbers):
         return jnp.stack([y[1], 0.0 * y[0]])
@@ -139,26 +139,26 @@ def _solve(rate, begin, y, numbers, tolerance: float, surface=None):
 
 
 def _by_jax(end: Callable, jacobian: Callable = jax.jacrev) -> Callable[[], Answer]:
-    """By a function of the numbers that gives the end and the number of steps."""
+    """A method from a function of the numbers that returns the end state and the number of steps."""
     value, slopes = jax.jit(end), jax.jit(jacobian(end, has_aux=True))
 
     def answer() -> Answer:
         at = jnp.asarray(AT)
-        found, steps = value(at)
-        return np.asarray(found), np.asarray(slopes(at)[0]), int(steps)
+        state, steps = value(at)
+        return np.asarray(state), np.asarray(slopes(at)[0]), int(steps)
 
     return answer
 
 
 def judged(method: Callable[[], Answer], repeats: int) -> dict:
-    """Relative error and cosine of a method's Jacobian, in shares of shares, and its time per step."""
+    """Error and cosine of a method's Jacobian of relative changes, and its time per step."""
     seconds, (end, jacobian, steps) = fastest(method, repeats, time.perf_counter)
     true, value = truth(), closed_form(AT)
-    found, wanted = (q * AT / value[:, None] for q in (jacobian, true))
+    computed, exact = (q * AT / value[:, None] for q in (jacobian, true))
     return {
         "value_error": float(np.max(np.abs(end / value - 1))),
-        "relative_error": float(np.linalg.norm(found - wanted) / np.linalg.norm(wanted)),
-        "cosine": cosine(found.ravel(), wanted.ravel()),
+        "relative_error": float(np.linalg.norm(computed - exact) / np.linalg.norm(exact)),
+        "cosine": cosine(computed.ravel(), exact.ravel()),
         "steps": steps,
         "ms": 1e3 * float(seconds),
         "us_per_step": 1e6 * float(seconds) / steps if steps else None,
@@ -179,22 +179,13 @@ MODEL = """
     </body>
   </worldbody>
 </mujoco>"""
-"""A sphere on a plane. MuJoCo's soft contact with a negative solref has a stiffness and a damping per mass; it never
-pulls. At an impedance of 1 it would be camopt's law for one mass; 0.9999 is the largest that MuJoCo takes."""
+"""A sphere on a plane. MuJoCo's soft contact with a negative solref has a stiffness and a damping per mass, and never
+pulls. With an impedance of 1 it would be camopt's law for one mass; 0.9999 is the largest value that MuJoCo accepts."""
 
 
-def mjx_contact(steps: int) -> Callable[[], Answer]:
-    """MuJoCo MJX with its own soft contact: derivatives go forwards through its solver, whose loops know no reverse
-    mode."""
-    return _method(steps, contact=True)
-
-
-def mjx_force(steps: int) -> Callable[[], Answer]:
-    """MJX with camopt's law as a force that is applied at every step, by `where`; the same integrator."""
-    return _method(steps, contact=False)
-
-
-def _method(steps: int, *, contact: bool) -> Callable[[], Answer]:
+def mjx(steps: int, *, contact: bool) -> Callable[[], Answer]:
+    """MuJoCo MJX with its own soft `contact`, or with camopt's law as an applied force that switches by `where`; in
+    forward mode, because the loops of its solver have no reverse mode."""
     mujoco: Any = import_module("mujoco")
     mjx: Any = import_module("mujoco.mjx")
     text = MODEL.format(step=END / steps, on=int(contact), stiffness=AT[3], damping=AT[2], radius=RADIUS)
@@ -204,14 +195,14 @@ def _method(steps: int, *, contact: bool) -> Callable[[], Answer]:
     def end(numbers):
         speed, distance, c, k = numbers
         solref = jnp.broadcast_to(-jnp.stack([k, c]), model.geom_solref.shape)
-        own = model.replace(geom_solref=solref)
+        damped = model.replace(geom_solref=solref)
 
         def step(data, _):
             if not contact:
                 x, v = data.qpos[0], data.qvel[0]
                 force = jnp.where(x < 0, jnp.maximum(-k * x - c * v, 0.0), 0.0)
                 data = data.replace(qfrc_applied=force[None])
-            return mjx.step(own, data), None
+            return mjx.step(damped, data), None
 
         data = rest.replace(qpos=distance[None], qvel=-speed[None])
         data, _ = jax.lax.scan(step, data, None, length=steps)
@@ -221,8 +212,8 @@ def _method(steps: int, *, contact: bool) -> Callable[[], Answer]:
 
 
 def warp_kernel(steps: int) -> Callable[[], Answer]:
-    """NVIDIA Warp with camopt's law in a kernel of its own: semi-implicit Euler steps, a launch each, in double
-    precision on the processor, and a pass of its tape backwards for position and speed each."""
+    """NVIDIA Warp with camopt's law in a user-defined kernel: semi-implicit Euler steps, one launch each, in double
+    precision on the processor, and one reverse pass of its tape each for position and speed."""
     wp: Any = import_module("warp")
     wp.config.quiet = True
     array, real = wp.array(dtype=wp.float64), wp.float64

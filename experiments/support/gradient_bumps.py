@@ -1,4 +1,4 @@
-"""What the two gradient experiments share: a cam, bumps on it, and the truth of its seating velocity."""
+"""Gradient of the seating velocity by bumps on a cam: the problem, and its reference by central differences."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -24,9 +24,9 @@ from camopt.smooth.system import System, SystemState
 
 METRIC = "seating_velocity_m_per_s"
 STEPS_OF_DIFFERENCES = (1e-7, 1e-8, 1e-9)
-"""Heights of a bump [m] for the central differences, of which the one that agrees best is taken."""
+"""Heights of a bump [m] for the central differences, of which the best agreement is used."""
 SETTLING = 8
-"""Event-exact revolutions from rest before the one that is differentiated."""
+"""Number of event-exact revolutions from rest before the one that is differentiated."""
 
 
 @cache
@@ -40,13 +40,9 @@ def bump(i: int, count: int, interval_deg: float = 4.0, last_deg: float = 60.0) 
     return Lift(np.concatenate([[-np.pi], knots, [np.pi]]), rows, 1.0)
 
 
-def scaled(lift: Lift, height: float) -> Lift:
-    return replace(lift, coefficients=height * lift.coefficients)
-
-
 @dataclass(frozen=True)
 class Problem:
-    """Gradients of the seating velocity by the heights z (m) of bumps on a cam, from a settled state per speed."""
+    """Gradients of the seating velocity by the heights z (m) of bumps on a cam, from a settled state at each speed."""
 
     scene: Scene
     train: Train
@@ -77,7 +73,7 @@ class Problem:
 
 
 def problem(scene: Scene, lift: Lift, speeds_rpm: tuple[float, ...], bumps: int, **grid: float) -> Problem:
-    """From settled states; `grid` as of `bump`."""
+    """The problem with settled states; `grid` are the intervals of `bump`."""
     train = build_train(scene)
     rest = state_at_rest(train)
     states = np.array([prepare(train, lift, scene.cam_speed(rpm)).advance(rest, SETTLING) for rpm in speeds_rpm])
@@ -85,26 +81,27 @@ def problem(scene: Scene, lift: Lift, speeds_rpm: tuple[float, ...], bumps: int,
 
 
 def exact_value(p: Problem, lift: Lift, speed: int) -> float:
-    """The metric of one event-exact revolution, on the verifier's side."""
+    """The metric of one event-exact revolution, measured by the verifier."""
     revolve = prepare(p.train, lift, p.cam_speeds[speed], 2880)
     return float(measure(record_of(revolve, p.states[speed], 2), lift)[METRIC][0])
 
 
 def exact_differences(p: Problem, speed: int) -> np.ndarray:
-    """Central differences of event-exact by each bump (steps, m), for every step of `STEPS_OF_DIFFERENCES`."""
+    """Central differences of event-exact by each bump (steps, m), with every height of `STEPS_OF_DIFFERENCES`."""
 
     def slope(b: Lift, h: float) -> float:
-        up, down = (exact_value(p, p.lift.shifted(scaled(b, sign * h)), speed) for sign in (1.0, -1.0))
+        ends = (replace(b, coefficients=height * b.coefficients) for height in (h, -h))
+        up, down = (exact_value(p, p.lift.shifted(end), speed) for end in ends)
         return (up - down) / (2 * h)
 
     return np.array([[slope(b, h) for b in p.bumps] for h in STEPS_OF_DIFFERENCES])
 
 
-def against(found: np.ndarray, differences: np.ndarray) -> dict[str, float]:
+def against(gradient: np.ndarray, differences: np.ndarray) -> dict[str, float]:
     """Relative error and cosine of a gradient (m) against the differences (steps, m) that agree best with it."""
-    error = np.linalg.norm(found - differences, axis=1) / np.linalg.norm(differences, axis=1)
+    error = np.linalg.norm(gradient - differences, axis=1) / np.linalg.norm(differences, axis=1)
     if not np.any(np.isfinite(error)):
         return {"relative_error": float("nan"), "cosine": float("nan")}
     best = differences[int(np.nanargmin(error))]
-    cosine = found @ best / (np.linalg.norm(found) * np.linalg.norm(best)) if np.any(found) else 0.0
+    cosine = gradient @ best / (np.linalg.norm(gradient) * np.linalg.norm(best)) if np.any(gradient) else 0.0
     return {"relative_error": float(np.nanmin(error)), "cosine": float(cosine)}

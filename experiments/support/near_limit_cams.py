@@ -1,14 +1,16 @@
-"""Cams around the limits for `near_limit`: legal in shape, and their worst figure is half to twice a limit.
+"""Cams around the limits for `near_limit`: they keep the limits on the shape, and their worst metric is half to twice a
+limit.
 
-Each lies on a line of free cams from one that keeps contact with a margin to one that is allowed tension, or to the
-largest that the shape's limits allow; the limits on the shape are convex, so every cam between two legal ones is
-legal. Where on the line, bisection of the truth says: event-exact settled motion at every r/min of a band.
+Each cam lies on a line of free cams from one that keeps contact with a margin to one that is designed with a negative
+margin of force, or to the largest cam under the limits on the shape. These limits are convex, so every cam between two
+admissible ones is admissible. The position on the line is found by bisection of the reference: the event-exact settled
+motion at every r/min of a band.
 
-A surge mode of 0.05 % damping takes hundreds of revolutions to settle, so the settled state is found as the fixed point
-of the cycle map: from the neighbouring speeds' states, by Newton's method with a Jacobian kept from speed to speed and
-found anew where it no longer helps. A fixed point counts where the Jacobian's spectral radius is below one; elsewhere
-the motion settles by plain revolutions, a hundred times more strictly than the verdict asks. What the cam does from
-rest, by plain revolutions, is looked at on a sample of the speeds.
+A surge mode with 0.05 % damping takes hundreds of revolutions to settle, so the settled state is computed as the fixed
+point of the cycle map: from the states at neighbouring speeds, by Newton's method with a Jacobian that is kept from
+speed to speed and computed again when convergence is slow. A fixed point is accepted if the spectral radius of the
+Jacobian is below one; otherwise the motion settles by plain revolutions, with a tolerance a hundred times smaller than
+that of the verdict. The motion from rest, by plain revolutions, is computed at a sample of the speeds.
 """
 
 from dataclasses import dataclass
@@ -17,9 +19,7 @@ import numpy as np
 
 from camopt.cam.families.free import FreeCam, free_cam
 from camopt.cam.lift import Lift
-from camopt.exact.adjoint.metrics import evaluate
-from camopt.exact.adjoint.motion import OBSERVATIONS, TracedMotion, metric_numbers
-from camopt.exact.adjoint.seeds import empty_seeds
+from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.engine import prepare
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import NoCamHoldsContact, no_jump_program
@@ -29,25 +29,25 @@ from camopt.scene.train import Train
 
 METRICS = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s")
 UNIT = 1e-6, 1e-3
-"""Position [m] and velocity [m/s] that weigh the same: what the verdict counts as settled."""
+"""Units of position [m] and velocity [m/s]: the tolerances within which the verdict counts a motion as settled."""
 SETTLED, ACCURACY = 1e-2, 1e-4
 """Change over a revolution, in UNIT, of a state that settled plainly and of a fixed point."""
 DIFFERENCE = 1e-2
 MOST_NEWTON, OLDEST = 8, 10
-"""Newton's steps, and speeds after which the Jacobian, and with it stability, is looked at anew."""
+"""Largest number of Newton steps, and of speeds until Jacobian and stability are computed again."""
 LARGEST_RADIUS = 1 - 1e-4
 WAIT = 4
-"""Speeds that settle by plain revolutions after one at which no fixed point was found."""
+"""Number of speeds that settle by plain revolutions after one at which no fixed point was found."""
 MOST = 150
-"""Revolutions in which it must settle; an aperiodic motion is then measured over MEASURED more."""
+"""Revolutions within which a motion must settle; an aperiodic one is then measured over MEASURED more."""
 MEASURED = 4
 COLD = 3
-"""Speeds at which the motion from rest is looked at too: the worst one and others."""
+"""Number of speeds at which the motion from rest is computed too: the worst one and others."""
 
 
 @dataclass(frozen=True)
 class Truth:
-    """Figures (speeds, metrics) of a cam over a band, and at which of the speeds the motion does not repeat."""
+    """Metrics (speeds, metrics) of a cam over a band, and whether the motion is periodic at each speed."""
 
     speeds_rpm: np.ndarray
     figures: np.ndarray
@@ -56,16 +56,16 @@ class Truth:
 
     @property
     def shares(self) -> np.ndarray:
-        """Each speed's worst figure over its limit; infinite where the valve does not seat."""
+        """Largest ratio of a metric to its limit at each speed; infinite where the valve does not seat."""
         return np.nan_to_num(np.max(self.figures / self.limits, axis=1), nan=np.inf)
 
     @property
     def share(self) -> float:
-        """The worst over the band: above one, a limit is broken."""
+        """The largest ratio over the band; above one a limit is broken."""
         return float(np.max(self.shares))
 
     def as_row(self) -> dict:
-        """What the table says of it."""
+        """The entries of the results table."""
         at = int(np.argmax(self.shares))
         which = int(np.argmax(np.nan_to_num(self.figures[at] / self.limits, nan=np.inf)))
         return {
@@ -79,42 +79,42 @@ class Truth:
 
 
 def limits_of(scene: Scene) -> np.ndarray:
-    """The limits that METRICS have in a scene."""
+    """The limits of a scene on METRICS."""
     design = scene.design
     return np.array([design.bounce_max_mm, design.jump_max_mm, design.seating_velocity_max_m_per_s])
 
 
 def truth(scene: Scene, lift: Lift, speeds_rpm: np.ndarray, enough: float = np.inf, most: int = MOST) -> Truth:
-    """The settled motion at ascending speeds, each from its neighbours'; ends early beyond a share of `enough`.
+    """The settled motion at ascending speeds, each from its neighbours'; ends where a limit ratio exceeds `enough`.
 
-    `most` plain revolutions where no fixed point is found.
+    Where no fixed point is found, at most `most` plain revolutions are computed.
     """
     train, limits = build_train(scene), limits_of(scene)
     fixed, figures, periodic = FixedPoints(train, most), [], []
     for speed in speeds_rpm:
         try:
-            found, repeats = fixed.next(lift, scene.cam_speed(speed))
+            metrics, repeats = fixed.next(lift, scene.cam_speed(speed))
         except MotionRefused:
-            found, repeats = np.full(len(METRICS), np.nan), False
-        figures.append(found)
+            metrics, repeats = np.full(len(METRICS), np.nan), False
+        figures.append(metrics)
         periodic.append(repeats)
-        if np.max(np.nan_to_num(found / limits, nan=np.inf)) > enough:
+        if np.max(np.nan_to_num(metrics / limits, nan=np.inf)) > enough:
             break
     return Truth(speeds_rpm[: len(figures)], np.array(figures), np.array(periodic), limits)
 
 
 class FixedPoints:
-    """Settled states of a train at one speed after the other."""
+    """Settled states of a train at consecutive speeds."""
 
     def __init__(self, train: Train, most: int):
         self.train, self.scale, self.most = train, np.repeat(UNIT, len(train.mass)), most
-        self.states: list[np.ndarray] = []  # of the last speeds at which the motion repeats, in UNIT
+        self.states: list[np.ndarray] = []  # of the last speeds with a periodic motion, in UNIT
         self.slope: np.ndarray | None = None  # Jacobian of the cycle map, in UNIT
         self.age = 0
-        self.waits = 0  # speeds at which no fixed point is sought, because there was none shortly before
+        self.waits = 0  # speeds without Newton's method, because it failed shortly before
 
     def next(self, lift: Lift, cam_speed: float) -> tuple[np.ndarray, bool]:
-        """(worst METRICS of the settled motion, whether it repeats) at the next speed."""
+        """(worst METRICS of the settled motion, whether it is periodic) at the next speed."""
         revolve = prepare(self.train, lift, cam_speed)
 
         def cycle(y: np.ndarray) -> np.ndarray:
@@ -160,7 +160,7 @@ def jacobian(cycle, y: np.ndarray, after: np.ndarray) -> np.ndarray:
 
 
 def settled(cycle, y: np.ndarray, most: int) -> tuple[np.ndarray, bool]:
-    """(state after plain revolutions, whether it repeats to SETTLED), in UNIT."""
+    """(state after plain revolutions, whether it has settled to SETTLED), in UNIT."""
     for _ in range(most):
         after = cycle(y)
         change, y = np.abs(after - y).max(), after
@@ -170,42 +170,37 @@ def settled(cycle, y: np.ndarray, most: int) -> tuple[np.ndarray, bool]:
 
 
 def from_rest(scene: Scene, lift: Lift, speeds_rpm) -> Truth:
-    """The same with every speed started at rest, by plain revolutions."""
+    """The settled motion at speeds that are each started at rest, by plain revolutions."""
     parts = [truth(scene, lift, np.array([speed])) for speed in speeds_rpm]
     figures, periodic = (np.concatenate([getattr(p, name) for p in parts]) for name in ("figures", "periodic"))
     return Truth(np.asarray(speeds_rpm, dtype=float), figures, periodic, limits_of(scene))
 
 
 def worst(train: Train, lift: Lift, cam_speed: float, state: np.ndarray, measured: int) -> np.ndarray:
-    """The largest METRICS of `measured` revolutions from a state (2n), at event-exact's own instants."""
-    numbers = metric_numbers(train, METRICS)
+    """The largest METRICS of `measured` revolutions from a state (2n), at the instants of event-exact's own steps."""
     motion = TracedMotion(train, lift, cam_speed, state, measured + 1)
-    seeds = empty_seeds(len(motion.trace.length), OBSERVATIONS * len(METRICS), motion.setting.train)
-    values, ones = np.empty((measured, len(METRICS), 2)), np.ones(len(METRICS))
-    for turn in range(measured):
-        evaluate(motion.setting, motion.trace, seeds, numbers, ones, turn, values[turn])
-    return values[:, :, 0].max(axis=0)
+    return np.max([motion.values(METRICS, revolution) for revolution in range(measured)], axis=0)
 
 
 KNOTS_DEG = 3.0, 4.0, 5.0
 AROUND = 0.5, 2.0
-"""Worst figure over its limit."""
+"""Range of the largest ratio of a metric to its limit."""
 KEPT_N, TENSION_N = (0.0, 80.0), (20.0, 800.0)
-"""Margins of the safe end of a line, and tension of the other, drawn for each flank and the seat."""
+"""Ranges of the margins [N] at the safe end of a line and of the negative ones at the other, by flank and seat."""
 KINEMATIC = 0.4
-"""Share of the lines that end at the largest cam that the shape's limits allow."""
+"""Share of the lines that end at the largest cam under the limits on the shape."""
 PROGRAM_SPEEDS = 4
 COARSE_RPM, COARSE_MOST = 12.0, 40
-"""Step of the speeds in a first bisection, and plain revolutions at each."""
+"""Step of the speeds in the first bisection [r/min], and largest number of plain revolutions at each."""
 BISECTIONS, FULL = 7, 5
 PER_LINE = 4
 DIGITS = 12
-"""To which a cam's coefficients are rounded before anything is done with it, so that its record says all of it."""
+"""Digits to which a cam's coefficients are rounded before any use, so that its record is exact."""
 
 
 @dataclass(frozen=True)
 class NearLimit:
-    """A drawn cam: free coefficients z (m) on the knots of `knot_deg`, and its truth over the band."""
+    """A random cam: free coefficients z (m) on the knots of `knot_deg`, and its reference motion over the band."""
 
     knot_deg: float
     z: np.ndarray
@@ -213,19 +208,19 @@ class NearLimit:
 
 
 def lift_of(scene: Scene, knot_deg: float, z) -> Lift:
-    """The lift law of a drawn cam."""
+    """The lift law of a random cam."""
     return free_cam(scene.design, knot_deg).lift(np.asarray(z))
 
 
 def near_limit_cams(scene: Scene, rng: np.random.Generator, most: int = PER_LINE) -> list[NearLimit]:
-    """Up to `most` different cams of one drawn line whose worst figure at any r/min lies around its limit."""
+    """Up to `most` different cams of one random line whose worst metric at any r/min lies around its limit."""
     knot_deg = float(rng.choice(KNOTS_DEG))
     cam = free_cam(scene.design, knot_deg)
     safe, risky = _line(scene, cam, rng)
     targets = np.exp(rng.uniform(*np.log(AROUND), PER_LINE))[:most]
-    found = [_located(scene, cam, safe, risky, target) for target in targets]
-    different = {z.tobytes(): NearLimit(knot_deg, z, known) for z, known in (one for one in found if one is not None)}
-    return list(different.values())
+    located = [_located(scene, cam, safe, risky, target) for target in targets]
+    cams = [NearLimit(knot_deg, *cam) for cam in located if cam is not None]
+    return list({cam.z.tobytes(): cam for cam in cams}.values())
 
 
 def band(scene: Scene, step: float = 1.0) -> np.ndarray:
@@ -239,26 +234,26 @@ def _line(scene: Scene, cam: FreeCam, rng: np.random.Generator) -> tuple[np.ndar
     design = scene.design
     speeds = [scene.cam_speed(s) for s in np.linspace(*scene.operation.band_rpm, PROGRAM_SPEEDS)]
     program = no_jump_program(build_train(scene), design, cam, speeds)
-    kept, tension = rng.uniform(*KEPT_N, 3), np.exp(rng.uniform(*np.log(TENSION_N), 3))
+    margins, tension = rng.uniform(*KEPT_N, 3), np.exp(rng.uniform(*np.log(TENSION_N), 3))
     try:
-        safe = program.solve(kept).z
+        safe = program.solve(margins).z
     except NoCamHoldsContact as none:
-        safe = program.solve(kept - none.shortfall_N - 1.0).z
+        safe = program.solve(margins - none.shortfall_N - 1.0).z
     if rng.random() < KINEMATIC:
         return safe, kinematic_optimum(design, cam).z
     return safe, program.solve(-tension).z
 
 
 def _located(scene: Scene, cam: FreeCam, safe, risky, target: float) -> tuple[np.ndarray, Truth] | None:
-    """The cam of the line whose worst share is the target at COARSE_RPM and around the limits at every r/min."""
+    """The cam of the line whose largest ratio is the target at COARSE_RPM, and within AROUND at every r/min."""
 
     def at(s: float) -> np.ndarray:
-        return _rounded(safe + s * (risky - safe))
+        return np.array([float(f"{value:.{DIGITS}g}") for value in safe + s * (risky - safe)])
 
     def share(s: float, step: float) -> tuple[float, Truth]:
         most = MOST if step == 1.0 else COARSE_MOST
-        found = truth(scene, cam.lift(at(s)), band(scene, step), enough=AROUND[1], most=most)
-        return found.share, found
+        motion = truth(scene, cam.lift(at(s)), band(scene, step), enough=AROUND[1], most=most)
+        return motion.share, motion
 
     low, high = 0.0, 1.0
     if share(low, COARSE_RPM)[0] > AROUND[1] or share(high, COARSE_RPM)[0] < AROUND[0]:
@@ -269,13 +264,9 @@ def _located(scene: Scene, cam: FreeCam, safe, risky, target: float) -> tuple[np
         low, high = (low, middle) if value > target else (middle, high)
     s, width = 0.5 * (low + high), 0.125
     for _ in range(FULL):
-        value, found = share(s, 1.0)
+        value, motion = share(s, 1.0)
         if AROUND[0] <= value <= AROUND[1]:
-            return at(s), found
+            return at(s), motion
         s = float(np.clip(s + (width if value < AROUND[0] else -width) * s, 0.0, 1.0))
         width *= 0.6
     return None
-
-
-def _rounded(z: np.ndarray) -> np.ndarray:
-    return np.array([float(f"{value:.{DIGITS}g}") for value in z])

@@ -1,7 +1,9 @@
-"""Ten drawn valve trains for `near_limit`: ordinary architectures, few masses, a narrow band where their limits lie.
+"""Ten random valve trains for `near_limit`: ordinary architectures, few masses, a narrow band around the speed of their
+limits.
 
-Bucket (one mass below the cam), finger (two), pushrod (three), with valve springs of lumped coils. Numbers are drawn by
-20 % around ordinary ones; the first surge mode of the lightly damped springs has a damping ratio of 0.05 %.
+They are bucket (one mass below the cam), finger (two) and pushrod trains (three), with valve springs of lumped coils.
+Numbers vary by 20 % about ordinary values; the first surge mode of the lightly damped springs has a damping ratio of
+0.05 %.
 """
 
 import numpy as np
@@ -13,10 +15,10 @@ LIGHT = 5e-4
 """Damping ratio of the first surge mode of a lightly damped spring."""
 SPREAD = 0.2
 BAND_RPM = 200, 300
-"""Width of the band of speeds."""
+"""Range of the width of the band of speeds."""
 CROSSING = 0.2, 0.6
-"""How far below its upper end, as a share of its width, the band of a lightly damped spring has the speed at which a
-harmonic of the cam meets the first surge mode."""
+"""For lightly damped springs: distance of the speed at which a harmonic of the cam coincides with the first surge mode
+from the upper end of the band, as a share of its width."""
 KINDS = (
     {"name": "bucket-light-coils", "masses": 1, "coils": (2,), "ratio": LIGHT, "faster": 1.04},
     {"name": "finger-light-coils", "masses": 2, "coils": (2,), "ratio": LIGHT},
@@ -29,14 +31,15 @@ KINDS = (
     {"name": "bucket-heavy", "masses": 1, "coils": (2,), "heavier": 1.8},
     {"name": "finger-light", "masses": 2, "coils": (1,), "heavier": 0.55, "faster": 1.15},
 )
-"""What is drawn: masses from cam to valve, lumped masses of each spring's chain of coils, and what is special. Where a
-drawn train reaches its limits far above or below the speed that its spring just holds, the band lies there ("faster").
+"""Kinds of trains: number of masses from cam to valve, lumped masses of each spring's chain of coils, and special
+features. Where a train reaches its limits far above or below the speed up to which its spring keeps contact, the band
+is moved there ("faster").
 """
 MASSES_KG = {1: (0.12,), 2: (0.05, 0.085), 3: (0.055, 0.04, 0.125)}
 NAMES = {1: ("valve",), 2: ("follower", "valve"), 3: ("lifter", "rocker", "valve")}
 STIFFNESS_N_PER_M = {1: (9e7,), 2: (8e7, 9e7), 3: (4e7, 2e7, 8e7)}
 SPRING = {"stiffness": 4.5e4, "preload": 260.0, "mass": 0.045}
-"""Of all chains together: N/m, N, kg."""
+"""Stiffness [N/m], preload [N] and mass [kg] of all chains together."""
 SHARE = (0.68, 0.32)
 """Share of the outer and the inner of two nested springs."""
 DESIGN = {
@@ -54,7 +57,7 @@ DESIGN = {
 }
 CLOSING_RAMP = {"closing_ramp_height_mm": 0.32, "closing_ramp_velocity_mm_per_deg": 0.009}
 NOSE_M_PER_RAD2 = 0.0215
-"""Deceleration at the nose [m/rad^2], four fifths of the design's limit, that the spring shall just hold at the top."""
+"""Deceleration at the nose [m/rad^2], 4/5 of the design's limit, that the spring just balances at the top speed."""
 
 
 def drawn_scene(number: int) -> Scene:
@@ -69,7 +72,7 @@ def drawn_scene(number: int) -> Scene:
         {"name": name, "mass_kg": around(heavier * mass)}
         for name, mass in zip(NAMES[count], MASSES_KG[count], strict=True)
     ]
-    for mass in masses[:-1]:  # held on the base circle, where the lash leaves them without load
+    for mass in masses[:-1]:  # held on the base circle, where they have no load because of the lash
         mass |= {"force_N": -around(15.0), "damping_N_s_per_m": around(15.0)}
     preload, gap_mm = around(SPRING["preload"]), around(0.15)
     elements, ends = [], ["ground", *NAMES[count]]
@@ -103,7 +106,7 @@ def drawn_scene(number: int) -> Scene:
 
 
 def _crossing(masses: list[dict], elements: list[dict], near_rpm: float) -> float:
-    """The crankshaft speed nearest to `near_rpm` at which a harmonic of the cam meets the first chain's first surge."""
+    """The crankshaft speed nearest to `near_rpm` at which a cam harmonic excites the first chain's first surge mode."""
     coils = [m["mass_kg"] for m in masses if m["name"].startswith("coil_0")]
     k = next(e["stiffness_N_per_m"] for e in elements if e["name"] == "spring_0_0")
     surge_rpm = _surge(k, coils[0], len(coils)) * 60 / np.pi
@@ -123,7 +126,7 @@ def _element(name, kind, ends, stiffness, damping, **more) -> dict:
 def _chain(number: int, coils: int, stiffness: float, preload: float, mass: float, ratio: float):
     """(masses, elements) of a spring as a chain of lumped coils between valve and ground, of a total stiffness.
 
-    The coils' dampers give the first surge mode the damping ratio.
+    The dampers of the coils are chosen to give the first surge mode the damping ratio `ratio`.
     """
     names = [f"coil_{number}_{i}" for i in range(coils)]
     k, each = stiffness * (coils + 1), mass / max(coils, 1)

@@ -1,8 +1,8 @@
-"""One optimiser at one problem within a budget of processor time: a task of `experiments.optimisers`.
+"""One optimiser on one problem within a budget of processor time: a task of `experiments.optimisers`.
 
-All of them move the same free cam, every cam that is judged holds the limits on the shape, and one judge decides:
-event-exact, settled, at the scene's listed speeds. The clock begins when the start is there and what a method needs is
-compiled.
+All optimisers vary the same free cam. Every evaluated cam keeps the limits on the shape, and all are evaluated in the
+same way: by the settled event-exact motion at the scene's listed speeds. The clock starts when the initial cam is
+computed and the programs of a method are compiled.
 """
 
 import time
@@ -37,23 +37,23 @@ from camopt.storage.journal import StepFiles
 
 KNOT_DEG = 6.0
 CONSTRAINTS = {"contact_force_N": 0.0, "seat_gap_mm": 0.03}
-"""Limits along the paths, of every method that sees paths."""
+"""Limits along the paths, for every method that uses paths."""
 JUDGE_EVERY = 3
-"""Steps of an ascent between two cams that are judged."""
+"""Number of steps of an ascent between two evaluated cams."""
 SPREAD = 0.2
-"""First step of CMA-ES, as a part of the width of the convex search's first box."""
+"""First step of CMA-ES, as a share of the width of the convex search's first box."""
 EVERY = 4
-"""Steps of the smoothed motion between two angles at which SciPy's methods see a path: a degree."""
+"""Steps of the smoothed motion between two angles at which SciPy's methods constrain a path: one degree."""
 RATES = {False: 1e-3, True: 0.05}
-"""Of Adam, without and with the metric: the best of a few tried on `kodama` from the calmest cam."""
+"""Learning rates of Adam without and with the metric: the best of a few on `kodama` from the calmest cam."""
 
 
 class Spent(Exception):
-    """The budget is spent."""
+    """Raised when the budget of processor time is spent."""
 
 
 class Problem:
-    """A scene's free cam, the start, and the judge, with every larger cam that holds as (processor second, area)."""
+    """A scene's free cam, start and evaluation, with each new largest cam within limits as (processor time, area)."""
 
     def __init__(self, scene: str, start: str, seconds: float):
         self.scene, self.seconds = load_scene(scene), seconds
@@ -64,25 +64,25 @@ class Problem:
         calmest = self.shape.nearest(np.zeros(self.cam.Z.shape[1]))
         self.start = calmest if start == "calmest" else self.shape.nearest_to(camopt.read_cam(start, self.scene))
         self.judge = Judge(self.scene, self.speeds_rpm, workers=1)
-        self.judge(self.cam.lift(self.start))  # compiled programs are loaded before the clock begins
+        self.judge(self.cam.lift(self.start))  # loads compiled programs before the clock starts
         self.began = time.process_time()
         self.begin()
 
     def begin(self) -> None:
-        """The clock begins."""
+        """Starts the clock."""
         self.set_up_s = time.process_time() - self.began
         self.stairs: list[tuple[float, float]] = []
         self.judged, self.least_share, self.started = 0, np.inf, time.process_time()
 
     def check(self) -> float:
-        """Processor seconds since the clock began; raises Spent beyond the budget."""
+        """Processor time [s] since the clock started; raises Spent beyond the budget."""
         if (now := time.process_time() - self.started) > self.seconds:
             raise Spent
         return now
 
     def share(self, z: np.ndarray) -> tuple[float, float]:
-        """Area ratio of the cam nearest to z within the limits on the shape, and its largest share of a limit on the
-        motion; one that holds all of them and is larger is noted."""
+        """Area ratio of the cam nearest to z within the limits on the shape, and its largest ratio to a limit on the
+        motion; a new largest cam that keeps all limits is recorded."""
         lift = self.cam.lift(self.shape.nearest(z))
         area = float(lift.area_ratio(self.design.max_lift_mm * 1e-3))
         share = float(self.judge(lift).share.max(initial=0.0))
@@ -98,14 +98,14 @@ class Problem:
 
 
 def run(scene: str, method: str, start: str, seconds: float) -> dict:
-    """What a method reached: `stairs`, the last of them, how many cams it had judged, its seconds until the clock began
-    and until its end, the least share of a limit of any of its cams, and what ended it."""
+    """Result of a method: the `stairs` of new largest areas and the last of them, the number of evaluated cams, the
+    least ratio to a limit of any cam, the times [s] of its preparation and in all, and the reason of its end."""
     problem = Problem(scene, start, seconds)
     try:
         ended = METHODS[method](problem)
     except Spent:
         ended = "budget spent"
-    except (ValueError, ArithmeticError) as error:  # an InputError, or SciPy's word for slopes that are no numbers
+    except (ValueError, ArithmeticError) as error:  # an InputError, or SciPy's error for slopes that are not finite
         ended = str(error)
     return {
         "area_ratio": problem.stairs[-1][1] if problem.stairs else None,
@@ -119,7 +119,7 @@ def run(scene: str, method: str, start: str, seconds: float) -> dict:
 
 
 def climb(problem: Problem, optimiser: optax.GradientTransformation, metric: bool) -> str:
-    """Ascents of the augmented Lagrangian; the first step, which compiles, is free."""
+    """Ascent of the augmented Lagrangian; the first step, which compiles, is not counted."""
     cam = FreeVariables(problem.scene, problem.cam.lift(problem.start), KNOT_DEG)
     ascent = AscentState(problem.objective(), Variables(cam, TrainVariables(problem.scene, {})), optimiser, metric)
     ascent.step(judged=False)
@@ -132,7 +132,7 @@ def climb(problem: Problem, optimiser: optax.GradientTransformation, metric: boo
 
 
 class Watched(StepFiles):
-    """The journal of a search, whose cams the problem's judge sees too."""
+    """The journal of a search whose cams are evaluated by the problem."""
 
     def __init__(self, problem: Problem):
         super().__init__(None, FOLDER)
@@ -143,7 +143,7 @@ class Watched(StepFiles):
 
 
 def convex(problem: Problem, source: str) -> str:
-    """camopt's search; a first one, which ends at its first cam, compiles."""
+    """camopt's search; a first run, which ends at its first cam, compiles."""
     effort, cam = replace(ACCURACIES["standard"], knot_deg=KNOT_DEG), problem.cam.lift(problem.start)
     seconds, problem.seconds = problem.seconds, 0.0
     with suppress(Spent):
@@ -155,9 +155,9 @@ def convex(problem: Problem, source: str) -> str:
 
 
 class PathProgram:
-    """The largest area under limits on shape and paths, as SciPy's methods take it, of y with coefficients metric @ y.
+    """The largest area under limits on shape and paths in SciPy's form, with variables y and coefficients metric @ y.
 
-    The paths are those of the second revolution from the state in which the motion of the start has settled.
+    The paths are those of the second revolution from the settled state of the initial cam.
     """
 
     def __init__(self, problem: Problem):
@@ -168,25 +168,25 @@ class PathProgram:
         self.start = np.linalg.solve(self.metric, problem.start)
 
         def rows(y: jax.Array) -> jax.Array:
-            own = {"z": jnp.asarray(self.metric) @ y}
-            begun = held._replace(start=lagrangian.paths(own, held, "forward").end)
-            found = lagrangian.rows(own, begun, lagrangian.paths(own, begun, "forward"))
-            return jnp.concatenate([row[EVERY - 1 :: EVERY].ravel() for row in found.values()])
+            variables = {"z": jnp.asarray(self.metric) @ y}
+            begun = held._replace(start=lagrangian.paths(variables, held, "forward").end)
+            slacks = lagrangian.rows(variables, begun, lagrangian.paths(variables, begun, "forward"))
+            return jnp.concatenate([row[EVERY - 1 :: EVERY].ravel() for row in slacks.values()])
 
-        asked = np.flatnonzero(np.isfinite(rows(jnp.asarray(self.start))))
-        self.paths, self.slopes = jax.jit(lambda y: rows(y)[asked]), jax.jit(jax.jacfwd(lambda y: rows(y)[asked]))
-        _ = self.paths(self.start), self.slopes(self.start)  # compiled before the clock begins
+        finite = np.flatnonzero(np.isfinite(rows(jnp.asarray(self.start))))
+        self.paths, self.slopes = jax.jit(lambda y: rows(y)[finite]), jax.jit(jax.jacfwd(lambda y: rows(y)[finite]))
+        _ = self.paths(self.start), self.slopes(self.start)  # compiles before the clock starts
         polyhedron = problem.shape.polyhedron
         self.matrix, self.level = polyhedron.matrix @ self.metric, polyhedron.bound
         self.row = area_ratio_row(problem.design, problem.cam)[0] @ self.metric
 
     def room(self, y: np.ndarray) -> np.ndarray:
-        """By how much each path keeps its limit."""
+        """Slack of each constraint on a path."""
         self.problem.check()
         return np.asarray(self.paths(y))
 
     def room_slopes(self, y: np.ndarray) -> np.ndarray:
-        """Their Jacobian; a method asks for it once a step, whose cam is judged."""
+        """Jacobian of the slacks; it is called once a step, whose cam is evaluated."""
         self.problem.share(self.metric @ y)
         return np.asarray(self.slopes(y))
 
@@ -218,19 +218,19 @@ def trust_constr(problem: Problem) -> str:
 
 
 def solved(program: PathProgram, method: str, held: list, options: dict, **others) -> str:
-    """SciPy's word at the end of a method."""
+    """Message of SciPy at the end of a method."""
     program.problem.begin()
     row = program.row
-    found = minimize(
+    result = minimize(
         lambda y: -float(row @ y), program.start, jac=lambda y: -row, method=method, constraints=held, options=options,
         **others,
     )  # fmt: skip
-    program.problem.share(program.metric @ found.x)
-    return str(found.message)
+    program.problem.share(program.metric @ result.x)
+    return str(result.message)
 
 
 def cma_es(problem: Problem) -> str:
-    """CMA-ES (Hansen, pycma) over the coefficients: it sees the area, less what is used beyond a limit."""
+    """CMA-ES (Hansen, pycma) over the coefficients; its objective is the area less the excess over a limit."""
 
     def cost(z: np.ndarray) -> float:
         area, share = problem.share(z)

@@ -1,12 +1,16 @@
 """A grid of panels with curves over one abscissa; a label has the same colour in all panels."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from typing import Any
 
-import numpy as np
 from matplotlib.figure import Figure
 
 from camopt.plots.style import cam_line, family_of, legend_above, lines, new_figure, styled
+
+POINTS = {"linestyle": "none", "marker": "o", "markersize": 3}
+"""Line properties of a curve that is drawn as points."""
+DASHED = {"linestyle": (0, (5, 3))}
 
 
 @dataclass(frozen=True)
@@ -14,7 +18,7 @@ class Panel:
     """The curves of one panel, each with its label, abscissa (k) and ordinate (k)."""
 
     ylabel: str
-    curves: Sequence[tuple[str, np.ndarray, np.ndarray]]
+    curves: Sequence[tuple[str, Any, Any]]
     title: str = ""
     ylim: tuple[float, float] | None = None
 
@@ -26,30 +30,38 @@ def panels(
     xlim: tuple[float, float] | None = None,
     width: float = 7.6,
     row_height: float = 1.6,
+    *,
     sharey: bool = False,
+    scale: tuple[str, str] = ("linear", "linear"),
+    marker: str = "",
+    look: Mapping[str, Mapping] | None = None,
 ) -> Figure:
-    """Draws rows of panels over a shared abscissa, with one legend.
+    """Draws rows of panels over a shared abscissa, with one legend, and a line at zero on a linear ordinate.
 
-    Cam families keep their own colour; other labels get one in the order in which they first appear.
+    Cam families have their usual colours; other labels get colours in the order of their first appearance. `marker` is
+    that of all curves, `scale` that of abscissa and ordinate, and `look` has further line properties by label.
     """
     labels = list(dict.fromkeys(label for row in rows for panel in row for label, _, _ in panel.curves))
-    line = _lines(labels)
+    line = {
+        label: {"marker": marker, "markersize": 3} | line_look | (look or {}).get(label, {})
+        for label, line_look in _lines(labels).items()
+    }
     figure = new_figure(width, 0.9 + row_height * len(rows))
     grid = figure.subplots(len(rows), len(rows[0]), sharex=True, sharey="row" if sharey else False, squeeze=False)
     for axes_row, row in zip(grid, rows, strict=True):
         for axes, panel in zip(axes_row, row, strict=True):
             for label, x, y in panel.curves:
                 axes.plot(x, y, **line[label])
-            axes.set_title(panel.title)
-            axes.set_ylabel(panel.ylabel)
+            axes.set(title=panel.title, ylabel=panel.ylabel, xscale=scale[0], yscale=scale[1])
             if panel.ylim is not None:
                 axes.set_ylim(panel.ylim)
-            axes.axhline(0, color="#777777", linewidth=0.7, zorder=1)
+            if scale[1] == "linear":
+                axes.axhline(0, color="#777777", linewidth=0.7, zorder=1)
     for axes in grid[-1]:
         axes.set_xlabel(xlabel)
     if xlim is not None:
         grid[0, 0].set_xlim(xlim)
-    for label in labels:  # the legend's own lines: not every panel shows every label
+    for label in labels:  # lines for the legend: not every panel has every label
         grid[0, 0].plot([], [], label=label, **line[label])
     figure.align_ylabels()
     legend_above(figure, grid[0, 0], 6)
@@ -57,15 +69,15 @@ def panels(
 
 
 def _lines(labels: Sequence[str]) -> dict[str, dict]:
-    """Line properties by label: cams look as in all figures, other labels take the colours that no cam here has."""
-    own = {family_of(label) for label in labels}
-    free = [colour for family, (colour, _) in lines().items() if family not in own]
-    found, taken = {}, 0
+    """Line properties by label: cams as in all figures, other labels in colours that no cam of this figure has."""
+    families = {family_of(label) for label in labels}
+    free = [colour for family, (colour, _) in lines().items() if family not in families]
+    looks, taken = {}, 0
     for label in labels:
         if family_of(label):
-            found[label] = cam_line(label)
+            looks[label] = cam_line(label)
             continue
         dashes = ("-", (0, (5, 1.3)), (0, (2, 1)))[taken // len(free) % 3]
-        found[label] = {"color": free[taken % len(free)], "linestyle": dashes, "linewidth": 1.1}
+        looks[label] = {"color": free[taken % len(free)], "linestyle": dashes, "linewidth": 1.1}
         taken += 1
-    return found
+    return looks

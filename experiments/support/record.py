@@ -1,7 +1,6 @@
-"""What experiments share: cases computed by `camopt.sweep`, and what each leaves, a small JSON and figures as PNG."""
+"""Shared by the experiments: cases computed by `camopt.sweep`, and stored results as a small JSON and PNG figures."""
 
 import argparse
-import io
 import platform
 import tempfile
 import time
@@ -9,23 +8,22 @@ from collections.abc import Callable, Iterable
 from importlib.metadata import version
 from pathlib import Path
 
-import matplotlib
 from matplotlib.figure import Figure
 
 import camopt
-from camopt.plots.style import RC
+from camopt.plots.style import picture
 from camopt.storage import write_bytes, write_json
 
 WORKERS = {"small": 0, "full": None}
-"""Processes: none beside the tests' own at small size, one for each core at full size."""
+"""Number of worker processes: none in addition to the calling one at small size, one for each core at full size."""
 OF_THE_TASK = ("task", "state", "verb", "function")
 
 
 def called(function: str, cases: Iterable[dict], size: str, store: Path | None = None) -> list[dict]:
-    """What `function`, "package.module:name", returns for each case, a dictionary of its arguments; with the arguments.
+    """Results of `function`, "package.module:name", merged with its arguments, for each case, a dictionary of them.
 
-    What is not finite comes back as None. A `store` that is given goes on after an interruption. Raises RuntimeError
-    with the reason where a case fails.
+    Values that are not finite are returned as None. With a `store` an interrupted run resumes. Raises RuntimeError with
+    the reason if a case fails.
     """
     tasks = [{"verb": "call", "function": function, "arguments": case} for case in cases]
     with tempfile.TemporaryDirectory() as made:
@@ -38,12 +36,13 @@ def called(function: str, cases: Iterable[dict], size: str, store: Path | None =
 
 PACKAGES = ("camopt", "numpy", "scipy", "numba", "jax")
 RESULTS = Path(__file__).parents[1] / "results"
+PAGE_BYTES = 4096
 DPI = 110
-"""Enough for reading on a screen; the figures live in the repository and shall stay small."""
+"""Resolution of the figures, for reading on a screen; they are stored in the repository and must stay small."""
 
 
 def provenance(command: str) -> dict:
-    """What a results file says of its origin."""
+    """The origin of a results file."""
     return {
         "command": command,
         "versions": {name: version(name) for name in PACKAGES} | {"python": platform.python_version()},
@@ -53,17 +52,25 @@ def provenance(command: str) -> dict:
 
 
 def write_result(name: str, size: str, content: dict, figures: dict[str, Figure], folder: Path) -> dict:
-    """Writes `<name>.json` (the content under its provenance) and `<name>-<key>.png` for each figure; the content, of
-    which all but the tables are printed."""
+    """Writes `<name>.json` with provenance and `<name>-<key>.png` for each figure, prints and returns `content`."""
     folder.mkdir(parents=True, exist_ok=True)
     write_json(folder / f"{name}.json", {"provenance": provenance(f"python -m experiments.{name} {size}"), **content})
     for key, figure in figures.items():
-        buffer = io.BytesIO()
-        with matplotlib.rc_context(RC):
-            figure.savefig(buffer, format="png", dpi=DPI, metadata={"Software": None})
-        write_bytes(folder / f"{name}-{key}.png", buffer.getvalue())
+        write_bytes(folder / f"{name}-{key}.png", picture(figure, "png", DPI))
     print(name, {key: value for key, value in content.items() if not isinstance(value, list)}, flush=True)
     return content
+
+
+def resident_MB(process: str | int = "self") -> float:
+    """Resident memory of a process, by default of this one, on Linux."""
+    pages = int(Path(f"/proc/{process}/statm").read_text(encoding="ascii").split()[1])
+    return pages * PAGE_BYTES / 1000**2
+
+
+def printed(row: dict) -> dict:
+    """The row, which is printed while the experiment goes on."""
+    print(row, flush=True)
+    return row
 
 
 def run_script(main: Callable[[str], object], description: str | None) -> None:

@@ -1,17 +1,18 @@
-"""The motion of an undamped train by Siconos, an engine that poses contact as complementarity, from a file of numbers.
+"""The motion of an undamped train by Siconos, an engine that formulates contact as complementarity, from a file of
+numbers.
 
     python3 siconos_judge.py GIVEN.json --out motion.json
 
-It runs with the interpreter that has Siconos (Debian's `python3-siconos` belongs to the system's), and imports nothing
-of camopt. `experiments.support.undamped.given` writes its file: the train, its state at rest and the pieces of the lift
-as the judge from outside reads them from scene and design (`camopt.verifier.outside`), in SI and radians.
+It runs with an interpreter that has Siconos (Debian's `python3-siconos` installs it for the system's Python), and
+imports nothing of camopt. Its input file is written by `experiments.support.undamped`: the train, its state at rest and
+the pieces of the lift as `camopt.verifier.outside` reads them from scene and design, in SI units and radians.
 
-Siconos (Acary and Brogliato 2008, Numerical methods for nonsmooth dynamical systems) gets a linear system
-x' = A x + b + B f for positions and velocities x, and for the forces f of the contacts the complementarity
-0 <= f, 0 <= y = C x + f / k + e, f y = 0: a contact either pushes as its spring does or is open. A contact with a
-damper has no such form, which is why trains are judged here without any. One revolution from rest is taken in equal
-steps by the trapezoidal rule (EulerMoreauOSI with theta and gamma of 1/2) and a linear complementarity problem in
-each; no switching is located. The step is halved until the valve stands.
+Siconos (Acary and Brogliato 2008, Numerical methods for nonsmooth dynamical systems) gets a linear system x' = A x + b
++ B f for positions and velocities x, and for the forces f of the contacts the complementarity 0 <= f, 0 <= y = C x + f
+/ k + e, f y = 0: a contact either pushes like its spring or is open. A contact with a damper has no such form, which is
+why the trains have none here. One revolution from rest is computed in equal steps by the trapezoidal rule
+(EulerMoreauOSI with theta and gamma of 1/2) and a linear complementarity problem in each; no switching is located. The
+step is halved until the valve position has converged.
 """
 
 import argparse
@@ -27,11 +28,11 @@ import numpy as np
 
 NM = 1e-9
 SAMPLES = 720
-"""Equal parts of the revolution at whose ends the valve is recorded."""
+"""Number of equal parts of the revolution at whose ends the valve position is recorded."""
 COARSEST, FINEST = 28_800, 460_800
-"""Steps of the revolution, from the first to the last: multiples of SAMPLES."""
+"""First and last number of steps of the revolution, multiples of SAMPLES."""
 STANDS_NM = 2.0
-"""The valve stands where two halvings of the step move it by less than this [nm] each: one may do so by chance."""
+"""The valve has converged if each of two halvings moves it by less than this [nm]; one may do so by chance."""
 
 
 def lift_of(cam: dict, angle: np.ndarray) -> np.ndarray:
@@ -45,14 +46,14 @@ def lift_of(cam: dict, angle: np.ndarray) -> np.ndarray:
 
 
 class SiconosModel:
-    """A train under a cam at one cam speed [rad/s]."""
+    """A train with a cam at one cam speed [rad/s]."""
 
-    def __init__(self, given: dict, cam_speed: float):
-        self.given, self.speed = given, cam_speed
-        masses, drag, load = (np.array(given[name]) for name in ("mass", "drag", "load"))
-        s, c = (SimpleNamespace(**{k: np.array(v) for k, v in given[kind].items()}) for kind in ("springs", "contacts"))
+    def __init__(self, data: dict, cam_speed: float):
+        self.given, self.speed = data, cam_speed
+        masses, drag, load = (np.array(data[name]) for name in ("mass", "drag", "load"))
+        s, c = (SimpleNamespace(**{k: np.array(v) for k, v in data[kind].items()}) for kind in ("springs", "contacts"))
         n, m = len(masses), masses[:, None]
-        s.row, c.row = (part.row.reshape(-1, n) for part in (s, c))  # a train may have no spring
+        s.row, c.row = (group.row.reshape(-1, n) for group in (s, c))  # a train may have no spring
         stiff = s.row.T @ (s.stiffness[:, None] * s.row)
         damped = s.row.T @ (s.damping[:, None] * s.row) + np.diag(drag)
         self.a = np.block([[np.zeros((n, n)), np.eye(n)], [-stiff / m, -damped / m]])
@@ -61,7 +62,7 @@ class SiconosModel:
         self.by_force = np.vstack([np.zeros((n, len(c.gap))), -c.row.T / m])
         self.by_state = np.hstack([-c.row, np.zeros_like(c.row)])
         self.stiffness, self.driven, self.open = c.stiffness, c.driven, c.gap - c.preload / c.stiffness
-        self.start = np.concatenate([given["rest"], np.zeros(n)])
+        self.start = np.concatenate([data["rest"], np.zeros(n)])
 
     def revolution(self, steps: int) -> np.ndarray:
         """Valve position (SAMPLES + 1) [m] in the first revolution from rest, in equal steps."""
@@ -80,7 +81,7 @@ class SiconosModel:
         rule.setGamma(0.5)
         run = sk.TimeStepping(model, sk.TimeDiscretisation(0.0, period / steps), rule, sk.LCP())
         run.initialize()
-        # the rule takes the mean force of a step's two ends, and Siconos would begin with none
+        # the rule uses the mean force of a step's two ends, and Siconos would start with zero
         pushing = np.maximum(0.0, -self.stiffness * (self.by_state @ self.start + self.open))
         system.setR(self.by_force @ pushing)
         system.swapInMemory()
@@ -95,7 +96,7 @@ class SiconosModel:
         return np.array(valve)
 
     def _along(self, steps: int) -> tuple[np.ndarray, np.ndarray]:
-        """How far the contacts are open (steps + 1, e) [m] at x = 0, and b (steps, 2 n) as its mean over each step."""
+        """Opening of the contacts (steps + 1, e) [m] at x = 0, and b (steps, 2 n) as its mean over each step."""
         angle, masses = np.linspace(-math.pi, math.pi, steps + 1), self.given["mass"]
         opened = self.open - lift_of(self.given["cam"], angle)[:, None] * self.driven
         forced = np.tile(self.b, (steps + 1, 1))
@@ -105,7 +106,7 @@ class SiconosModel:
 
 
 def halved(model: SiconosModel, finest: int) -> list[dict]:
-    """A record for each number of steps, twice as many as before, until the valve stands or `finest` is reached."""
+    """A record for each number of steps, which is doubled until the valve has converged or `finest` is reached."""
     records: list[dict] = []
     steps, moved_nm = COARSEST, [math.inf, math.inf]
     while steps <= finest and max(moved_nm[-2:]) > STANDS_NM:
@@ -125,11 +126,11 @@ def main() -> None:
     parser.add_argument("given", help="the JSON file of numbers")
     parser.add_argument("--out", required=True, help="the JSON file to write")
     args = parser.parse_args()
-    given, rows = json.loads(Path(args.given).read_text(encoding="utf-8")), []
-    for speed_rpm, cam_speed in given["speeds"]:
-        model = SiconosModel(given, cam_speed)
+    data, rows = json.loads(Path(args.given).read_text(encoding="utf-8")), []
+    for speed_rpm, cam_speed in data["speeds"]:
+        model = SiconosModel(data, cam_speed)
         turn_s = 2 * math.pi / cam_speed
-        rows.append({"speed_rpm": speed_rpm, "turn_s": turn_s, "halvings": halved(model, given["finest"])})
+        rows.append({"speed_rpm": speed_rpm, "turn_s": turn_s, "halvings": halved(model, data["finest"])})
     content = {"engine": f"Siconos {import_module('siconos').version}", "speeds": rows}
     Path(args.out).write_text(json.dumps(content), encoding="utf-8")
 

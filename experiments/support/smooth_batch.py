@@ -1,4 +1,4 @@
-"""Smoothed motions in other ways than the smooth path's own: many side by side on equal steps, and one by diffrax."""
+"""Smoothed motions by other integrators than the smooth path's: batches on equal steps, and diffrax."""
 
 import diffrax
 import jax
@@ -13,7 +13,7 @@ from camopt.smooth.system import System, SystemState
 
 BATCH_EPS = 1e-6
 """Width of the contact's layer [m] that some two thousand equal steps follow within 1e-3 mm; see
-`experiments.gradient_batch` for what it does to the gradients."""
+`experiments.gradient_batch` for its effect on the gradients."""
 
 
 def stage_lifts(lift: Lift, steps: int) -> np.ndarray:
@@ -28,7 +28,8 @@ def batch_motion(system: System, stages, cam_speed, y0, eps=BATCH_EPS) -> System
     batch first, (b, k, ...).
 
     `stages` (2, steps, 6, b) holds what `stage_lifts` gives for every cam; `cam_speed` (b) is in rad/s. The motion is
-    differentiable in every array and has the precision of `stages`. One program is compiled per topology and shapes.
+    differentiable in every array and has the precision of `stages`. One program is compiled per topology and set of
+    shapes.
     """
     steps, width, layer = stages.shape[1], stages.shape[3], Layer(eps)
     angle = jnp.asarray(equal_grid(steps), stages.dtype)
@@ -37,7 +38,7 @@ def batch_motion(system: System, stages, cam_speed, y0, eps=BATCH_EPS) -> System
     start = y0 if y0.ndim == 3 else jnp.broadcast_to(y0[..., None], (*y0.shape, width))
     push = system.push(stage_angles(angle))
     states = integrate_stages(system, h, (stages[0], stages[1] * speed, push), start, layer)
-    # a step's first stage stands at its start; lift and lift rate are the same at both ends of a revolution
+    # a step's first stage is at its start; lift and lift rate are equal at both ends of a revolution
     lift, lift_dtheta = jnp.concatenate([stages[:, :, 0], stages[:, :1, 0]], axis=1)
     force = jax.vmap(lambda y, l, l_dt: system.force(y, l, l_dt, layer))(states, lift, lift_dtheta * speed[0])
     parts = jax.tree.map(lambda q: jnp.moveaxis(q, -1, 0), (*system.parts(states), force))

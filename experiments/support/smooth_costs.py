@@ -1,5 +1,5 @@
-"""What experiments measure beside `camopt tradeoff` and `camopt reduce`: the smooth path in two precisions, by diffrax,
-and side by side at many speeds, and the gradient of the seating velocity by the adjoint and by reverse mode.
+"""Measurements in addition to those of `camopt tradeoff` and `camopt reduce`: the smooth path in two precisions, by
+diffrax, and as a batch of speeds, and the gradient of the seating velocity by the adjoint and by reverse mode.
 """
 
 import time
@@ -40,7 +40,7 @@ SIDE_BY_SIDE = 16
 
 
 def smooth_work(scene: Scene, cam: Lift) -> Iterator[Measurement]:
-    """The measurements, of a scene whose laws are straight, at its lowest and highest listed speed."""
+    """The measurements on a scene with linear laws, at its lowest and highest listed speed."""
     speeds = scene.operation.speeds_rpm
     for case in (RevolutionCase(scene, cam, speed) for speed in (min(speeds), max(speeds))):
         for tolerance in (1e-8, 1e-10):
@@ -107,14 +107,14 @@ def _equal(case: RevolutionCase, precision: str, steps: int, eps: float) -> dict
 
 
 def recorded(motion: SystemState) -> list[np.ndarray]:
-    """Lift (*b, k), x, v (*b, k, n), force (*b, k, e) and memory (*b, k, r) of motions, as doubles: the
-    integration alone is judged."""
+    """Lift (*b, k), x, v (*b, k, n), force (*b, k, e) and memory (*b, k, r) of motions in double precision, so that
+    only the precision of the integration counts."""
     memory = np.zeros((*motion.lift.shape, 0)) if motion.memory is None else motion.memory
     return [np.asarray(q, dtype=float) for q in (*motion[1:5], memory)]
 
 
 def _gradient(case: RevolutionCase, eps: float) -> dict:
-    """The gradient of the seating velocity by every stiffness, times the latter: reverse mode from a fixed start."""
+    """Gradient of the seating velocity by relative changes of every stiffness, in reverse mode from a fixed start."""
     system, samples = build_system(case.train), jnp.asarray(lift_samples(case.cam))
     rest, half, foot = jnp.asarray(rest_state(case.train)), case.cam.half_duration, case.cam.opening_foot
 
@@ -136,7 +136,7 @@ def _gradient(case: RevolutionCase, eps: float) -> dict:
 
 
 def _side_by_side(case: RevolutionCase) -> Iterator[Measurement]:
-    """Many speeds just below the highest: lifts of all, time per revolution of one, with the axis of the batch last."""
+    """A batch of speeds just below the highest one: the lifts of all, and the time per revolution of one."""
     name = f"{SIDE_BY_SIDE} speeds side by side up to {case.speed_rpm:g} r/min"
     cam_speeds = np.linspace(0.95, 1.0, SIDE_BY_SIDE) * case.cam_speed
 
@@ -167,7 +167,7 @@ def smooth_times(train: Train, cam: Lift, cam_speed: float) -> dict[str, float]:
     """Least time [ms] of a revolution by the smooth scan with the steps of `first_steps`, alone and in a batch of
     speeds just below (per motion).
 
-    By the clock on the wall: JAX computes in threads of its own, whose processor time is not always seen.
+    Times are by the clock, because JAX computes in its own threads, whose processor time is not always counted.
     """
     steps, samples = first_steps(train, cam_speed), jnp.asarray(lift_samples(cam))
     system, rest = build_system(train), stacked(state_at_rest(train), len(train.mass))

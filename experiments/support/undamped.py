@@ -1,9 +1,9 @@
-"""Undamped copies of trains, whose motion Siconos judges in a process of its own.
+"""Undamped copies of trains, whose motion is compared with Siconos in a separate process.
 
-Siconos knows contact as complementarity, which has no place for a damper. So the dampers of all contacts are taken out,
-in what it is given and in camopt's train alike; springs keep theirs. A train with curved laws or with memories is left
-out. What is compared is the valve in the first revolution from rest: an undamped seat goes on bouncing until the next
-opening, and what the second revolution begins from hangs on every bounce.
+Siconos formulates contact as complementarity, which allows no damper. Therefore the dampers of all contacts are
+removed, in the input of Siconos and in camopt's train alike; springs keep theirs. Trains with curved laws or internal
+states are left out. The valve positions are compared in the first revolution from rest: an undamped seat continues to
+bounce until the next opening, and the initial state of the second revolution depends on every bounce.
 """
 
 import json
@@ -35,13 +35,13 @@ NO_SICONOS = (
 )
 
 CHANGES_FINEST = 57_600
-"""Most steps where Siconos is given a change, which shows by more than the coarser step is off."""
+"""Largest number of steps with a changed model; the changes are larger than the error of this coarser step."""
 Case = tuple[Scene, str, Lift, list[float]]
 """A scene, the name of a cam, the cam, and speeds [r/min]."""
 
 
 def undamped_part(cases: list[Case], of_change: Case | None, finest: int = siconos_judge.FINEST) -> dict:
-    """Rows of the undamped copies of the cases, what of the changes shows in one of them, and the claims as numbers.
+    """Rows of the undamped copies of the cases, changes detected in one of them, and the numbers of the page.
 
     Where no Python has Siconos there are no rows, and `undamped_skipped` is the sentence that says so.
     """
@@ -70,7 +70,7 @@ def _copies(cases: list[Case]) -> list[Case]:
 
 @cache
 def siconos_python() -> str | None:
-    """A Python that can import Siconos: this one, the first one on the path, or the system's; None where none can."""
+    """A Python that can import Siconos: this one, the first one on the path, or the system's; otherwise None."""
     for python in dict.fromkeys((sys.executable, which("python3"), which("python3", path=os.defpath))):
         if (
             python
@@ -83,7 +83,7 @@ def siconos_python() -> str | None:
 
 
 def undamped(scene: Scene) -> Scene | None:
-    """The scene with no damper in any contact; None where it has a law or a memory that complementarity lacks."""
+    """The scene without dampers in contacts; None for a scene with curved laws, adjusters or friction."""
     if any(e.law != "linear" or e.kind not in ("spring", "contact") for e in scene.element):
         return None
     without = {"damping_N_s_per_m": 0.0}
@@ -91,9 +91,9 @@ def undamped(scene: Scene) -> Scene | None:
     return scene.model_copy(update={"element": tuple(elements)})
 
 
-def given(scene: Scene, lift: Lift, folder: Path) -> dict:
-    """What Siconos is given of an undamped scene and a cam: the numbers of their files, as the judge from outside reads
-    them. Raises ValueError for what complementarity lacks."""
+def siconos_input(scene: Scene, lift: Lift, folder: Path) -> dict:
+    """The input of Siconos for an undamped scene and a cam: the numbers of their files, as `camopt.verifier.outside`
+    reads them. Raises ValueError for elements that complementarity cannot express."""
     write_text(folder / "scene.toml", scene_toml(scene))
     write_design(folder / "design.json", lift, scene.required_design.max_lift_mm * MM)
     train, cam = read_train(folder / "scene.toml"), read_cam(folder / "design.json")
@@ -121,53 +121,45 @@ def given(scene: Scene, lift: Lift, folder: Path) -> dict:
     }
 
 
-def siconos_motions(
-    python: str, scene: Scene, lift: Lift, speeds_rpm: list[float], finest: int = siconos_judge.FINEST
-) -> dict:
-    """The record of `siconos_judge` for an undamped scene and a cam at speeds (k) [r/min]."""
+def compared(
+    python: str, scene: Scene, lift: Lift, model: tuple[Scene, Lift], speeds_rpm: list[float], finest: int
+) -> tuple[str, list[dict]]:
+    """(Siconos's name, a row for each speed [r/min]): camopt's motion of an undamped scene and a cam compared with that
+    of Siconos, which is given the scene and cam of `model`."""
     with TemporaryDirectory() as held:
         folder = Path(held)
         speeds = [(speed, scene.cam_speed(speed)) for speed in speeds_rpm]
-        write_json(folder / "given.json", given(scene, lift, folder) | {"speeds": speeds, "finest": finest})
-        command = [
-            python,
-            "-I",
-            siconos_judge.__file__,
-            str(folder / "given.json"),
-            "--out",
-            str(folder / "motion.json"),
-        ]
+        source, target = folder / "given.json", folder / "motion.json"
+        write_json(source, siconos_input(*model, folder) | {"speeds": speeds, "finest": finest})
+        command = [python, "-I", siconos_judge.__file__, str(source), "--out", str(target)]
         ended = subprocess.run(command, capture_output=True, text=True, check=False)
         if ended.returncode:
             raise RuntimeError(f"Siconos broke off: {ended.stderr.strip()[-500:]}")
-        return json.loads((folder / "motion.json").read_text(encoding="utf-8"))
+        motions = json.loads(target.read_text(encoding="utf-8"))
+    valves = [valve_from_rest(scene, lift, one["speed_rpm"])[0][0] for one in motions["speeds"]]
+    rows = [apart(one, valve, 2 * lift.half_duration) for one, valve in zip(motions["speeds"], valves, strict=True)]
+    return motions["engine"], rows
 
 
-def judged(
-    python: str, scene: Scene, cam: str, lift: Lift, speeds_rpm: list[float], finest: int = siconos_judge.FINEST
-) -> list[dict]:
+def judged(python: str, scene: Scene, cam: str, lift: Lift, speeds_rpm: list[float], finest: int) -> list[dict]:
     """A row for each speed [r/min] of an undamped scene."""
     lift = as_written(lift)
-    found, rows = siconos_motions(python, scene, lift, speeds_rpm, finest), []
-    for one in found["speeds"]:
-        valve = valve_from_rest(scene, lift, one["speed_rpm"])[0][0]
-        rows.append(
-            {"scene": scene.name, "cam": cam, "engine": found["engine"], **apart(one, valve, 2 * lift.half_duration)}
-        )
-        print({key: rows[-1][key] for key in ("scene", "cam", "speed_rpm", "difference_nm", "stated_nm", "agrees")})
-    return rows
+    engine, rows = compared(python, scene, lift, (scene, lift), speeds_rpm, finest)
+    for row in rows:
+        print(scene.name, cam, {key: row[key] for key in ("speed_rpm", "difference_nm", "stated_nm", "agrees")})
+    return [{"scene": scene.name, "cam": cam, "engine": engine, **row} for row in rows]
 
 
 def apart(one: dict, valve: np.ndarray, duration: float) -> dict:
-    """How far Siconos is from `valve` (SAMPLES + 1) [m] at each number of steps, and what it states of itself.
+    """Differences of Siconos from `valve` (SAMPLES + 1) [m] at each number of steps, and its stated error.
 
-    Stated is 1 nm, and the most that its last two halvings of the step moved its valve. `event_nm` is the difference
-    within the cam's `duration` [rad], before an undamped seat is struck.
+    The stated error is 1 nm plus the larger change of its valve position by the last two halvings of the step.
+    `event_nm` is the difference within the cam's `duration` [rad], before the valve strikes the undamped seat.
     """
     halvings = one["halvings"]
-    theirs = np.array([h["valve_m"] for h in halvings])
-    moved = np.abs(np.diff(theirs, axis=0)).max(axis=1) / NM
-    off = np.abs(theirs - valve) / NM
+    positions = np.array([h["valve_m"] for h in halvings])
+    moved = np.abs(np.diff(positions, axis=0)).max(axis=1) / NM
+    off = np.abs(positions - valve) / NM
     event = np.abs(np.linspace(-np.pi, np.pi, SAMPLES + 1)) <= duration / 2
     stated = AGREES_NM + float(moved[-2:].max(initial=0.0))
     steps = halvings[-1]["steps"]
@@ -189,15 +181,13 @@ def apart(one: dict, valve: np.ndarray, duration: float) -> dict:
 def noticed(
     python: str, scene: Scene, cam: str, lift: Lift, speeds_rpm: list[float], finest: int = CHANGES_FINEST
 ) -> list[dict]:
-    """What shows of the changes where Siconos, and it alone, is given them; those of dampers change nothing here."""
+    """Rows of the changes that only Siconos is given, without those of contact dampers, which have no effect here."""
     lift, rows = as_written(lift), []
     for change in CHANGES:
-        other, given = undamped(change.scene(scene)), as_written(change.cam(lift))
-        assert other is not None, "no change brings in a law"
-        if other == scene and np.array_equal(given.coefficients, lift.coefficients):
+        changed, changed_lift = undamped(change.scene(scene)), as_written(change.cam(lift))
+        assert changed is not None, "no change brings in a law"
+        if changed == scene and np.array_equal(changed_lift.coefficients, lift.coefficients):
             continue
-        for one in siconos_motions(python, other, given, speeds_rpm, finest)["speeds"]:
-            valve = valve_from_rest(scene, lift, one["speed_rpm"])[0][0]
-            row = apart(one, valve, 2 * lift.half_duration)
-            rows.append({"change": change.name, "cam": cam, **row, "noticed": not row["agrees"]})
+        _, found = compared(python, scene, lift, (changed, changed_lift), speeds_rpm, finest)
+        rows += [{"change": change.name, "cam": cam, **row, "noticed": not row["agrees"]} for row in found]
     return rows

@@ -1,6 +1,4 @@
-"""What the small sizes of the experiments on cams and their search must say: a function of its content for each, under
-its name.
-"""
+"""Checks of the small sizes of the experiments on cams and searches, by a function of the content for each."""
 
 import numpy as np
 import pytest
@@ -54,7 +52,7 @@ def classical_laws(content):
         assert row["rise"] == pytest.approx(1.0, abs=1e-6)
         assert row["peak_acceleration"] == pytest.approx(peak, abs=6e-4)
         assert row["peak_jerk"] == pytest.approx(jerk, abs=6e-3)
-        assert row["least_acceleration"] == pytest.approx(least, abs=1e-3)  # 500 intervals: 2e-4 above the least
+        assert row["least_acceleration"] == pytest.approx(least, abs=1e-3)  # with 500 intervals 2e-4 above the least
         assert row["bound"] <= row["least_acceleration"] <= row["bound"] * (1 + 3e-4)
         closed = row["peak_jerk"] / 4 * (1 - np.sqrt(1 - 32 / row["peak_jerk"]))
         assert row["least_acceleration"] == pytest.approx(closed, rel=2e-4)
@@ -70,7 +68,7 @@ def drawing_limits(content):
     assert limits == [*(("flat", limit) for limit in LIMITS), ("finger", "nose_radius_min_mm")]
     for row in content["rows"]:
         assert row["broken_without"] == [row["limit"]] and row["broken_with"] == []
-        if row["limit"] == "waves_max":  # a count leaps by pairs of sign changes, so that it need not reach its limit
+        if row["limit"] == "waves_max":  # sign changes come in pairs, so the count may stay below its limit
             assert row["value_with"] <= row["value_asked"] and (row["value_asked"] - row["value_with"]) % 2 == 0
         else:
             near = 1e-6 if row["limit"].startswith("snap") else 3e-3
@@ -121,7 +119,7 @@ def linear_programs(content):
 
 
 def live_latency(content):
-    """Answers come while a hand drags, and memory stays flat."""
+    """Answers are painted while a slider is dragged, and memory stays constant."""
     (row,) = content["scenes"]
     assert row["drag_all"]["answers"] > 5 and row["rest"]["answers"] > 3
     assert row["over_changes"]["states"] == {"ok": 20}
@@ -130,7 +128,7 @@ def live_latency(content):
 
 
 def measured_tables(content):
-    """Smoothing beats interpolation everywhere."""
+    """Smoothing is more accurate than interpolation in every case."""
     assert len(content["generated"]) == 4 and set(content["measured"]) == set(TABLES)
     for row in content["generated"]:
         assert row["refused"] == row["rows_rejected"] == 0
@@ -152,7 +150,7 @@ def near_limit(content):
 
 
 def never_nothing(content):
-    """The scene ends confirmed with what a family holds."""
+    """The scene ends with a confirmed cam of a family."""
     assert content["exit_codes"] == {"0": 1}
     assert content["losses"] == [] and content["a_family_holds"] == content["confirmed"] == 1
     (row,) = content["rows"]
@@ -185,7 +183,7 @@ def real_trains(content):
 
 
 def starts(content):
-    """Every start leads to the same cam, above that of the job before there were paths."""
+    """Every start leads to the same cam, which is larger than that of the job before its search used paths."""
     rows = content["rows"]
     assert {row["start"] for row in rows} == {"calmest", "Polydyne", "random 1"}
     assert {row["verdict"] for row in rows} == {"confirmed"}
@@ -205,11 +203,11 @@ def stated_yields(content):
 
 
 MOST_GROWTH_MB = 5.0
-"""What caches and the allocator may still take after a tenth of the tasks; tasks that were kept would take 20 MB."""
+"""Allowed growth by caches and the allocator after a tenth of the tasks; tasks kept in memory would take 20 MB."""
 
 
 def sweep_scaling(content):
-    """A sweep costs little beside its tasks, and its memory is flat."""
+    """A sweep costs little in addition to its tasks, and its memory stays constant."""
     for row in content["empty"].values():
         assert max(row["parent_ms_per_task"], row["ms_per_task"]) < 5.0
     memory_is_flat(content["many"])

@@ -1,6 +1,4 @@
-"""What the small sizes of the experiments on motions and their gradients must say: a function of its content for each,
-under its name.
-"""
+"""Checks of the small sizes of the experiments on motions and gradients, by a function of the content for each."""
 
 import numpy as np
 import pytest
@@ -23,7 +21,7 @@ def accuracy_curves(content):
     for name in ("rkg", "tmm", "houbolt"):
         fine, coarse = curves[name]["median_um"]
         assert 0 < fine < coarse, name
-        assert coarse > 1e3 * curves["event"]["median_um"][-1]  # it locates what they step over
+        assert coarse > 1e3 * curves["event"]["median_um"][-1]  # it locates the switchings
     assert curves["band_step"]["median_um"][0] == 0.0
 
 
@@ -41,8 +39,8 @@ def batch_scaling(content):
 
 
 def cam_follower(content):
-    """omega^2 = -k c / (m c'') at the corner, with the tip's arc and its curvature worked out by hand for a circle; no
-    cam stays longer than the bound without a limit on its acceleration."""
+    """omega^2 = -k c / (m c'') at the corner, with the tip's arc and its curvature computed by hand for a circle; no
+    cam keeps contact beyond the bound without a limit on the acceleration."""
     found = content["detachment"]
     assert found["rigid_rpm"] == pytest.approx(114.99, abs=0.02)
     assert found["cam_angle_deg"] == pytest.approx(209.82, abs=0.01)
@@ -65,7 +63,7 @@ def chords(content):
         assert [row["chords"] for row in rows] == [8, 16]
     coarse, fine = (row["slope_off"]["dynamic_area_mm_deg"] for row in content["chords"]["kodama-hertz"])
     assert 0.0 < fine < coarse < 1e-3
-    leading = 5000 / (6 * 8**2)  # what is left of it falls with a further power of the chords' number
+    leading = 5000 / (6 * 8**2)  # the remainder falls with a higher power of the number of chords
     assert content["chords"]["kodama-hertz"][0]["predicted_N"] == pytest.approx(leading, rel=1e-3)
     assert all(0.3 < ratio < 3.0 for ratio in content["tables_over_linear"].values())
 
@@ -79,7 +77,7 @@ def contact_laws(content):
 
 def cost_scaling(content):
     assert [r["masses"] for r in content["masses"]] == [15, *range(10, 0, -1)]
-    for path in ("rkg", "tmm", "smooth", "batch"):  # at most a quarter in compiled fixed-step and batched paths
+    for path in ("rkg", "tmm", "smooth", "batch"):  # at most a quarter for compiled fixed-step and batched methods
         assert content["one_against_ten"][path]["time"] < 0.25
     for scene in content["never_closing"]:
         assert all(row["left_out"]["same_digits"] for row in scene["more_time"].values())
@@ -95,24 +93,23 @@ def drawn_trains(content):
 
 
 def ensemble_gradients(content):
-    """The mean over cams does what its gradient promises where it is smooth."""
+    """The change of the mean over cams is that predicted by its gradient where the metric is smooth."""
     rows = [r for r in content["rows"] if (r["metric"], r["gradient"]) == ("jump_mm", "mean, pathwise")]
     assert len(rows) == 1 and rows[0]["promised"] < 0.0
     assert rows[0]["change"] == pytest.approx(rows[0]["promised"], rel=2e-2)
 
 
 def extremes(content):
-    assert content["wrong"] == [] and content["rows"] == 9 + 8  # methods, and five past their limit, three layers
+    assert content["wrong"] == [] and content["rows"] == 9 + 8  # methods, and five beyond their limits, three layers
     as_it_is = content["verdicts"]["motori-2"]["as it is"]
     assert as_it_is["event"] == as_it_is["dop853"] == WITHIN
 
 
-def first_gradient(content):
-    stored_results.second_process_is_quicker(content)
+first_gradient = stored_results.second_process_is_quicker
 
 
 def first_revolutions(content):
-    """Where nothing surges every revolution is like the settled one."""
+    """Without surge every revolution is like the settled one."""
     assert content["figures"] == 2 * content["motions"] and 0 < content["broken"] < content["figures"]
     for row in content["rows"]:
         assert row["missed"] == row["invented"] == 0
@@ -120,7 +117,7 @@ def first_revolutions(content):
 
 
 def fixed_problems(content):
-    """Errors fall with the step, and the finest one is within the table's tolerance."""
+    """Errors fall with the step, and that of the finest step is within the table's tolerance."""
     assert {r["problem"] for r in content["rows"]} == {p.name for p in PROBLEMS[:2]}
     assert {r["method"] for r in content["rows"]} == {*STEP_METHODS, "event"}
     for r in content["rows"]:
@@ -134,13 +131,13 @@ def gradient_batch(content):
     assert max(row["error_mm"] for row in (yardstick, exact, through_jax, batch)) <= 1e-3
     for row in (exact, through_jax):
         assert max(judged["relative_error"] for judged in row["at_speed"]) < 1e-4
-        assert row["processor_times_cheaper_than_diffrax"] > 30  # a tenth of quiet: small batch, loaded machine
+        assert row["processor_times_cheaper_than_diffrax"] > 30  # a tenth of that on an idle machine: small batch
     assert refined["at_speed"][0]["relative_error"] < 1e-2
     assert all(np.isfinite(row["ms_per_trajectory"]) for row in content["methods"])
 
 
 def gradient_bias(content):
-    """Refined gradients are right below the jump, and failures stay in the table."""
+    """Gradients on the refined grid are accurate below the jump, and failures stay in the table."""
     rows = {(r["speed_rpm"], r["eps_m"], r["precision"]): r for r in content["rows"]}
     assert len(rows) == len(content["rows"]) == 2 * 2 * 2
     narrow, wide = rows[5000, 2e-9, "float64"], rows[5000, 1e-6, "float64"]
@@ -149,7 +146,7 @@ def gradient_bias(content):
 
 
 def gradient_cost(content):
-    """2.2 times is the aim and 1.5 to 1.7 what is measured; a loaded machine scatters even processor times."""
+    """The aim is a ratio of 2.2, and 1.5 to 1.7 is measured; on a loaded machine even processor times scatter."""
     assert set(content["worst_ratio"]) == {"20", "200"}
     assert max(content["worst_ratio"].values()) < 3.0
     assert all(row["ratio"] > 1.0 for row in content["rows"])
@@ -172,7 +169,7 @@ def identification(content):
     rows = {row["parameter"]: row for row in fit["parameters"]}
     assert not rows.pop("spring.damping_N_s_per_m")["identified"]
     assert all(row["identified"] for row in rows.values()) and not fit["remarks"]
-    # six correlated intervals of 95 %: two that miss would be a surprise
+    # six correlated intervals of 95 %: two misses would be improbable
     assert content["motori-1"]["covered"] >= 5
     assert abs(rows["valve.mass_kg"]["estimate"] / 0.24 - 1) < 0.08 < abs(rows["valve.mass_kg"]["start"] / 0.24 - 1)
 
@@ -202,17 +199,17 @@ def modes(content):
     for row in rows:
         assert 5000 <= row["speed_rpm"] <= 7000
         assert row["order"] * row["speed_rpm"] / 120 == pytest.approx(row["frequency_Hz"], rel=1e-9)
-    # 352 Hz is met by every order from 6.03 to 8.45
+    # the orders from 6.03 to 8.45 cross 352 Hz inside the band
     assert [row["order"] for row in rows if row["mode"] == 1] == [7, 8]
 
 
 def motori(content):
-    """What Figures 5 and 6 of MOTORI 2004 say of the contact force."""
+    """The effects on the contact force in Figures 5 and 6 of MOTORI 2004."""
     soft, middle, hard = (motori_stiffness(content, "damping constant 1200 kg/s", k) for k in (10, 50, 1000))
     assert middle["ripple_N"] < soft["ripple_N"] < hard["ripple_N"] / 2
     assert middle["jump_mm"] == 0 and middle["contact_force_min_N"] > 100
     assert hard["jump_mm"] > 0 and hard["contact_force_min_N"] == 0 and hard["hop_um"] > 3
-    # 0.011 mm/deg at 2000 r/min is 0.132 m/s; v sqrt(k m) = 2045 N, less damping, plus what lifts the seat's preload
+    # 0.011 mm/deg at 2000 r/min is 0.132 m/s; v sqrt(k m) = 2045 N, less damping, plus the seat's preload
     assert hard["landing_force_N"] == pytest.approx(0.132 * np.sqrt(1e9 * 0.24), rel=0.1)
     middle, hard = (motori_stiffness(content, "damping ratio 0.1", k) for k in (50, 1000))
     assert hard["jump_mm"] == 0 and hard["ripple_N"] < middle["ripple_N"] / 2
@@ -224,7 +221,7 @@ def motori_stiffness(content, kept, train_kN_per_mm):
 
 
 def outside_judges(content):
-    """motori-1 at one speed, and two changes that show."""
+    """motori-1 at one speed, and two changes that are detected."""
     (row,) = content["rows"]
     assert row["agrees"] and row["difference_nm"] < 1.0 and row["jump_mm"] < 0.05
     assert all(figure["same"] for figure in row["settled"].values())
@@ -234,7 +231,7 @@ def outside_judges(content):
 
 
 def random_scenes(content):
-    """Nothing is wrong without a warning."""
+    """No result is wrong without a warning."""
     for kind, least in ((content, len(STEP_METHODS)), (content["real"], 1)):
         assert kind["wrong_without_warning"] == []
         counted = sum(sum(by_verdict.values()) for by_verdict in kind["methods"].values())
@@ -242,12 +239,11 @@ def random_scenes(content):
         assert kind["decided_by_dop853"]["within tolerance"] == 1
 
 
-def raw_coefficients(content):
-    stored_results.paths_differ_along_steps_alone(content)
+raw_coefficients = stored_results.paths_differ_along_steps_alone
 
 
 def table5(content):
-    """The printed numbers lie beside the truth; finer steps bring both methods together, and by force to the truth."""
+    """Printed numbers are near the reference; with finer steps the methods converge, with the force criterion to it."""
     rows = {(r["cam"], r["speed_rpm"]): r for r in content["table"]}
     assert rows["multi-pol", 6500]["paper"] == {"rkg": 0.58, "tmm": 0.41, "average": pytest.approx(0.495)}
     for row in rows.values():
@@ -259,11 +255,11 @@ def table5(content):
         assert high - low < 0.02  # not yet chaotic at 6500
     by_way = {(d["criterion"], d["steps_per_revolution"]): d["6500"] for d in content["distance_mm"]}
     fine, coarse = by_way["force", 11520], by_way["force", 1440]
-    # the second revolution: later ones move by some 0.003 mm with the rounding of the lift
+    # the second revolution: later ones change by some 0.003 mm with the rounding of the lift
     assert fine["rkg_to_tmm_second"] < coarse["rkg_to_tmm_second"] / 3
     for key in ("rkg_to_event", "tmm_to_event"):
         assert fine[key] < 0.006
-        assert by_way["displacement", 11520][key] > 0.0075  # another contact law, another answer
+        assert by_way["displacement", 11520][key] > 0.0075  # another contact law gives another result
     assert coarse["rkg_to_tmm"] < content["paper_distance_mm"]["6500"] / 5
 
 
@@ -275,7 +271,7 @@ def table5_conclusion(content):
 
 
 def wandering(content):
-    """No motion is falsely periodic, and no range is left."""
+    """No motion is wrongly called periodic, and none leaves its range."""
     assert content["pairs"] == len(ABOUT) and 0 < content["called_periodic"] == content["rest"]
     assert content["falsely_periodic"] == 0 and content["ranges_left"] == 0
 

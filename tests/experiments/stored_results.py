@@ -1,4 +1,4 @@
-"""What the stored results of the experiments must say: a function of its content for each, under its name."""
+"""Checks of the stored results of the experiments: a function of the content for each experiment, under its name."""
 
 import numpy as np
 import pytest
@@ -19,7 +19,7 @@ from experiments import yield_price as priced
 
 
 def accuracy_curves(content):
-    """What `--accuracy` reads is what the experiment wrote at full size."""
+    """`--accuracy` reads the curves that the experiment wrote at full size."""
     assert content["draws"] == 40
     for name, curve in curves_of_the_package().items():
         np.testing.assert_array_equal(curve.p90_um, np.array(content["curves"][name]["p90_um"], dtype=float))
@@ -40,9 +40,9 @@ def batch_scaling(content):
     by_train = {(n, 1, batches.SPEEDS) for n in batches.TRAINS["full"]}
     by_cam = {(1, *cams) for cams in batches.CAMS["full"]}
     assert set(rows) == {(p, *n) for p in batches.PRECISIONS for n in by_train | by_cam}
-    assert content["device"] == "cpu"  # the page says that no accelerator was at hand
+    assert content["device"] == "cpu"  # the page states that no accelerator was available
     one, many = (rows["float64", n, 1, batches.SPEEDS]["motion_processor_ms"] for n in (1, 64))
-    assert many < 0.8 * one  # a batch pays
+    assert many < 0.8 * one  # a batch is faster per motion
 
 
 def extremes(content):
@@ -53,7 +53,7 @@ def extremes(content):
 
 
 def first_gradient(content):
-    """The second process takes its programs from where the first left them."""
+    """The second process loads the programs that the first one stored."""
     assert {row["scene"] for row in content["rows"]} == set(processes.SCENES["full"])
     second_process_is_quicker(content)
 
@@ -61,12 +61,12 @@ def first_gradient(content):
 def second_process_is_quicker(content):
     for first, second in zip(content["rows"][::2], content["rows"][1::2], strict=True):
         assert (first["process"], second["process"]) == processes.PROCESSES
-        assert second["processor_s"] < 0.8 * first["processor_s"]  # of linear trains it is less than a half
+        assert second["processor_s"] < 0.8 * first["processor_s"]  # less than a half for linear trains
         assert first["lines"] >= 1
 
 
 def first_revolutions(content):
-    """The objective takes the first revolution that stands for the settled motion."""
+    """The objective uses the first revolution that is representative of the settled motion."""
     rows = content["rows"]
     stands = [row["revolution"] for row in rows if row["near_percent"] > 98.0 and row["least_share"] > 0.75]
     assert stands[0] == REPRESENTATIVE and rows[0]["least_share"] < 0.1
@@ -78,12 +78,12 @@ def identification(content):
         covered = sum(r["identified"] and r["low"] <= r["truth"] <= r["high"] for r in rows)
         known = sum(r["identified"] for r in rows)
         assert (covered, known) == (content[name]["covered"], content[name]["intervals"])
-        # at least 85 % of intervals of 95 %: those of one noise are correlated, so the binomial bound is not the one
+        # at least 85 % of intervals of 95 %: the intervals of one noise are correlated, so no binomial bound holds
         assert covered >= 0.85 * known and known >= 30
 
 
 def jacobian_cost(content):
-    """The time grows with the speeds; a column more costs less than its share."""
+    """The time grows with the number of speeds; an additional column costs less than its share."""
     for row in (row for row in content["powers"] if row["by"] == "speeds"):
         assert 0.5 < row["power"] < 1.5
     sources = {row["source"] for row in content["powers"] if row["by"] == "speeds"}
@@ -94,7 +94,7 @@ def jacobian_cost(content):
 
 
 def job_time(content):
-    """The times of cold and warm runs are kept, and the memory of all, as the page says."""
+    """The targets of time for cold and warm runs, and of memory for all, are met, as the page states."""
     cases = content["cases"]
     assert cases.keys() == jobs.CASES.keys()
     missed = {(case, key) for case, row in cases.items() for key, kept in row["within_target"].items() if not kept}
@@ -115,13 +115,13 @@ def raw_coefficients(content):
 def paths_differ_along_steps_alone(content):
     for row in content["rows"]:
         if row["directions"] == "lift and velocity continuous":
-            assert row["cosine"] > 1 - 1e-7 and row["difference"] < 3e-4  # a layer of 2e-9 m leaves a few 1e-5
+            assert row["cosine"] > 1 - 1e-7 and row["difference"] < 3e-4  # the error of a layer of 2e-9 m is a few 1e-5
         if row["directions"] == "all":
             assert row["difference"] > 0.05
 
 
 def stated_yields(content):
-    """No verdict differs, and the interval covers."""
+    """No verdict differs, and the interval has its coverage."""
     assert list(content["scenes"]) == list(stated.SCENES["full"])
     for row in content["scenes"].values():
         assert row["judged"] == 20 and row["differs"] == 0 and row["open"] <= 5
@@ -131,8 +131,8 @@ def stated_yields(content):
 
 
 def yield_price(content):
-    """Narrower tolerances give larger cams, which fresh trains bear out; what scatters most is dearest; halving costs
-    less than leaving out; no family of the literature has a member that holds."""
+    """Narrower tolerances give larger cams, whose yield new trains confirm; the one with the largest scatter costs
+    most; halving gains less than leaving out; no family of the literature keeps all limits."""
     rows, prices, literature = content["rows"], content["prices"], content["literature"]
     areas = [rows[f"{width:g}"]["area_ratio"] for width in priced.WIDTHS["full"]]
     assert areas == sorted(areas, reverse=True)

@@ -1,4 +1,4 @@
-"""The cam and follower of arXiv 0711.1008 against formulas: arcs, restitution, and the limits of the best cam."""
+"""The cam and follower of arXiv 0711.1008 compared with formulas: arcs, restitution, and the limits of the best cam."""
 
 from dataclasses import replace
 
@@ -8,15 +8,7 @@ import pytest
 from camopt.exact import prepare
 from camopt.scene import build_train, load_scene
 from experiments import cam_follower
-from experiments.cam_follower import (
-    TIP,
-    arcs,
-    bound_on_decline,
-    cam_of,
-    damping_of,
-    highest_rise,
-    profile,
-)
+from experiments.cam_follower import TIP, arcs, bound_on_decline, cam_of, damping_of, highest_rise, profile
 
 MASS, STIFFNESS, PRELOAD = 1.221, 1430.8, 143.08
 
@@ -29,7 +21,7 @@ def test_the_cam_is_the_sources_arcs():
 
 @pytest.mark.parametrize("restitution", [0.5, 0.8, 0.95])
 def test_a_contact_returns_what_its_damping_was_made_for(restitution):
-    """A mass that falls on the contact at 1 m/s without any other force leaves it at `restitution` m/s."""
+    """A mass that hits the contact at 1 m/s without any other force leaves it at `restitution` m/s."""
     given, stiffness = build_train(load_scene(cam_follower.SCENE)), 1e9
     train = cam_follower.with_contact(given, stiffness, damping_of(restitution, stiffness, MASS))
     train = replace(train, stiffness=np.array([stiffness, 1e-12]), preload=np.array([0.0, 0.0]))

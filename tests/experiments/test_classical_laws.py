@@ -1,4 +1,4 @@
-"""The experiment on the classical laws: their known peaks, and what the least ones gain."""
+"""The experiment on the classical laws: least peaks through conditions, compared with closed forms."""
 
 from math import factorial
 
@@ -21,12 +21,12 @@ def test_the_motion_through_the_handbooks_table_meets_every_number_of_it():
         assert float(laws[order](angle)) == pytest.approx(value, abs=1e-9)
 
 
-@pytest.mark.parametrize("order", [2, 3, 4])
-def test_the_least_peak_through_rest_at_the_end_is_that_of_the_rise(order):
+@pytest.mark.parametrize(("order", "peak_error"), [(2, 1e-9), (3, 1e-9), (4, 1e-4)])
+def test_the_least_peak_through_rest_at_the_end_is_that_of_the_rise(order, peak_error):
     least = 4 ** (order - 1) * factorial(order - 1)
     found = least_peak_through([(1.0, k, float(k == 0)) for k in range(order)], order, 400)
     assert found.bound <= least * (1 + 1e-9) and found.peak >= least * (1 - 1e-9)
-    assert (found.peak, found.bound) == pytest.approx((least, least), rel=1e-3)
+    assert found.peak == pytest.approx(least, rel=peak_error) and found.bound == pytest.approx(least, rel=1e-4)
 
 
 @pytest.mark.parametrize(("back", "height", "least"), [(2.0, 1.0, 4.0), (3.0, 1.0, 4.0), (1.5, 1.0, 16.0)])
@@ -36,10 +36,3 @@ def test_the_shorter_of_a_rise_and_its_return_has_the_peak(back, height, least):
     found = least_peak_through(conditions, 2, 600)
     assert (found.peak, found.bound) == pytest.approx((least, least), rel=1e-4)
     assert len(found.derivative) == 600 and np.abs(found.derivative).max() == pytest.approx(least)
-
-
-def test_the_least_jerk_of_a_rise_is_the_closed_form_of_the_same_conditions():
-    found = least_peak_through([(1.0, 0, 1.0), (1.0, 1, 0.0), (1.0, 2, 0.0)], 3, 400)
-    assert found.peak == pytest.approx(32.0, rel=1e-9)
-    assert found.bound == pytest.approx(32.0, rel=1e-4)
-    assert found.bound <= found.peak

@@ -1,4 +1,4 @@
-"""Gradients of ensembles of cams: against single gradients, and against an evolution strategy."""
+"""Gradients of ensembles of cams, compared with single gradients and with an evolution strategy."""
 
 import numpy as np
 import pytest

@@ -1,6 +1,6 @@
-"""Every experiment has its page and its stored result, and its small size says what it must.
+"""Every experiment has its page and its stored result, and its small size passes its checks.
 
-`small_motions`, `small_cams` and `stored_results` have, under the name of an experiment, what its content must say.
+`small_motions`, `small_cams` and `stored_results` have the checks of the content of an experiment under its name.
 """
 
 import ast
@@ -27,30 +27,29 @@ LONG = {
     "cost_scaling", "first_gradient", "fronts", "gradient_batch", "gradient_bias", "gradient_quality", "stated_yields",
 }  # fmt: skip
 ELSEWHERE = {"tradeoff"}
-"""Its small size is that of `camopt tradeoff`, which tests/study/test_tradeoff.py runs and has kept."""
+"""Its small size is that of `camopt tradeoff`, which tests/study/test_tradeoff.py runs."""
 NEEDED = {"contact_laws": "exudyn", "outside_judges": "exudyn", "optimisers": "cma", "live_latency": "playwright"}
-"""Packages of extras without which a small size cannot run."""
+"""Packages of the extras that a small size needs."""
 STORED_ALONE = {
     "job_time": {"older", "ratios"},  # of the full size alone
     "yield_price": {"beside"},  # of an older tree
-    "measured_tables": {"generated.acceleration_estimated_percent"},  # the script states other errors since
     "optimiser": {"rows.area_ratio_no_jump"},
     "work_precision": {"times_slower_by_round.CVODE Adams", "over_older"},  # of the extra `peers`, of an older tree
 }
-"""Fields that a stored result has and a small size has not."""
+"""Fields of a stored result that a small size does not have."""
 DRAWN = {
     "cam_families", "classical_laws", "drawn_trains", "flat_follower", "fronts", "handbook", "optimisers",
     "work_precision",
 }  # fmt: skip
-"""Experiments that draw a figure at small size too."""
+"""Experiments with a figure at small size too."""
 SMALLER = {
     "architectures": ("camopt.optimizer.baselines.comparison.SECTIONED", ()),
     "extremes": ("camopt.smooth.simulate.MOST_GRID_STEPS", 8192),  # a layer that no grid resolves is tried on each
     "yield_price": ("camopt.optimizer.as_built.search.KNOT_DEG", 6.0),
 }
-"""What the package takes at a smaller size here."""
+"""Settings of the package that are smaller in these tests."""
 RESUMED = {"near_limit": "verdict_of", "never_nothing": "optimised", "starts": "searched"}
-"""What an experiment must not call again where its store has all rows."""
+"""Functions that an experiment must not call again if its store has all rows."""
 
 
 def stored(name: str) -> dict:
@@ -96,7 +95,7 @@ def small_size(name: str):
 
 @pytest.mark.parametrize("name", [small_size(name) for name in SCRIPTS if name not in ELSEWHERE])
 def test_small_size(name, tmp_path, monkeypatch):
-    """It has the fields of the stored result, its figures are drawn, and what it says holds."""
+    """It has the fields of the stored result, its figures are drawn, and its checks pass."""
     if name in SMALLER:
         monkeypatch.setattr(*SMALLER[name])
     if name in ("fronts", "never_nothing"):
@@ -121,7 +120,6 @@ def test_small_size(name, tmp_path, monkeypatch):
 
 
 def fields(content: dict, tables: set[str]) -> set[str]:
-    """Names of its entries, and of what every row of its tables has, but for scenes and speeds; a small size may leave
-    out a whole table."""
+    """Names of the entries, and of the fields that all rows of a table have, except scenes and speeds."""
     of_rows = {f"{key}.{name}" for key in tables for name in set.intersection(*map(set, content[key]))}
     return {name for name in (set(content) | of_rows) - set(builtin_scenes()) if not name[-1].isdigit()}

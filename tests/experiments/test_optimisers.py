@@ -1,4 +1,4 @@
-"""Optimisers at one judge: all of them among the long tests, and what the figure draws."""
+"""The optimisers: all of them in the long tests, and the curves of the figure."""
 
 import numpy as np
 import pytest

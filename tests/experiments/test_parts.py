@@ -1,4 +1,4 @@
-"""Parts of single experiments against closed forms, other programs, and themselves by another way."""
+"""Parts of single experiments compared with closed forms, other programs, and other formulations."""
 
 import numpy as np
 import pytest
@@ -32,14 +32,14 @@ def test_a_table_of_one_line_is_the_linear_spring():
 
 
 def test_a_program_that_free_columns_leave_undecided_is_decided():
-    """Of a drawn scene on which HiGHS gave up; by how much its rows contradict says SciPy."""
+    """A program of a random scene on which HiGHS gave up; SciPy computes its least violation."""
     *_, posed = programs(29)
     assert decided(posed, posed.rows) == "infeasible"
     assert least_violation(posed) > FEASIBILITY
 
 
 def least_violation(posed) -> float:
-    """The smallest s >= 0 by which all scaled rows would have to give, by SciPy."""
+    """The smallest s >= 0 by which all scaled rows must be relaxed, by SciPy."""
     matrix, level = posed.rows.scaled, posed.bound / posed.rows.norm
     count = matrix.shape[1]
     give = np.column_stack([matrix, -np.ones(len(matrix))])
@@ -70,7 +70,7 @@ def test_a_million_tasks_by_two_processes_keep_memory_flat(tmp_path):
 
 
 def test_dormand_prince_follows_scipy_where_nothing_switches():
-    """The opening ramp: dense output and steps against DOP853 at 1e-12."""
+    """The opening ramp: dense output and steps compared with DOP853 at a tolerance of 1e-12."""
     case = Case("small")
     times = np.linspace(0.0, 0.3 * case.times[-1] / 2, 50)
     ours, tried = dormand_prince(case.rest, times, 1e-9, 1e-12, case.arrays)

@@ -1,4 +1,4 @@
-"""What the experiments count and state of their rows, where the rows are given by hand."""
+"""Counts and statements of the experiments for rows that are written by hand."""
 
 import numpy as np
 import pytest

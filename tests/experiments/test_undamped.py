@@ -1,4 +1,4 @@
-"""Siconos as a judge of undamped copies: skipped where no Python has it; the rest is not."""
+"""Comparison of undamped copies with Siconos; tests that run it are skipped where no Python has it."""
 
 import subprocess
 import sys
@@ -38,7 +38,7 @@ def test_copies_have_linear_laws_and_no_damper_in_a_contact():
 def test_it_begins_at_rest_as_camopt_does_and_reads_the_same_lift(name, tmp_path):
     cam = camopt.polydyne(load_scene("kodama"))
     scene = SEATED[name].model_copy(update={"design": load_scene("kodama").design})
-    found = undamped.given(scene, cam, tmp_path)
+    found = undamped.siconos_input(scene, cam, tmp_path)
     rest = found["rest"]
     np.testing.assert_allclose(rest, state_at_rest(build_train(scene))[: len(rest)], rtol=0, atol=1e-12)
     angle = np.linspace(-np.pi, np.pi, 3601)[:-1]
@@ -51,11 +51,11 @@ def test_it_begins_at_rest_as_camopt_does_and_reads_the_same_lift(name, tmp_path
 def test_what_it_cannot_express_is_refused_with_a_sentence(name, element, tmp_path):
     scene = load_scene(name)
     with pytest.raises(ValueError, match=f"Siconos cannot express {element}: it is given linear springs, and contacts"):
-        undamped.given(scene, camopt.polydyne(scene), tmp_path)
+        undamped.siconos_input(scene, camopt.polydyne(scene), tmp_path)
 
 
 def test_where_no_python_has_siconos_one_sentence_names_the_package(monkeypatch, capsys):
-    """Every Python that is asked fails to import it."""
+    """Every Python that is tried fails to import it."""
     undamped.siconos_python.cache_clear()
     monkeypatch.setattr(undamped.subprocess, "run", lambda *a, **k: subprocess.CompletedProcess(a, 1))
     scene = load_scene("kodama")
@@ -69,7 +69,7 @@ def test_where_no_python_has_siconos_one_sentence_names_the_package(monkeypatch,
 
 
 def test_what_is_stated_is_a_nanometre_and_the_most_of_two_halvings():
-    """Three records that end 2 nm and 0.5 nm apart, the last 0.25 nm off, but 4 nm off outside the cam's duration."""
+    """Three records that differ by 2 nm and 0.5 nm; the last is wrong by 0.25 nm, but by 4 nm outside the duration."""
     true = np.zeros(SAMPLES + 1)
     far = np.zeros(SAMPLES + 1)
     far[-1] = 4e-9
