@@ -1,13 +1,13 @@
-"""How large a cam holds in a share of the trains as built, also with tolerances half and twice as wide?
+"""How large a cam keeps its limits in a given share of the trains as built, and with tolerances half or twice as wide?
 
-The search of `camopt optimize --yield` on five scenes, each for five shares of its trains; of `kodama` also with a
-tolerance left out and with all tolerances half and twice as wide. Each cam is stated by 2000 fresh trains of each of
-two seeds at 11 speeds over the band, with the interval of Clopper and Pearson. Beside them stands the price list of
-`camopt yield --price`, and of each family of the literature the member that comes nearest to the limits on the motion,
-with its share of 2000 trains at the top of the band. An interrupted run goes on.
+The search of `camopt optimize --yield` runs on five scenes for five shares of the trains each, and on `kodama` also
+with one tolerance left out and with all tolerances half and twice as wide. The yield of each cam is measured on 2000
+fresh trains of each of two seeds at 11 speeds over the band, with the interval of Clopper and Pearson. The result also
+holds the price list of `camopt yield --price` and, for each family of the literature, the member that comes nearest to
+the limits on the motion, with its yield of 2000 trains at the top of the band. An interrupted run can be resumed.
 
-Where `CAMOPT_OLDER_TREE` names the folder of an older checkout, its job with `--yield` runs beside this one's on every
-scene, and each of the two cams is stated by 4000 trains of two seeds.
+If `CAMOPT_OLDER_TREE` names the folder of an older checkout, its job with `--yield` runs beside this one's on every
+scene, and the yield of either cam is measured on 4000 trains of two seeds.
 """
 
 import os
