@@ -242,7 +242,7 @@ def against_dop853(number: int, cams: int) -> dict:
     except MotionRefused as refusal:
         return {"verdict": REFUSED, "reason": str(refusal)}
     if located.state is None:
-        return {"verdict": REFUSED, "reason": "DOP853 does not follow the motion"}
+        return {"verdict": REFUSED, "reason": "DOP853 could not compute the motion"}
     # event-exact's own error estimate, with DOP853's metrics
     verdict, error_of, error = judge(replace(located, converged=true.answer.converged, error=true.answer.error), true)
     return {"verdict": verdict, "scene": scene.name, "speed_rpm": speed, "error_of": error_of, "error": error}

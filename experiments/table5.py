@@ -103,7 +103,7 @@ def run(train: Train, revolve: Revolve) -> Response:
     """Nine revolutions of the motion from rest. Raises MotionRefused if the step is above the stability limit."""
     motion = record_of(revolve, state_at_rest(train), REVOLUTIONS)
     if not np.abs(motion.x).max() < 1.0:  # a metre; NaN is caught too
-        raise MotionRefused("the step is past the method's stability limit")
+        raise MotionRefused("the step is above the method's stability limit")
     return motion
 
 

@@ -105,7 +105,7 @@ class TestCamWithFollower:
         assert code == 0
         assert "contour: for a roller follower on a base circle of radius 30 mm; " in out
         assert "the cam turns clockwise, its opening flank below: for the other sense of rotation change" in out
-        assert "note: the outline stands on assumed numbers: measure base_radius_mm before it is ground" in out
+        assert "note: the outline depends on assumed numbers: measure base_radius_mm before it is ground" in out
         table_only = run(capsys, "cam", self.scene(tmp_path, GEOMETRY), *self.CAM, *words[:2])[1]
         measured = self.scene(tmp_path, GEOMETRY.replace('assumed = ["base_radius_mm"]', ""))
         assert "measure" not in table_only + run(capsys, "cam", measured, *self.CAM, *words)[1]

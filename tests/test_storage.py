@@ -159,7 +159,7 @@ def test_a_run_folder_is_created_once(tmp_path):
     folder = create_run_folder(tmp_path / "runs" / "first")
     assert os.listdir(folder) == []
     (folder / "design.json").write_text("{}")
-    with pytest.raises(InputError, match=r"exists already, and no run of camopt began it: give another --out"):
+    with pytest.raises(InputError, match=r"exists already and is not a camopt run: give another --out"):
         create_run_folder(folder)
     with pytest.raises(InputError, match="exists already"):
         check_run_folder(folder)
@@ -202,7 +202,7 @@ def test_a_finished_run_is_only_resumed_by_the_same_run_and_not_changed(tmp_path
 def test_a_folder_without_a_run_cannot_be_resumed(tmp_path):
     (tmp_path / "run").mkdir()
     (tmp_path / "run" / "history.jsonl").write_text("mine")
-    with pytest.raises(InputError, match=r"there is no run\.json, so nothing says what to go on with"):
+    with pytest.raises(InputError, match=r"there is no run\.json, so the run cannot be resumed"):
         begun(tmp_path / "run", resume=True)
     assert contents(tmp_path / "run") == {"history.jsonl": b"mine"}
 

@@ -120,7 +120,7 @@ def _after_verify(args: Namespace, code: int) -> str:
         return f"{_camopt('optimize', args.scene)} designs a cam that holds the limits"
     if _is_table(args):
         yield_command = _camopt("yield", *_cam_of(args), "--trains", 200)
-        return f"{yield_command} says how many trains as built hold, where the scene says how they differ"
+        return f"{yield_command} counts the trains as built that hold, if the scene has tolerances"
     advised = _advised(args.scene, args.cam)
     if advised and "`camopt verify" not in advised:  # `verify` has just been run
         return advised

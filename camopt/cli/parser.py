@@ -112,7 +112,8 @@ def _failed(error: Exception, args: argparse.Namespace) -> int:
         return NOT_CONFIRMED if isinstance(error, NoCamFound) else BAD_INPUT
     if isinstance(error, OSError) and error.errno in REFUSALS:
         where = f"{error.filename}: " if error.filename else ""
-        print(f"camopt: {where}the system refuses ({error.strerror}): give it room or rights{left}", file=sys.stderr)
+        remedy = "free disk space or grant write access"
+        print(f"camopt: {where}the system refuses ({error.strerror}): {remedy}{left}", file=sys.stderr)
         return BAD_INPUT
     kind = f"{type(error).__name__}: {brief(str(error))}" if str(error) else type(error).__name__
     remedy = "" if args.debug else "; --debug shows where"

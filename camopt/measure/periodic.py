@@ -66,7 +66,7 @@ class _Cycle:
         after = next_state(self.revolve, y * self.scale) / self.scale
         if not np.all(np.isfinite(after)):
             raise MotionRefused(
-                "the motion has no bound: the step is past the method's stability limit: take a smaller one"
+                "the motion has no bound: the step is above the method's stability limit: take a smaller one"
             )
         return after
 

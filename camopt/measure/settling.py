@@ -107,7 +107,7 @@ def settle(
     tolerances, WATCHED at most. Where the train's slowest mode needs more, a search for the periodic motion follows,
     and then as many revolutions as the mode needs. A motion that has not settled by then wanders. It is reported as
     aperiodic and measured over `aperiodic` revolutions instead of `measured`. Raises MotionRefused where the motion has
-    no bound, because the step is past the method's stability limit.
+    no bound, because the step is above the method's stability limit.
     """
     way = _Way(revolve, state, most, position, decay)
     while True:
@@ -240,7 +240,7 @@ def first_revolution(revolve: Revolve, state: State) -> Settled:
 def _bounded(state: State, memories: int) -> State:
     """The state, unless it has left all bounds."""
     if not np.all(np.isfinite(state)) or np.abs(_split(state, memories)[0]).max() > UNBOUND:
-        raise MotionRefused("the motion has no bound: the step is past the method's stability limit; take more steps")
+        raise MotionRefused("the motion has no bound: the step is above the method's stability limit; take more steps")
     return state
 
 

@@ -171,7 +171,7 @@ def check_run_folder(folder: str | Path, resume: bool = False) -> None:
     started = _read_run(folder)
     if started is None:
         raise InputError(
-            f"{folder}: this folder exists already, and no run of camopt began it: give another --out, or remove it"
+            f"{folder}: this folder exists already and is not a camopt run: give another --out, or remove it"
         )
     command, state = started.get("command", "run"), started.get("state")
     if state == "finished":
@@ -210,9 +210,7 @@ def run_folder(
         yield folder
     except Exception as error:
         if not folder.is_dir():
-            raise InputError(
-                f"{folder}: was taken away while the run wrote to it: run again in a folder that stays"
-            ) from error
+            raise InputError(f"{folder}: was deleted during the run: run again in another folder") from error
         if created and not any((folder / name).exists() for name in worth):
             shutil.rmtree(folder)
         else:
@@ -227,7 +225,7 @@ def _same_run(folder: Path, identity: dict) -> None:
         return
     started = _read_run(folder)
     if started is None:
-        raise InputError(f"{folder}: there is no {RUN_FILE}, so nothing says what to go on with: give another --out")
+        raise InputError(f"{folder}: there is no {RUN_FILE}, so the run cannot be resumed: give another --out")
     for key, now in identity.items():
         stored = started.get(key)
         if stored == now:
@@ -235,7 +233,7 @@ def _same_run(folder: Path, identity: dict) -> None:
         differ = "differ" if key == "settings" else "differs"
         raise InputError(
             f"{folder}: belongs to another run, and nothing in it was changed: its {key} {differ}"
-            f"{_differences(stored, now)}; --resume with what it was begun with, or give another --out"
+            f"{_differences(stored, now)}; use --resume with the original settings, or give another --out"
         )
 
 

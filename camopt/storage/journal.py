@@ -31,7 +31,7 @@ class Records:
         if lines and lines[: len(head)] != head:
             raise InputError(
                 f"{path}: belongs to other work, of another version or scene or with other settings, and nothing in it "
-                f"was changed: name another file, or ask as it was asked"
+                f"was changed: name another file, or repeat the original arguments"
             )
         try:
             self._records = {self._key(record): record for record in map(json.loads, lines[len(head) :])}

@@ -40,10 +40,10 @@ def export(scene: Scene, lift: Lift, files: Namespace) -> list[str]:
         )
     if files.dxf:
         arcs, miss = exports.write_dxf(files.dxf, law, scene.required_geometry, files.dxf_tolerance_um * UM)
-        lines.append(f"drawing: {arcs} arcs without a corner, which the contour misses by at most {miss / UM:.2g} um")
+        lines.append(f"drawing: {arcs} arcs that join without a corner, within {miss / UM:.2g} um of the contour")
     assumed = [key for key in geometry.assumed if key in CONTOUR_KEYS] if geometry else []
     if assumed and (files.contour or files.dxf):
-        lines.append(f"note: the outline stands on assumed numbers: measure {', '.join(assumed)} before it is ground")
+        lines.append(f"note: the outline depends on assumed numbers: measure {', '.join(assumed)} before it is ground")
     if files.figure:
         from camopt.plots.style import picture
 
@@ -71,7 +71,7 @@ def _valve_lifts(scene: Scene, lift: Lift, files: Namespace, digits: int) -> lis
         rows = int(np.flatnonzero(valve)[-1]) + 2
         exports.write_valve_lift(files.dynamic_lift, valve[:rows], digits)
         lines.append(
-            f"valve lift at {files.speed:g} r/min: {_crank_degrees(turn[:rows])}; it is the valve's way from its "
+            f"valve lift at {files.speed:g} r/min: {_crank_degrees(turn[:rows])}; it is the valve's distance from its "
             f"seat in a settled revolution, by {method}, in mm"
         )
     return lines

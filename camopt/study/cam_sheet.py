@@ -118,12 +118,12 @@ def remarks(lift: Lift, design: Design) -> list[str]:
     if lift.max_lift > design.max_lift_mm * MM * (1 + SAME_LIFT):
         sentences.append(
             f"Its lift exceeds the scene's max_lift_mm of {design.max_lift_mm:g}, by which the area ratio is divided: "
-            f"the ratio may pass one."
+            f"the ratio may exceed one."
         )
     sentences += [f"Of its table: {sentence}." for sentence in lift.parameters.get("mended", [])]
     if lift.parameters.get("outlier_lines"):
         lines = ", ".join(map(str, lift.parameters["outlier_lines"]))
-        sentences.append(f"Of its table: rows that stand out from their neighbours were set aside: lines {lines}.")
+        sentences.append(f"Of its table: outlying rows were left out: lines {lines}.")
     added_mm = lift.parameters.get("added_lift_mm")
     if added_mm is not None:
         sentences.append(

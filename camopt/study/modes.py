@@ -66,7 +66,7 @@ def mode_lines(result: Modes) -> list[str]:
         values = "  ".join(f"{value:10.4f}" for value in shape)
         lines.append(f"{hertz:12.6g}  {angular:12.6g}  {100 * ratio:6.2f} %  {values}")
     if overdamped := len(masses) - len(result.frequency_Hz):
-        lines.append(f"overdamped: {overdamped} of {len(masses)} modes, damped by more than 100 %: no swinging")
+        lines.append(f"overdamped: {overdamped} of {len(masses)} modes, damped by more than 100 %: no oscillation")
     return lines
 
 

@@ -87,7 +87,7 @@ def rehearse(task: RehearseTask) -> dict[str, float]:
         time.sleep(task.seconds)
     if task.end == "die":
         if parent_process() is None:
-            raise InputError("rehearse: dies in a worker process only, and this is none: ask for workers")
+            raise InputError("rehearse: needs a worker process to end in: give workers")
         os.kill(os.getpid(), signal.SIGKILL)
     if task.end == "raise":
         raise InputError(f"rehearse: task {task.number} fails, as it was told to")

@@ -74,7 +74,7 @@ class LocalProcesses(ThreadPoolExecutor):
                 self._pids.add(pool.submit(os.getpid).result())
                 return pool
         raise InputError(
-            "sweep: worker processes end before they begin; a script that sweeps needs `if __name__ == "
+            "sweep: worker processes end before they start: a script that sweeps needs `if __name__ == "
             '"__main__":` around what it does, because every worker reads it too (or give workers=0)'
         )
 
@@ -112,8 +112,8 @@ def executor_error(error: BaseException) -> InputError:
     if isinstance(error, InputError):
         return error
     return InputError(
-        f"sweep: the executor does not go on ({type(error).__name__}: {error}); what ended is recorded: sweep again "
-        f"with the same store and another executor"
+        f"sweep: the executor failed ({type(error).__name__}: {error}); finished tasks are recorded: run "
+        f"the sweep again with the same store and another executor"
     )
 
 

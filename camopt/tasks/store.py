@@ -131,8 +131,8 @@ class TaskStore:
         last = self._db.execute("SELECT coalesce(max(number), -1) FROM row").fetchone()[0]
         if last >= tasks:
             raise InputError(
-                f"{self.path}: has a row of task {last}, and these are {tasks} tasks: it belongs to other tasks; name "
-                f"another store"
+                f"{self.path}: has a row for task {last}, but there are {tasks} tasks: it belongs to another sweep; "
+                f"name another store"
             )
 
 

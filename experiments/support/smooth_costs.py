@@ -99,7 +99,7 @@ def _equal(case: RevolutionCase, precision: str, steps: int, eps: float) -> dict
         lift, x, v, force, memory = (q[0] for q in recorded(run(y, eps)))
         if not np.all(np.isfinite(x)):
             raise MotionRefused(
-                "the motion has no bound: the step is past the method's stability limit: take a smaller one"
+                "the motion has no bound: the step is above the method's stability limit: take a smaller one"
             )
         return Response(case.train, case.cam_speed, np.linspace(-np.pi, np.pi, steps + 1), lift, x, v, force, memory)
 

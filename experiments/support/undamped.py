@@ -134,7 +134,7 @@ def compared(
         command = [python, "-I", siconos_judge.__file__, str(source), "--out", str(target)]
         ended = subprocess.run(command, capture_output=True, text=True, check=False)
         if ended.returncode:
-            raise RuntimeError(f"Siconos broke off: {ended.stderr.strip()[-500:]}")
+            raise RuntimeError(f"Siconos failed: {ended.stderr.strip()[-500:]}")
         motions = json.loads(target.read_text(encoding="utf-8"))
     valves = [valve_from_rest(scene, lift, one["speed_rpm"])[0][0] for one in motions["speeds"]]
     rows = [apart(one, valve, 2 * lift.half_duration) for one, valve in zip(motions["speeds"], valves, strict=True)]

@@ -94,7 +94,7 @@ def test_overdamped_pairs_are_left_out_and_said_to_be_so():
     assert len(modes(stuck, "seated").frequency_Hz) == 9
     assert len(modes(stuck, "lifted").frequency_Hz) == 10
     heavy = modes(damped(MOTOR, "train", 1e5))
-    assert mode_lines(heavy)[1:] == ["overdamped: 1 of 1 modes, damped by more than 100 %: no swinging"]
+    assert mode_lines(heavy)[1:] == ["overdamped: 1 of 1 modes, damped by more than 100 %: no oscillation"]
     assert not any("overdamped" in line for line in mode_lines(modes(MOTOR)))
 
 

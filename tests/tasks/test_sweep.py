@@ -142,8 +142,8 @@ class TestStores:
         path = tmp_path / "x"
         camopt.sweep(rehearsals(5), path, workers=0)
         assert "its row 0 is not task 0 of this plan" in self.refused(rehearsals(5, 0.01), path)
-        assert "these are 3 tasks" in self.refused(rehearsals(3), path)
-        assert "these are 3 tasks" in self.refused(list(rehearsals(3)), path)
+        assert "there are 3 tasks" in self.refused(rehearsals(3), path)
+        assert "there are 3 tasks" in self.refused(list(rehearsals(3)), path)
         assert camopt.sweep(rehearsals(7), path, workers=0).counts == {"done": 7}
 
     def test_another_version(self, tmp_path, monkeypatch):
@@ -227,7 +227,7 @@ def test_any_executor_with_at_most_four_tasks_for_each_worker(tmp_path, serial):
 def test_a_closed_executor_and_a_worker_of_another_version_are_reported(tmp_path, monkeypatch):
     executor = ThreadPoolExecutor(1)
     executor.shutdown()
-    with pytest.raises(InputError, match=r"the executor does not go on .*sweep again with the same store"):
+    with pytest.raises(InputError, match=r"the executor failed .*sweep again with the same store"):
         camopt.sweep(rehearsals(2), tmp_path / "x", executor)
     monkeypatch.setattr("camopt.tasks.compute._own_version", lambda: "9.9")
     with ThreadPoolExecutor(1) as executor, pytest.raises(InputError, match=r"a worker has camopt 9\.9, and the tasks"):
@@ -240,7 +240,7 @@ def test_a_task_that_raises_gives_a_failed_row_with_its_message(tmp_path):
     assert [row["state"] for row in swept.rows()] == ["failed", "done", "failed"]
     reasons = [row["reason"] for row in swept.failed()]
     assert reasons[0] == "rehearse: task 3 fails, as it was told to"
-    assert "worker process only" in reasons[1]
+    assert "needs a worker process" in reasons[1]
     swept.write_csv(tmp_path / "x.csv")
     first, *lines = (tmp_path / "x.csv").read_text().splitlines()
     assert first == "task,state,verb,end,number,reason,fraction" and len(lines) == 3

@@ -215,7 +215,7 @@ def _table(parameters: FreeParameters, fitted: Fitted, estimate: _Estimate, soun
 def _remarks(fits: Sequence[Fitted], residuals, noise: float, estimated: bool, estimate: _Estimate, error: float):
     best = fits[0]
     if not best.converged:
-        yield f"the fit did not come to a stand in {best.steps} steps: start nearer, or free fewer parameters"
+        yield f"the fit did not converge in {best.steps} steps: start closer, or free fewer parameters"
     if error > JACOBIANS_AGREE:
         yield (
             f"differences and adjoint disagree by {error:.2g}: the motion is too sensitive (bounce, jump, or nearly); "

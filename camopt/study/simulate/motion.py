@@ -144,7 +144,7 @@ def _checked_settings(scene: Scene, speed_rpm, method, revolutions, step_deg) ->
     if rows * each > MOST_VALUES:
         raise InputError(
             f"simulate at {speed_rpm} r/min: the train's highest mode of {highest_rate(train) / 2e3 / np.pi:.3g} kHz "
-            f"turns so often in these revolutions that {rows / 1e6:.3g} million steps of {each} numbers would have to "
+            f"oscillates so fast that {rows / 1e6:.3g} million steps of {each} numbers would have to "
             f"be kept ({8e-9 * rows * each:.2g} GB), and {8e-9 * MOST_VALUES:.2g} GB are allowed: raise the speed, ask "
             f"for fewer revolutions, or take a smaller model (camopt reduce)"
         )
