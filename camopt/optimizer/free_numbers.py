@@ -1,8 +1,8 @@
 """Numbers of a scene that a design may choose within ranges: spring rate, preload, lash, ramp.
 
-They go to where the no-jump program under one margin at all design speeds finds the largest area, by L-BFGS-B (Byrd,
-Lu, Nocedal and Zhu 1995, in SciPy) and the exact slopes of that area, from the program's duals. Where no cam keeps the
-margin, the shortfall guides the search. The cam is then designed for the scene that has these values.
+They are chosen so that the no-jump program, with one margin at all design speeds, has the largest area, by L-BFGS-B
+(Byrd, Lu, Nocedal and Zhu 1995, in SciPy) with the exact slopes of that area from the program's duals. Where no cam
+keeps the margin, the shortfall is minimised instead. The cam is then designed for the scene with these values.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -27,30 +27,30 @@ from camopt.scene.train import build_train
 
 RAMP = ("design.ramp_height_mm", "design.ramp_velocity_mm_per_deg")
 BAND_SPEEDS = 9
-"""Speeds of the program over a band."""
+"""Number of speeds of the program over a band."""
 EVALUATIONS = 30
 SHORTFALL = 1e-3
-"""Area ratio that stands for one newton that a margin is short of, where no cam keeps it."""
+"""Loss of area ratio that stands for one newton of shortfall, where no cam keeps the margin."""
 STEP = 1e-6
-"""Part of its range by which a number moves for a slope."""
+"""Step of a number for a slope, relative to its range."""
 LEAST_GAIN = 1e-7
-"""Share of the area whose gain by a step ends the search."""
+"""The search ends when a step gains a smaller share of the area."""
 
 
 @dataclass(frozen=True)
 class FreeNumber(Tied):
-    """A number that may be chosen from `low` to `high` in its key's unit; others move in proportion to it."""
+    """A number that may be chosen from `low` to `high`, in its key's unit; the others move in proportion to it."""
 
     low: float
     high: float
 
 
 def free_numbers(scene: Scene, asked: Mapping[str, Sequence[float]]) -> tuple[FreeNumber, ...]:
-    """The numbers that are asked for by name, with their ranges (low, high).
+    """The free numbers with their names and ranges (low, high).
 
     A name is that of a tolerance of the scene, whose numbers move together, NAME.KEY of a mass or an element, or one of
-    `RAMP`. Raises InputError for another one, for an empty range, and for bounds of which all the lowest or all the
-    highest values give an invalid scene.
+    `RAMP`. Raises InputError for any other name, for an empty range, and if the scene with all the lowest or all the
+    highest values is invalid.
     """
     found = tuple(free_number(scene, name, *map(float, ends)) for name, ends in asked.items())
     for which, values in (("lowest", [one.low for one in found]), ("highest", [one.high for one in found])):
@@ -59,7 +59,7 @@ def free_numbers(scene: Scene, asked: Mapping[str, Sequence[float]]) -> tuple[Fr
 
 
 def free_number(scene: Scene, name: str, low: float = -np.inf, high: float = np.inf) -> FreeNumber:
-    """The number of a name, as of `free_numbers`, which raises the same errors."""
+    """The free number of a name; names and errors are those of `free_numbers`."""
     if not low < high:
         raise InputError(f"free {name}={low:g}:{high:g}: expected LOW:HIGH with LOW below HIGH, such as 200:320")
     tolerance = next((one for one in scene.tolerance if one.label == name), None)
@@ -88,8 +88,8 @@ def with_values(scene: Scene, free: Sequence[FreeNumber], values: Sequence[float
 def with_best_values(
     scene: Scene, free: Sequence[FreeNumber], speeds: str, effort: Accuracy, progress: bool = False
 ) -> tuple[Scene, dict]:
-    """The scene with the best values of its free numbers, and `free` of design.json: by name the value beside the given
-    one and the range."""
+    """The scene with the best values of its free numbers, and `free` of design.json: by name the value, the original
+    value and the range."""
     given, ranges = [one.of(scene) for one in free], [(one.low, one.high) for one in free]
     programs = Programs(lambda x: with_values(scene, free, x), speeds, effort, usual_margin(build_train(scene)))
     with tqdm(total=EVALUATIONS, desc="free numbers", disable=None if progress else True, leave=False) as bar:
@@ -102,8 +102,8 @@ def with_best_values(
 
 
 class LargestOverParameters(NamedTuple):
-    """The values whose program has the largest area, its area ratio there and at the start, and how often it was
-    solved."""
+    """The values whose program has the largest area, the area ratio there and at the start, and the number of solved
+    programs."""
 
     values: tuple[float, ...]
     area_ratio: float
@@ -112,12 +112,12 @@ class LargestOverParameters(NamedTuple):
 
 
 class BudgetExhausted(Exception):
-    """As many programs were solved as may be."""
+    """The permitted number of programs has been solved."""
 
 
 @dataclass(frozen=True)
 class Programs:
-    """The no-jump programs, under one margin, of the scenes that `scene_of` makes of values."""
+    """The no-jump programs, with one margin, of the scenes that `scene_of` makes from values."""
 
     scene_of: Callable[[np.ndarray], Scene]
     speeds: str
@@ -131,8 +131,8 @@ class Programs:
         evaluations: int = EVALUATIONS,
         show: Callable[[float], object] = lambda area: None,
     ) -> LargestOverParameters:
-        """The values within these ranges whose program has the largest area; that of the start is taken as it is,
-        within the ranges or not."""
+        """The values within these ranges whose program has the largest area. The start is evaluated as it is, within
+        the ranges or not."""
         low, high = np.array(ranges, dtype=float).T
         at_start, begin, met = self.value(np.asarray(start, dtype=float)), np.clip(start, low, high), []
 
@@ -154,13 +154,13 @@ class Programs:
         return LargestOverParameters(tuple(values.tolist()), area, at_start, len(met) + 1)
 
     def value(self, values: np.ndarray) -> float:
-        """The largest area ratio, or what stands for the shortfall where no cam keeps the margin."""
+        """The largest area ratio or, where no cam keeps the margin, minus the scaled shortfall."""
         return self._solved(self._program(values))[0]
 
     def value_and_slopes(self, values: np.ndarray, steps: np.ndarray) -> tuple[float, np.ndarray]:
-        """The same with its slope by every value: of the area by the program's duals, exact but for the size of the
-        steps, of a shortfall by its differences; zero where a number does not move or no program on either side is
-        alike."""
+        """The same with its slope by every value. The slope of an area follows from the program's duals, exact but for
+        the size of the steps; that of a shortfall is a difference quotient. It is zero where a step is zero or no
+        program on either side has the same structure."""
         value, found = self._solved(self._program(values))
         along, slopes = np.diag(steps), np.zeros(len(values))
         for k in np.flatnonzero(steps):

@@ -41,19 +41,19 @@ PACKAGES = ("camopt", "jax", "diffrax", "optax", "numpy", "scipy", "highspy", "n
 SPEEDS = ("band", "nominal")
 GRADIENTS = ("auto", "smooth", "exact", "none")
 SHOWN = ("area_ratio", "area_ratio_bound", "area_gap_percent", "area_ratio_no_jump", "gradient_gain")
-"""Figures of the record that a notebook shows above the verdict."""
+"""Numbers of the record that a notebook shows above the verdict."""
 
 
 @dataclass(frozen=True, repr=False)
 class Run:
-    """The outcome of an optimisation: where it lies, the cam, its verdict, and the figures of `design.json`."""
+    """The outcome of an optimisation: its folder, the cam, its verdict, and the numbers of `design.json`."""
 
     folder: Path
     lift: Lift
     verdict: Verdict
     record: dict
     exit_code: int  # 0 confirmed, 3 not
-    as_built: "YieldStatement | None" = None  # what drawn trains say; None where the scene says not how they differ
+    as_built: "YieldStatement | None" = None  # of drawn trains; None if nothing scatters
 
     def __repr__(self) -> str:
         built = "" if self.as_built is None else f", {self.as_built.share} of trains as built"
@@ -94,25 +94,25 @@ def optimize(
     tie: float = 1.0,
     steps_per_revolution: int = 1440,
 ) -> Run:
-    """Design the cam of largest area that a scene's limits allow, and have it verified and compared.
+    """Design the cam of largest area that a scene's limits allow, verify it and compare it.
 
-    `speeds` "band" (every speed of the scene's band) or "nominal" (its listed speeds (k) [r/min]); `accuracy` a name of
-    `camopt.optimizer.accuracy`; `gradient` "auto" or "smooth" for a search along the smoothed motion's slopes by JAX,
-    "exact" along those of the closed periodic response, "none" for its first stage alone; it begins from the cam
-    `start`, by default from the calmest one (`camopt.optimizer.search.search`). The run folder (docs/run-folder.md)
-    goes to `out` (default runs/<scene>-<UTC time>), but for report.html, which `camopt.report` makes from it. With
-    `resume` an interrupted run in `out` goes on and ends in the same design. `seed`, where it is not zero, draws the
-    knots. Where the scene says how trains differ, `as_built` of the answer has the share of fresh ones in which the cam
-    holds; with `wanted_yield`, such as 0.99, the run is confirmed only where that share of them holds over the band.
-    `designed` is called with the folder once the design, its verdict, that share and the provenance are written, before
-    the comparison, which can cost none of them; without `compare` there is none. `free` names numbers of the scene that
-    the design may choose, with their ranges (low, high) in the key's unit, as {"spring.preload_N": (200, 320)}
-    (`camopt.optimizer.free_numbers`); the folder's scene.toml has the chosen values. `source` is what `gradient` is
-    called elsewhere; `width_um`, `tie` and `steps_per_revolution` are as of `linearised`. Where a family's largest
-    member is confirmed and larger than the search's cam, it is the design.
+    `speeds` is "band" (every speed of the scene's band) or "nominal" (its listed speeds (k) [r/min]), `accuracy` a name
+    of `camopt.optimizer.accuracy`. `gradient` selects the search (`camopt.optimizer.search.search`): "auto" and
+    "smooth" use the slopes of the smoothed motion by JAX, "exact" those of the closed periodic response, and "none"
+    runs the first stage alone. The search begins from the cam `start`, by default from the calmest one. The run folder
+    (docs/run-folder.md) is `out` (default runs/<scene>-<UTC time>), without report.html, which `camopt.report` makes
+    from it. With `resume` an interrupted run in `out` is continued and ends in the same design. A `seed` other than
+    zero draws the knots. If the scene has tolerances, `as_built` of the result has the share of fresh trains in which
+    the cam holds; with `wanted_yield`, such as 0.99, the run is confirmed only if at least that share of them holds
+    over the band. `designed` is called with the folder once the design, its verdict, that share and the provenance are
+    written, before the comparison, whose failure cannot lose them; without `compare` there is none. `free` names
+    numbers of the scene that the design may choose, with their ranges (low, high) in the key's unit, as
+    {"spring.preload_N": (200, 320)} (`camopt.optimizer.free_numbers`); the folder's scene.toml has the chosen values.
+    `source` is another name of `gradient`; `width_um`, `tie` and `steps_per_revolution` are as of `linearised`. If a
+    family's largest member is confirmed and larger than the search's cam, it is the design.
 
-    Raises InputError for unknown words, contradictory limits, an unusable folder or one of another run, and NoCamFound,
-    which is one, where the search finds no cam and no family's largest one is confirmed.
+    Raises InputError for unknown words, contradictory limits, an unusable folder or one of another run, and its
+    subclass NoCamFound if the search finds no cam and no family's largest member is confirmed.
     """
     how = smoothing("optimize", width_um, tie, steps_per_revolution).as_asked
     settings = {"speeds": speeds, "accuracy": accuracy, "gradient": source or gradient, "seed": seed} | how
@@ -127,7 +127,7 @@ def optimize(
     design = scene.required_design
     job = _OpenRun(scene, settings, effort, StageClock(), compare, {"free": chosen} if chosen else {}, start)
     with job.clock.stage("bound"):
-        kinematic = kinematic_optimum(design, program_cam(design, effort.knot_deg))  # contradictory limits end here
+        kinematic = kinematic_optimum(design, program_cam(design, effort.knot_deg))  # raises for contradictory limits
         bound = area_ratio_bound(design).bound
     with run_folder(folder, identity, resume, ["design.json"]):
         write_text(folder / "scene.toml", scene_toml(scene))
@@ -148,7 +148,7 @@ def optimize(
 
 
 def _understood(scene: Scene, settings: dict) -> Accuracy:
-    """The effort that is asked for; raises InputError for unknown words."""
+    """The settings of the accuracy; raises InputError for unknown words."""
     effort = accuracy_named(settings["accuracy"])
     for name, known in (("speeds", SPEEDS), ("gradient", GRADIENTS)):
         if settings[name] not in known:
@@ -161,7 +161,7 @@ def _understood(scene: Scene, settings: dict) -> Accuracy:
 
 @dataclass
 class _OpenRun:
-    """A run between its folder and its end: what was asked, and what the provenance will say."""
+    """A run in progress: its settings, and the contents of its provenance."""
 
     scene: Scene
     settings: dict
@@ -170,7 +170,7 @@ class _OpenRun:
     compare: bool = True
     further: dict = field(default_factory=dict)  # keys of design.json on free numbers and on the search
     start: Lift | None = None
-    found: dict = field(default_factory=dict)  # of the search, for the provenance
+    found: dict = field(default_factory=dict)  # numbers of the search, for the provenance
 
     @cached_property
     def families(self) -> dict[str, Lift | str]:
@@ -178,7 +178,7 @@ class _OpenRun:
         return family_cams(self.scene)
 
     def make_programs(self, shown: Progress) -> None:
-        """On the first run of an installation: the compiled programs."""
+        """Compiles the programs on the first run of an installation."""
         if programs_missing():
             shown.say(SAYING)
             with self.clock.stage("programs"):
@@ -187,7 +187,7 @@ class _OpenRun:
     def design(
         self, folder: Path, shown: Progress, kinematic: KinematicOptimum, bound: float
     ) -> tuple[Lift, Verdict, dict]:
-        """The cam, its verdict and the content of design.json, all of them written into the folder."""
+        """The cam, its verdict and the content of design.json, all of which are written into the folder."""
         scene, effort, clock = self.scene, self.effort, self.clock
         shown.begin("search")
         searched, no_jump, failed = self._searched(folder, shown)
@@ -216,7 +216,7 @@ class _OpenRun:
         return lift, chosen.verdict, record
 
     def _searched(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam | None, str]:
-        """The cams of the search and the best of the program alone; or neither, and why it found none."""
+        """The cams of the search and the best of the program alone; or neither, and the reason why there is none."""
         try:
             return *(self._cams_for_yield(folder, shown) if "yield" in self.settings else self._cams(folder, shown)), ""
         except NoCamFound as none:
@@ -233,7 +233,7 @@ class _OpenRun:
         return search.confirmed, search.first
 
     def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam | None]:
-        """The same of the search for yield, which has no program alone."""
+        """The same for the search for yield, which has no program alone."""
         from camopt.optimizer.as_built.drawn import FOLDER
         from camopt.optimizer.as_built.search import yield_search
 
@@ -246,7 +246,7 @@ class _OpenRun:
         return search.held[-cams.CANDIDATES :], None
 
     def state_yield(self, folder: Path, lift: Lift, verdict: Verdict, shown: Progress) -> "YieldStatement | None":
-        """What fresh trains say of the cam, written into verification.json; None where nothing scatters."""
+        """The yield of the cam on fresh trains, which is written into verification.json; None if nothing scatters."""
         from camopt.optimizer.as_built.statement import beside, statement_of_run
         from camopt.optimizer.baselines.comparison import plain_baselines
 
@@ -264,7 +264,7 @@ class _OpenRun:
         return stated
 
     def write_provenance(self, folder: Path) -> None:
-        """provenance.json as far as the run has come."""
+        """Writes provenance.json with everything that is known so far."""
         content = {
             "versions": {name: version(name) for name in PACKAGES} | {"python": platform.python_version()},
             "machine": {"processor": platform.machine(), "system": platform.system()},
@@ -278,8 +278,8 @@ class _OpenRun:
         write_json(folder / "provenance.json", content)
 
     def compared(self, folder: Path, lift: Lift, verdict: Verdict, shown: Progress) -> None:
-        """The comparison with its figures or, where none is asked for, the figures of the design alone."""
-        from camopt.optimizer.baselines.comparison import compare_in, plain_baselines  # matplotlib: once there is a cam
+        """Writes the comparison with its figures or, if no comparison is wanted, the figures of the design alone."""
+        from camopt.optimizer.baselines.comparison import compare_in, plain_baselines  # loads matplotlib
         from camopt.optimizer.baselines.figures import draw
 
         scene, effort = self.scene, self.effort

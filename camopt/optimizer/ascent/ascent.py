@@ -1,10 +1,10 @@
-"""`camopt.ascend`: steps of an optax transformation along an objective's gradient, within the limits on the shape.
+"""`camopt.ascend`: ascent along an objective's gradient by an optax transformation, within the limits on the shape.
 
-The transformation is given the gradient along the face of the limits on which the point lies (Rosen 1960), and its step
-is taken along that face too: one that scales each variable for itself, as Adam does, still climbs, and momentum does
-not press against a limit. The point that it leads to is replaced by the nearest one that holds every limit (Goldstein
-1964; Levitin and Polyak 1966). Where the objective has constraints along paths, the augmented Lagrangian is climbed in
-its place, and the transformation begins anew with each of its rounds.
+Before a step the gradient is projected onto the face of the limits on which the point lies (Rosen 1960), and the step
+that the transformation returns is projected onto the same face. A transformation that scales every variable separately,
+such as Adam, therefore still ascends, and momentum does not push against a limit. The new point is then replaced by the
+nearest one that holds every limit (Goldstein 1964; Levitin and Polyak 1966). If the objective has path constraints,
+their augmented Lagrangian is maximised in its place, and the transformation is restarted in each of its rounds.
 """
 
 import json
@@ -34,7 +34,8 @@ from camopt.storage import check_run_folder, run_folder, run_identity, write_tex
 FORMS = (FREE, "own")
 STATE = "ascent.json"
 ROUND = 30
-"""Steps between two changes of what the Lagrangian holds, long enough for a quasi-Newton method to learn."""
+"""Number of steps between two updates of the Lagrangian's multipliers: enough for a quasi-Newton method to approximate
+the curvature."""
 Point = dict[str, np.ndarray]
 
 
@@ -53,25 +54,27 @@ def ascend(
     resume: bool = False,
     progress: bool = False,
 ) -> AscentHistory:
-    """Climbs an objective from a cam by `steps` steps of an optax transformation; returns every iterate.
+    """Maximises an objective from a start cam by `steps` steps of an optax transformation; returns every iterate.
 
-    With `form` "free" the free cam within the limits that is nearest to `start` varies (knots every `knot_deg`; a free
-    cam keeps its own; "calmest" is the one whose coefficients are zero), with "own" the parameters of the start's own
-    family. `train` names numbers of the scene that vary too, NAME.KEY or several that share one factor, with the bounds
-    of that factor, as in {("spring.preload_N", "seat.preload_N"): (0.9, 1.1)}. The variables are the coefficients of a
-    free cam [mm/deg^2] and factors on everything else. Every iterate holds the limits on the shape. Every `judge_every`
-    iterates, and the last, are judged by event-exact at the objective's speeds, settled; `history.best` is the one of
-    the largest value among those that hold every limit, None where none does, and `history.nearest` the one that uses
-    least of its limits. With `out` a folder is written after every judged iterate; with `resume` it goes on there as if
-    it had not been interrupted, and more steps may be asked for.
+    With `form` "free" the variables are the coefficients [mm/deg^2] of the free cam within the limits that is nearest
+    to `start`. Its knots are `knot_deg` apart, but a free cam keeps its own knots. The start "calmest" is the free cam
+    whose coefficients are zero. With `form` "own" the variables are factors on the parameters of the start's own
+    family. `train` names numbers of the scene that vary as well, NAME.KEY or several that share one factor, with the
+    bounds of that factor, as in {("spring.preload_N", "seat.preload_N"): (0.9, 1.1)}. Every iterate holds the limits on
+    the shape. Every `judge_every`-th iterate and the last one are simulated by event-exact at the objective's speeds
+    until the motion has settled. `history.best` is the judged cam of the largest objective that holds every limit, None
+    if there is none; `history.nearest` is the judged cam whose largest used share of a limit is smallest. With `out` a
+    folder is written after every judged iterate. With `resume` the ascent in that folder is continued as if it had not
+    been interrupted, and `steps` may be larger than before.
 
-    An objective's constraints are met in rounds of thirty steps by an augmented Lagrangian, for which the
-    transformation begins anew in each; the terms of an iterate have the least force and the largest gap. With `metric`
-    steps are taken in coordinates in which one step of length one moves the constrained paths by one unit (a gap's
-    limit, the median force of the start): from one Jacobian at the start, and for any transformation.
+    Path constraints of the objective are met in rounds of thirty steps by an augmented Lagrangian. The transformation
+    is restarted in each round, and the terms of an iterate include the least force and the largest gap. With `metric`
+    the steps are taken in scaled coordinates, in which a step of length one moves the constrained paths by one unit (a
+    gap's limit, the median force of the start). The scaling comes from one Jacobian at the start and serves any
+    transformation.
 
     Raises InputError for unusable arguments, contradictory limits, a family without a member near `start` that holds
-    them, a motion that cannot be followed, and for a folder as `camopt.storage.run_folder`.
+    them, a motion that cannot be computed, and for a folder as `camopt.storage.run_folder`.
     """
     if form not in FORMS or steps < 1 or judge_every < 1:
         raise InputError(
@@ -116,7 +119,7 @@ def ascend(
 
 
 class AscentState:
-    """An ascent under way: the point it has come to, the transformation's state, and the iterates until there."""
+    """State of an ascent: the current point, the state of the optax transformation, and the iterates so far."""
 
     def __init__(
         self, objective: Objective, variables: Variables, optimiser: optax.GradientTransformation, metric: bool = False
@@ -138,11 +141,12 @@ class AscentState:
         self._slopes = jax.jit(jax.value_and_grad(self._value, has_aux=True))
 
     def _begin_anew(self) -> None:
-        """Begins the transformation at the point."""
+        """Restarts the transformation at the current point."""
         self.state = _typed(self._optimiser.init(_arrays(self.point)))
 
     def _value(self, point: Mapping[str, jax.Array], held: Held | None) -> tuple[jax.Array, tuple[Any, ...]]:
-        """What is climbed, and beside it the objective's value and terms and the paths, where they are limited."""
+        """The function that is maximised, and with it the objective's value, its terms and the constrained paths, if
+        any."""
         parameters = self.variables.parameters(point)
         value, terms = self._bound.value_and_terms(parameters)
         if self._lagrangian is None or held is None:
@@ -151,16 +155,16 @@ class AscentState:
         return climbed, (value, terms | worst, paths)
 
     def _move(self, climbed: jax.Array, gradient: Point, faces: Point) -> Point:
-        """The point to which the transformation's change along the faces leads; the state goes on to its new one.
+        """The point reached by the transformation's step along the faces; the transformation's state is updated.
 
-        Its own arithmetic is not compiled: one program with the objective in every branch of a line search would take
-        long to compile, in every process.
+        The transformation's own arithmetic is not compiled. A compiled line search would contain the objective in every
+        branch, and that program would take long to compile in every process.
         """
 
         def along(faces, change):
             return {name: faces[name] @ part for name, part in change.items()}
 
-        def fall(other):  # of the objective at the nearest point that holds the limits, and its slopes
+        def fall(other):  # minus the objective at the nearest point within the limits, and its slopes
             apart = along(faces, {name: np.asarray(part) - self.point[name] for name, part in other.items()})
             moved = {name: self.point[name] + part for name, part in apart.items()}
             there, on = self.variables.nearest_and_faces(moved)
@@ -178,7 +182,7 @@ class AscentState:
         return {name: self.point[name] + part for name, part in along(faces, change).items()}
 
     def step(self, judged: bool) -> None:
-        """Records the present point as an iterate, and goes to the next one."""
+        """Records the current point as an iterate, and moves to the next one."""
         if self._lagrangian is not None and self.iterates and len(self.iterates) % ROUND == 0:
             self._next_round(self._lagrangian)
         (climbed, (value, terms, paths)), gradient = self._slopes(self.point, self._held)
@@ -199,7 +203,7 @@ class AscentState:
             self._held = self._held._replace(start=paths.end)
 
     def _next_round(self, lagrangian: PathLagrangian) -> None:
-        """Moves what the Lagrangian holds. The transformation begins anew: what it knows is of another function."""
+        """Updates the Lagrangian and restarts the transformation, whose state belongs to another function."""
         assert self._held is not None
         (_, (_, _, paths)), _ = self._slopes(self.point, self._held)
         lift = self.variables.cam.lift(self.variables.cam_vector(self.point))
@@ -207,7 +211,7 @@ class AscentState:
         self._begin_anew()
 
     def _judged_share(self) -> float:
-        """The largest share of a limit that the settled motion uses by event-exact; infinite for a broken shape."""
+        """The largest used share of a limit of the settled event-exact motion; infinite if the shape breaks a limit."""
         scene = self.variables.train.scene_with(self.point["train"])
         lift = self.variables.cam.lift(self.variables.cam_vector(self.point))
         if broken_by_shape(lift, scene.design):
@@ -215,7 +219,7 @@ class AscentState:
         return float(Judge(scene, sorted(self.objective.speeds_rpm))(lift).share.max(initial=0.0))
 
     def history(self) -> AscentHistory:
-        """All iterates until now, with the best and the nearest of them."""
+        """All iterates so far, with the best and the nearest of them."""
         about = {"scene": self.objective.scene.name, "path": self.objective.source, "maximise": self.objective.maximise}
         steps = notable(self.iterates)
         data = dataset_of(self.iterates, self.variables.train.names).assign_attrs(about, **steps)
@@ -226,13 +230,13 @@ class AscentState:
         return AscentHistory(data, *cams["nearest"], *cams.get("best", (None, None)))
 
     def save(self, path: Path) -> None:
-        """Writes the ascent, from which `load` goes on to the last digit."""
+        """Writes the state of the ascent, from which `load` continues it to the last digit."""
         iterates, state = [vars(one) for one in self.iterates], jax.tree.leaves((self.state, self._held))
         content = {"iterates": iterates, "point": self.point, "state": state}
         write_text(path, json.dumps(content, default=lambda array: np.asarray(array).tolist()))
 
     def load(self, path: Path) -> None:
-        """Takes over what `save` wrote of the same ascent."""
+        """Restores what `save` wrote of the same ascent."""
         stored = json.loads(path.read_text(encoding="utf-8"))
         leaves, tree = jax.tree.flatten((self.state, self._held))
         known = zip(leaves, stored["state"], strict=True)
@@ -250,7 +254,7 @@ def calmest(scene: Scene, knot_deg: float) -> Lift:
 
 
 def _check_constraints(objective: Objective, start, form: str, train, metric: bool) -> None:
-    """Refuses what goes with no constraints, and what goes with none but a free cam."""
+    """Raises InputError for a start, form, train or metric that cannot be combined with the others or the constraints."""
     if isinstance(start, str) and start != "calmest":
         raise InputError(f"ascend: start {start!r}: expected a cam, as camopt.polydyne(scene) gives, or 'calmest'")
     if isinstance(start, str) and form != FREE:
@@ -265,7 +269,7 @@ def _check_constraints(objective: Objective, start, form: str, train, metric: bo
 
 
 def _typed(state: Any) -> Any:
-    """The state with fixed types, so that the second step does not compile again."""
+    """The state with fixed types, so that the second step is not compiled again."""
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.asarray(leaf).dtype), state)
 
 

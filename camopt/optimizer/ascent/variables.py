@@ -1,8 +1,9 @@
-"""What an ascent moves: a free cam's coefficients or a family's own parameters, and factors on numbers of the train.
+"""The variables of an ascent: a free cam's coefficients or a family's own parameters, and factors on numbers of the
+train.
 
-Both kinds are arrays by name, "cam" (m) and "train" (k). Of a free cam they are its coefficients z [mm/deg^2]; of a
-family, factors on its own parameters, with the design conditions as they are. Every point of an ascent holds the
-design's limits on the shape: it is the nearest one that does.
+A point consists of two arrays by name, "cam" (m) and "train" (k). For a free cam, "cam" holds its coefficients z
+[mm/deg^2]; for a family, factors on its own parameters, with the design conditions unchanged. Every point of an ascent
+is the nearest one that holds the design's limits on the shape.
 """
 
 from collections.abc import Mapping
@@ -34,13 +35,14 @@ NOSE_ANGLES = 41
 MOST_ROUNDS = 30
 DRAWING_STEP = 0.25 * DEG
 ROOM = 1e-4
-"""Part of a limit of the drawing that an ascent leaves: between two angles lies a few 1e-5 of it at most."""
+"""Margin to a limit of the drawing, relative to its size: between two samples the limit is exceeded by a few 1e-5 of it
+at most."""
 Names = str | tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class TrainVariables:
-    """Factors on numbers of a scene: `bounds` by NAME.KEY, or by several of these that share one factor."""
+    """Factors on numbers of a scene, with their `bounds` by NAME.KEY, or by several of these that share one factor."""
 
     scene: Scene
     bounds: Mapping[Names, tuple[float, float]]
@@ -49,18 +51,18 @@ class TrainVariables:
         for names, (low, high) in self.bounds.items():
             if not 0.0 < low <= 1.0 <= high:
                 raise InputError(f"train {names}: factors from {low:g} to {high:g}: bounds about 1 are needed")
-        numbers = [number for tied in self._tied for number in tied.numbers]  # unknown names are answered now
+        numbers = [number for tied in self._tied for number in tied.numbers]  # raises for unknown names
         if twice := [number.named(self.scene) for number in set(numbers) if numbers.count(number) > 1]:
             raise InputError(f"train: {min(twice)} has two factors: name it once")
         own = build_train(self.scene).parameters
-        for tied in self._tied:  # the arrays have to follow every factor in a straight line
+        for tied in self._tied:  # the arrays must be affine in every factor
             more, most = (build_train(tied.scaled(self.scene, factor)).parameters for factor in (1.5, 2.0))
             if not all(np.allclose(2.0 * more[n], own[n] + most[n], rtol=1e-9, atol=0.0) for n in own):
                 raise InputError(f"train: {excerpt(tied.name)} is no number of the train that may vary")
 
     @property
     def names(self) -> list[str]:
-        """What each factor is called."""
+        """The names of the factors."""
         return [tied.name for tied in self._tied]
 
     @property
@@ -70,26 +72,26 @@ class TrainVariables:
 
     @cached_property
     def _tied(self) -> list[Tied]:
-        """The numbers of each factor."""
+        """The numbers that each factor multiplies."""
         several = [[names] if isinstance(names, str) else list(names) for names in self.bounds]
         return [Tied(" = ".join(names), tuple(n for name in names for n in self._numbers(name))) for names in several]
 
     def _numbers(self, name: str) -> list[SceneNumber]:
-        """The numbers that a name means; raises InputError where it means none."""
+        """The numbers that a name stands for; raises InputError if there are none."""
         numbers = [number for number in matching(self.scene, name) if number.of(self.scene) is not None]
         if not numbers:
             raise no_such_number(self.scene, name, "train")
         return numbers
 
     def arrays(self, scene: Scene) -> dict[str, np.ndarray]:
-        """The arrays of a train by name, each with a first axis (1 + k): its own numbers, and how they change with each
+        """The arrays of a train by name, each with a first axis (1 + k): its own numbers, then their change by each
         factor."""
         own = build_train(scene).parameters
         moved = [build_train(tied.scaled(scene, 2.0)).parameters for tied in self._tied]
         return {name: np.stack([array, *(one[name] - array for one in moved)]) for name, array in own.items()}
 
     def applied(self, arrays: Mapping[str, Any], factors: Any) -> dict[str, Any]:
-        """A train's arrays by name, in JAX, with the factors (k) on them; `arrays` as above."""
+        """A train's arrays by name, in JAX, with the factors (k) applied; `arrays` are those of the method `arrays`."""
         shares = jnp.concatenate([jnp.ones(1), jnp.asarray(factors) - 1.0])
         return {name: jnp.tensordot(shares, array, 1) for name, array in arrays.items()}
 
@@ -102,11 +104,11 @@ class TrainVariables:
 
 
 class FreeVariables:
-    """The coefficients of the free cam nearest to a given cam, of a free one with its own knots.
+    """The coefficients of the free cam nearest to a given cam; a given free cam keeps its own knots.
 
-    `start` (m) belongs to `cam`. `parameters` of a vector (m) are those of `camopt.differentiable(scene, cam)`, in JAX;
-    `limits` gives the vector nearest to another one whose cam holds the design's limits on the shape, its derivative,
-    and the projectors onto the directions along which these limits still hold.
+    `start` (m) are the coefficients of `cam`. `parameters` of a vector (m) are those of `camopt.differentiable(scene,
+    cam)`, in JAX. `limits` gives the nearest vector whose cam holds the design's limits on the shape, the derivative of
+    that projection, and the projectors onto the directions along which these limits still hold.
     """
 
     def __init__(self, scene: Scene, cam: Lift, knot_deg: float):
@@ -124,10 +126,11 @@ class FreeVariables:
 
 
 class FamilyVariables:
-    """Factors on the own parameters of a family's member, with what `FreeVariables` has; they are their own `limits`.
+    """Factors on the own parameters of a family's member, with the interface of `FreeVariables`; the object is its own
+    `limits`.
 
-    The lift laws of other points have these parameters by the names of `camopt.differentiable`, and are no members by
-    name: a family's own function may take others, or fewer.
+    The lift laws of other points have these parameters, under the names of `camopt.differentiable`. They cannot be
+    rebuilt from the family's name: its own function may take other parameters, or fewer.
     """
 
     def __init__(self, scene: Scene, cam: Lift):
@@ -184,7 +187,7 @@ class FamilyVariables:
         return Polyhedron(slopes, slopes @ vector - np.minimum(excess, 0.0)).face(vector, direction)
 
     def _excess(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How far each limit is broken, over the limit (r), and its slopes by the variables (r, m)."""
+        """The excess over each limit, relative to it (r), and its slopes by the variables (r, m)."""
         slopes, excess = self._compiled(jnp.asarray(vector))
         return np.asarray(excess), np.asarray(slopes)
 
@@ -198,7 +201,8 @@ class FamilyVariables:
 
 
 def shape_excess(cam: DifferentiableCam, parameters: Mapping[str, Any], design: Design) -> jax.Array:
-    """How far a cam breaks each limit on its shape, over the limit (r), in JAX; of the nose, over the lowest level."""
+    """The excess of a cam over each limit on its shape, relative to it (r), in JAX; on the nose, the largest
+    acceleration [mm/deg^2]."""
     own = dict(parameters)
     parts = [cam.peak(own) / (design.max_lift_mm * MM) - 1.0]
     if design.reach_max_lift:
@@ -217,7 +221,8 @@ def shape_excess(cam: DifferentiableCam, parameters: Mapping[str, Any], design: 
 
 
 def drawing_excess(cam: DifferentiableCam, parameters: Mapping[str, Any], limit: LinearLimit) -> jax.Array:
-    """The same of one limit of the drawing, over its size, at angles so close that `ROOM` covers what lies between."""
+    """The excess over one limit of the drawing, relative to its size, sampled so finely that `ROOM` covers the excess
+    between samples."""
     level = limit.level
     theta = np.linspace(level.low, level.high, 1 + int(np.ceil((level.high - level.low) / DRAWING_STEP)))
     most = level.taylor(theta, theta)[:, 0] - level.error
@@ -227,9 +232,10 @@ def drawing_excess(cam: DifferentiableCam, parameters: Mapping[str, Any], limit:
 
 
 class Variables:
-    """Everything that an ascent moves: arrays "cam" and, where numbers of the train vary, "train".
+    """All variables of an ascent: the arrays "cam" and "train", the latter empty if no numbers of the train vary.
 
-    With a `metric` (m, m) of a free cam, "cam" is y of the coefficients z = metric @ y, and what is nearest is so in y.
+    With a `metric` (m, m) of a free cam, "cam" holds y of the coefficients z = metric @ y, and distances are measured
+    in y.
     """
 
     def __init__(self, cam: FreeVariables | FamilyVariables, train: TrainVariables, metric: np.ndarray | None = None):
@@ -239,7 +245,7 @@ class Variables:
 
     @property
     def start(self) -> dict[str, np.ndarray]:
-        """Where an ascent begins."""
+        """The point at which an ascent begins."""
         begin = self.cam.start if self._metric is None else np.linalg.solve(self._metric, self.cam.start)
         return {"cam": begin, "train": np.ones(len(self.train.names))}
 
@@ -248,7 +254,7 @@ class Variables:
         return point["cam"] if self._metric is None else self._metric @ point["cam"]
 
     def parameters(self, point: Mapping[str, Any]) -> dict[str, Any]:
-        """Those of a bound objective."""
+        """The parameters of a bound objective at a point."""
         return self.cam.parameters(self.cam_vector(point)) | ({"train": point["train"]} if self.train.names else {})
 
     def nearest(self, point: Mapping[str, Any]) -> dict[str, np.ndarray]:
@@ -257,14 +263,14 @@ class Variables:
         return {"cam": self._limits.nearest(np.asarray(point["cam"], dtype=float)), "train": factors}
 
     def faces(self, point: Mapping[str, np.ndarray], gradient: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Projectors onto the directions in which a point may move along its gradient."""
+        """Projectors onto the directions in which a point can move along its gradient."""
         low, high = self.train.limits
         factors, uphill = point["train"], gradient["train"]
         held = ((factors <= low) & (uphill < 0)) | ((factors >= high) & (uphill > 0))
         return {"cam": self._limits.face(point["cam"], gradient["cam"]), "train": np.diag(1.0 - held)}
 
     def nearest_and_faces(self, point: Mapping[str, Any]) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """`nearest`, and its derivative: projectors onto the faces on which that point lies."""
+        """The result of `nearest`, and its derivative: projectors onto the faces on which that point lies."""
         (low, high), factors = self.train.limits, np.asarray(point["train"], dtype=float)
         cam, face = self._limits.nearest_and_face(np.asarray(point["cam"], dtype=float))
         free = (low <= factors) & (factors <= high)
