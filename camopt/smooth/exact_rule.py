@@ -1,12 +1,12 @@
 """The JAX rule of the exact path: `jax.grad`, `jax.jit` and `jax.vmap` through event-exact motions.
 
-The motion runs outside JAX. A batch takes one host call, in which its motions run side by side in threads; derivatives
-come from their discrete adjoint. The rule stands here and not in `camopt.exact`, because the verifier's verdict imports
-`camopt.exact` and must not load JAX.
+The motion is computed outside JAX. A batch takes one host call, in which its motions run side by side in threads;
+derivatives come from their discrete adjoint. The rule is here and not in `camopt.exact`, because the verifier's verdict
+imports `camopt.exact` and must not load JAX.
 
-A motion that cannot be followed is NaN throughout, and so are its derivatives. That happens where there is no rest, the
-motion switches endlessly or has no bound, a number is not finite, a mass, stiffness, leak or slip is not positive, or
-the compressions of a table do not ascend.
+A motion that cannot be computed is NaN throughout, and so are its derivatives. That happens if there is no rest, if the
+motion switches endlessly or has no bound, if a number is not finite, if a mass, stiffness, leak or slip is not
+positive, or if the compressions of a table do not ascend.
 """
 
 import os
@@ -32,7 +32,7 @@ from camopt.smooth.grid import regular_angles
 from camopt.smooth.varying_motion import CAM_PARAMETERS, Arrays, Varying
 
 SLOWER = 100.0
-"""How many times slower than expected a traced speed may come out before the motion is given up."""
+"""Ratio of the slowest expected speed to a traced one above which the motion is not computed."""
 WORKERS = os.cpu_count() or 1
 
 
@@ -50,13 +50,13 @@ def exact_metrics(
     """Values of metrics in one revolution of an event-exact motion, in the units of their names.
 
     `parameters` replaces numbers by arrays that JAX may trace: of the train by the names of `train.parameters`, "lift"
-    (p, q) [m/rad^k] and "borders" (p + 1) [rad] of the cam's pieces, "half_duration" [rad], "start" (2n + r: [m],
-    [m/s], [m]), the state at -pi, which is rest where it is left out. `cam_speed` [rad/s] may be traced. Derivatives
-    by the borders take lift and velocity to be continuous across them, and the opening foot not to end a hop. `spacing`
-    [rad] as of `TracedMotion`, for batches of many cams at few speeds.
+    (p, q) [m/rad^k] and "borders" (p + 1) [rad] of the cam's pieces, "half_duration" [rad], and "start" (2n + r: [m],
+    [m/s], [m]), the state at -pi, by default rest. `cam_speed` [rad/s] may be traced. Derivatives by the borders assume
+    that lift and velocity are continuous across them, and that the opening foot does not end a hop. `spacing` [rad] is
+    as of `TracedMotion`, for batches of many cams at few speeds.
 
-    The values cost one motion. Values with their gradients by the cam cost one motion and one sweep back per metric.
-    Raises InputError for an unknown metric or an unknown parameter.
+    The values cost one motion. Values with their gradients by the cam cost one motion and one backward sweep per
+    metric. Raises InputError for an unknown metric or an unknown parameter.
     """
     motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, spacing)
     metric_numbers(train, metrics)
@@ -101,8 +101,8 @@ def differentiable_motion(
 ) -> tuple[Response, dict[str, jax.Array]]:
     """Motion from rest on `steps` equal steps per revolution, and the metrics of all revolutions but the last.
 
-    Arguments are those of `exact_metrics`, and the record's arrays are JAX arrays. Differentiating costs the motion a
-    second time and a sweep per revolution. A motion at less than a hundredth of the `slowest` speed [rad/s] is NaN,
+    Arguments are those of `exact_metrics`, and the record's arrays are JAX arrays. A derivative costs the motion a
+    second time and one sweep per revolution. A motion at less than a hundredth of the `slowest` speed [rad/s] is NaN,
     because it would take hours.
     """
     motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, slowest=slowest)
@@ -143,13 +143,13 @@ class _Recorded:
 
     @property
     def shape(self):
-        """A tree of zeros like a record."""
+        """A tree of zeros with the shapes of a record."""
         n, e, r = len(self.motion.train.mass), len(self.motion.train.a), len(self.motion.train.memory)
         samples = Samples(*(np.zeros((len(self.angle), *shape)) for shape in ((n,), (n,), (), (), (e,), (r,))))
         return vars(samples), np.zeros((len(self.metrics), self.measured))
 
     def record(self, given: Arrays):
-        """The samples by name, and the metrics (l, measured); NaN where the motion cannot be followed."""
+        """The samples by name, and the metrics (l, measured); NaN if the motion cannot be computed."""
         traced = self.motion.trace(given, ())
         if traced is None:
             return jax.tree.map(lambda part: np.full_like(part, np.nan), self.shape)
@@ -157,7 +157,7 @@ class _Recorded:
         return vars(traced.at(self.angle)), np.array(rows).reshape(self.measured, len(self.metrics)).T
 
     def slopes(self, given: Arrays, bars, wanted: tuple[str, ...]) -> Arrays:
-        """Slopes by the wanted numbers of the sum of all recorded values times their weights `bars`."""
+        """Slopes, by the wanted numbers, of the sum of all recorded values times their weights `bars`."""
         traced = self.motion.trace(given, wanted)
         if traced is None:
             return {name: np.full_like(given[name], np.nan) for name in wanted}
@@ -177,7 +177,7 @@ class _Recorded:
 
 
 def weighted(bar: Float[jax.Array, " l"], slope: Float[jax.Array, " l *shape"]) -> Float[jax.Array, " *shape"]:
-    """Sum of the slopes times their weights `bar`, without those of weight zero, which may be NaN."""
+    """Sum of the slopes times their weights `bar`, without slopes of weight zero, which may be NaN."""
     bar = jnp.reshape(bar, (len(bar), *(1,) * (slope.ndim - 1)))
     return jnp.sum(jnp.where(bar == 0.0, 0.0, bar * slope), 0)
 
@@ -192,7 +192,7 @@ def host_call(function: Callable, result: Any, *args: Any) -> Any:
 
     def many(*args):
         leaves, tree = jax.tree.flatten(args)
-        arrays = [np.array(leaf, dtype=float) for leaf in leaves]  # writable: compiled for such
+        arrays = [np.array(leaf, dtype=float) for leaf in leaves]  # writable, as compiled functions require
         batch = arrays[0].shape[: arrays[0].ndim - ranks[0]]
         count = prod(batch)
         rows = [a.reshape(count, *a.shape[len(batch) :]) for a in arrays]
@@ -213,7 +213,7 @@ def host_call(function: Callable, result: Any, *args: Any) -> Any:
 
 
 def _varying(train: Train, lift: Lift, cam_speed, parameters, revolutions: int, spacing=None, slowest=None):
-    """(what is kept, what varies); raises InputError for an unknown parameter."""
+    """The motion, and the variables by name; raises InputError for an unknown parameter."""
     known = (*train.parameters, *CAM_PARAMETERS, "start")
     unknown = [name for name in parameters if name not in known]
     if unknown:

@@ -1,7 +1,7 @@
 """Explicit Runge-Kutta of order five (Dormand and Prince) as one `lax.scan` on a given grid of angles.
 
-The grid is data: `camopt.smooth.grid` shrinks it where a contact crosses its layer. Derivatives are taken along the
-grid as it stands, which is right because a motion that is resolved does not depend on its grid.
+The grid is data: `camopt.smooth.grid` refines it where a contact crosses its layer. Derivatives are taken on the fixed
+grid, which is right because a resolved motion does not depend on its grid.
 Source: Dormand, Prince (1980), A family of embedded Runge-Kutta formulae, J. Comp. Appl. Math. 6, table 2;
 the numbers are those of SciPy's class `RK45`.
 """
@@ -18,7 +18,9 @@ from camopt.smooth.laws import Layer
 from camopt.smooth.system import Array, System
 
 NODES = RK45.C
-STAGES = tuple(tuple(RK45.A[i, :i].tolist()) for i in range(len(NODES)))  # of Python, so that float32 stays float32
+STAGES = tuple(
+    tuple(RK45.A[i, :i].tolist()) for i in range(len(NODES))
+)  # Python numbers, so that float32 stays float32
 WEIGHTS = tuple(RK45.B.tolist())
 ERROR = tuple((-RK45.E).tolist())
 """Weights of the result of order five minus those of the embedded result of order four; the last weight belongs to the
@@ -81,7 +83,7 @@ def combine(y, h, weights, slopes):
 
 
 def at_stage(cam: tuple, i: int) -> tuple:
-    """What the cam does at stage i of a step, out of `cam` (6, ...)."""
+    """The rows of `cam` (6, ...) for stage i of a step."""
     return jax.tree.map(lambda q: q[i], cam)
 
 
@@ -100,8 +102,9 @@ def stage_slopes(system: System, y, k1, h, cam: tuple, layer: Layer) -> list[jax
 def integrate(driven: DrivenSystem, y0, angle, layer: Layer, known=None) -> jax.Array:
     """States (k, 2, n) at the ascending angles `angle` (k) [rad], which may repeat, from the state y0 (2, n).
 
-    Where `known` (k, 2, n) gives the states that were found with the grid, each step starts from these and the scan
-    only carries the derivatives. Rounding that grows from contact to contact then cannot move the motion off its grid.
+    If `known` (k, 2, n) gives the states that were found with the grid, each step starts from these, and the scan
+    carries only the derivatives. Rounding errors that grow from contact to contact then cannot move the motion off its
+    grid.
     """
     cam = driven.cam(stage_angles(angle))
     return integrate_stages(driven.system, jnp.diff(angle) / driven.cam_speed, cam, y0, layer, known)
@@ -120,7 +123,9 @@ def integrate_stages(system: System, h, cam: tuple, y0, layer: Layer, known=None
     (k, 2, n, b). The given forces are the same for all.
     """
 
-    @partial(jax.checkpoint, prevent_cse=False)  # keeping the stages for the way back costs more than their repetition
+    @partial(
+        jax.checkpoint, prevent_cse=False
+    )  # storing the stages for the backward pass costs more than repeating them
     def step(y, inputs):
         h, cam, end = inputs
         lift, lift_dt, push = at_stage(cam, 0)

@@ -1,7 +1,8 @@
-"""An event-exact motion some of whose numbers vary, and its gradients by their names: what JAX's rule calls.
+"""An event-exact motion with varying numbers, and its gradients by their names, for JAX's rule.
 
-Speed: with r = speed / speed', masses times r^2, dampings and leaks times r move through the same positions and forces
-by angle at speed', at velocities divided by r. So derivatives by the speed are those by masses, dampings and leaks.
+Let r = speed / speed'. With masses times r^2, and dampings and leaks times r, the train has the same positions and
+forces by angle at speed', and its velocities are divided by r. Derivatives by the speed therefore follow from those by
+masses, dampings and leaks.
 """
 
 from dataclasses import dataclass
@@ -21,13 +22,13 @@ from camopt.scene.train import LAW_PARAMETERS, TRAIN_PARAMETERS, Train
 CAM_PARAMETERS = ("lift", "borders", "half_duration")
 POSITIVE = ("mass", "stiffness", "cam_speed", "half_duration")
 VELOCITY = "m_per_s"
-"""Ending of the names of those metrics that grow in proportion to all velocities."""
+"""Suffix of the names of metrics that are proportional to all velocities."""
 Arrays = dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
 class Varying:
-    """A motion of which JAX varies some numbers: what it keeps."""
+    """The constants of a motion of which JAX varies some numbers."""
 
     train: Train
     lift: Lift
@@ -36,7 +37,7 @@ class Varying:
     least_speed: float  # rad/s
 
     def trace(self, given: Arrays, names: tuple[str, ...]) -> TracedMotion | None:
-        """The motion under given numbers, to be differentiated by `names`; None where it cannot be followed."""
+        """The motion with given numbers, to be differentiated by `names`; None if it cannot be computed."""
         if not all(usable(self.train, name, number) for name, number in given.items()):
             return None
         if given["cam_speed"] < self.least_speed:
@@ -60,7 +61,7 @@ class Varying:
         weights: np.ndarray | None = None,
     ) -> tuple[np.ndarray, Arrays]:
         """Values (l) of metrics in a revolution, and their gradients (l, ...) by each of the names; with `weights` (l)
-        the one (1, ...) of their weighted sum, in which a weight of zero passes over a value that is none."""
+        the one gradient (1, ...) of their weighted sum, in which values of weight zero may be NaN."""
         values, slopes = motion.swept(metrics, revolution, weights)
         values, share = values[:, 0], np.eye(len(metrics)) if weights is None else weights[None]
 
@@ -83,8 +84,8 @@ class Varying:
         moving: np.ndarray,
         by_window: np.ndarray,
     ) -> Arrays:
-        """Gradients (l, ...) by each of the names; `moving` (l) is what of the numbers grows with all velocities,
-        `by_window` (l) their gradients by half the duration."""
+        """Gradients (l, ...) by each of the names. `moving` (l) is the part of the values that is proportional to all
+        velocities, `by_window` (l) are their gradients by half the duration."""
         by_train, found = slopes.by_train, {}
         if by_train is not None and "start" not in given:
             by_train = by_train + rest_back(motion.train, slopes.by_start)
@@ -109,7 +110,7 @@ MECHANICAL = {*TRAIN_PARAMETERS, *LAW_PARAMETERS, "cam_speed"}
 
 
 def usable(train: Train, name: str, number: np.ndarray) -> bool:
-    """Whether a motion can be followed under a number; of the laws' numbers those count that some law reads."""
+    """Whether a motion can be computed with a number; of the laws' numbers those count that some law uses."""
     if not np.all(np.isfinite(number)):
         return False
     if name == "table":  # compressions ascend
@@ -121,7 +122,7 @@ def usable(train: Train, name: str, number: np.ndarray) -> bool:
 
 
 def by_borders(lift: Lift, by_coefficients: Float[np.ndarray, "l p q"]) -> Float[np.ndarray, "l p+1"]:
-    """Gradients by the borders, where lift and velocity are continuous: a piece moves with its start."""
+    """Gradients by the borders, across which lift and velocity are continuous: a piece moves with its start."""
     derivative = np.arange(1, lift.coefficients.shape[1]) * lift.coefficients[:, 1:]
     starts = -np.sum(by_coefficients[:, :, :-1] * derivative, axis=2)
     return np.concatenate([starts, np.zeros((len(starts), 1))], axis=1)
