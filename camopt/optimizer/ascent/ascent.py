@@ -254,7 +254,7 @@ def calmest(scene: Scene, knot_deg: float) -> Lift:
 
 
 def _check_constraints(objective: Objective, start, form: str, train, metric: bool) -> None:
-    """Raises InputError for a start, form, train or metric that cannot be combined with the others or the constraints."""
+    """Raises InputError for a start, form, train or metric that does not go with the others or the constraints."""
     if isinstance(start, str) and start != "calmest":
         raise InputError(f"ascend: start {start!r}: expected a cam, as camopt.polydyne(scene) gives, or 'calmest'")
     if isinstance(start, str) and form != FREE:

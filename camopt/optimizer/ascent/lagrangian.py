@@ -92,7 +92,7 @@ class PathLagrangian:
         return self._tied(parameters).revolution(self._samples(parameters), held.start, adjoint)
 
     def rows(self, parameters: Mapping[str, Any], held: Held, paths: TiedPaths) -> dict[str, jax.Array]:
-        """For each constraint the rows (k, ..., b), which must be >= 0; infinite where the constraint does not apply."""
+        """For each constraint the rows (k, ..., b), which must be >= 0; infinite where the constraint is not set."""
         event = self._event(parameters)[:, None, None]
         units, found = self._units(held), {}
         for name, limit in self._limits.items():

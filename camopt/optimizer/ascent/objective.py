@@ -136,7 +136,7 @@ class BoundObjective:
 
     @property
     def _motion(self) -> Callable[[dict, Any, tuple[str, ...]], jax.Array]:
-        """Function from the numbers of train and cam, the cam speed [rad/s] and the metrics' names to the metrics (l)."""
+        """Function from numbers of train and cam, the cam speed [rad/s] and names of metrics to these metrics (l)."""
         train, lift, measured = build_train(self.objective.scene), self.template, self.objective.revolutions
 
         def exact(numbers, cam_speed, names):

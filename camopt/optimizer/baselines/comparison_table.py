@@ -1,7 +1,7 @@
-"""The comparison's table and the verdicts behind it: what stands in `comparison.csv`, `cams` and `verdicts`.
+"""The comparison's table and the verdicts behind it: the contents of `comparison.csv`, `cams` and `verdicts`.
 
-Every row is written from a verdict, the design's of verification.json, a baseline's of `verdicts/<name>.json`, so that
-the table can be made again from the folder alone.
+Every row is written from a verdict: the design's in verification.json, or a baseline's in `verdicts/<name>.json`. The
+table can therefore be written again from the folder alone.
 """
 
 import json
@@ -18,9 +18,9 @@ from camopt.scene.units import DEG, MM
 from camopt.storage import write_csv, write_json
 
 NO_JERK = " (no jerk limit)"
-"""Ending of the name of a baseline that was designed without the scene's jerk limit."""
+"""Suffix of the name of a baseline that was designed without the scene's jerk limit."""
 FAILED = "failed"
-"""Verdict of a baseline that the scene has no member of, or that cannot be judged; its sentence stands as `broken`."""
+"""Verdict of a baseline that has no member in the scene, or that cannot be judged; `broken` holds the reason."""
 JERK = "jerk_max_mm_per_deg3"
 MOTION_COLUMNS = ("jump_mm", "contact_force_min_N", "seating_velocity_m_per_s", "impact_velocity_m_per_s")
 COLUMNS = (
@@ -41,12 +41,12 @@ COLUMNS = (
 
 
 def failed(why: str) -> dict:
-    """The verdict of a baseline that there is no cam of, with its sentence."""
+    """The verdict of a baseline without a cam, with the reason."""
     return {"verdict": FAILED, "broken": [why], "speeds": [], "worst_in_band": [], "band": None}
 
 
 def keep(folder: Path, scene: Scene, cams: Mapping[str, Lift], found: Mapping[str, dict]) -> None:
-    """Store baselines and their verdicts by name in the folder's `cams` and `verdicts`."""
+    """Stores baselines and their verdicts by name in the folder's `cams` and `verdicts`."""
     for part, contents in (("cams", cams), ("verdicts", found)):
         if contents:
             (folder / part).mkdir(exist_ok=True)
@@ -86,7 +86,7 @@ def _read_verdict(path: Path) -> dict:
 
 
 def write_table(folder: Path, scene: Scene, cams: Mapping[str, Lift], found: Mapping[str, dict]) -> None:
-    """comparison.csv: the rows of every cam, then one for every verdict without a cam."""
+    """Writes comparison.csv: the rows of every cam, then one row for every verdict without a cam."""
     rows = [row for name, lift in cams.items() for row in comparison_rows(scene, name, lift, found[name])]
     for name, one in found.items():
         if name not in cams:
@@ -97,11 +97,11 @@ def write_table(folder: Path, scene: Scene, cams: Mapping[str, Lift], found: Map
 
 
 def comparison_rows(scene: Scene, name: str, lift: Lift, found: dict) -> list[dict]:
-    """One row per judged speed of a cam, the listed ones and the band's worst ones, ascending, from `found`, its
-    verdict as verification.json has it.
+    """One row per judged speed of a cam, in ascending order: the listed speeds and the worst ones of the band. `found`
+    is its verdict as in verification.json.
 
-    A cam of the literature that breaks the jerk limit stands in the table without it, where that limit rejects nothing;
-    a design never does.
+    A cam of the literature that breaks the jerk limit belongs to the table without that limit, where it is not rejected
+    for it; a design never does.
     """
     design = scene.required_design
     low, high = (a / MM * DEG**2 for a in lift.extremes(2))
