@@ -49,8 +49,7 @@ def family_cams(scene: Scene) -> dict[str, Lift | str]:
 
 
 def ruled_out(scene: Scene, lift: Lift) -> str:
-    """The limit that the settled event-exact motion of a cam breaks by far, with the speed, so that no verdict is
-    needed; empty if it breaks none by far."""
+    """The limit that the settled event-exact motion breaks by far at a listed speed; empty if there is none."""
     operation = scene.required_operation
     found = settled_metrics([build_train(scene)], [lift], [scene.cam_speed(s) for s in operation.speeds_rpm])
     for key, limit in motion_limits(scene.required_design).items():

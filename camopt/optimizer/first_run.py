@@ -48,8 +48,7 @@ def settled_programs() -> None:
 
 
 def verdict_programs() -> None:
-    """Compiles what a verdict calls: a revolution by each of its methods except event-exact, which the other process
-    compiles."""
+    """Compiles what a verdict calls: a revolution by each of its methods; the other process compiles event-exact."""
     from camopt.scene.rest import state_at_rest
     from camopt.verifier import STANDARD
     from camopt.verifier.accuracy import EFFORTS

@@ -88,8 +88,7 @@ def with_values(scene: Scene, free: Sequence[FreeNumber], values: Sequence[float
 def with_best_values(
     scene: Scene, free: Sequence[FreeNumber], speeds: str, effort: Accuracy, progress: bool = False
 ) -> tuple[Scene, dict]:
-    """The scene with the best values of its free numbers, and `free` of design.json: by name the value, the original
-    value and the range."""
+    """The scene with its free numbers' best values, and `free` of design.json: value, original value and range of each."""
     given, ranges = [one.of(scene) for one in free], [(one.low, one.high) for one in free]
     programs = Programs(lambda x: with_values(scene, free, x), speeds, effort, usual_margin(build_train(scene)))
     with tqdm(total=EVALUATIONS, desc="free numbers", disable=None if progress else True, leave=False) as bar:
@@ -102,8 +101,7 @@ def with_best_values(
 
 
 class LargestOverParameters(NamedTuple):
-    """The values whose program has the largest area, the area ratio there and at the start, and the number of solved
-    programs."""
+    """The values whose program has the largest area, the area ratio there and at the start, and the programs solved."""
 
     values: tuple[float, ...]
     area_ratio: float
@@ -131,8 +129,7 @@ class Programs:
         evaluations: int = EVALUATIONS,
         show: Callable[[float], object] = lambda area: None,
     ) -> LargestOverParameters:
-        """The values within these ranges whose program has the largest area. The start is evaluated as it is, within
-        the ranges or not."""
+        """The values within these ranges whose program has the largest area; the start itself may lie outside."""
         low, high = np.array(ranges, dtype=float).T
         at_start, begin, met = self.value(np.asarray(start, dtype=float)), np.clip(start, low, high), []
 

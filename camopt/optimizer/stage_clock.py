@@ -15,8 +15,7 @@ from tqdm import tqdm
 from camopt.optimizer.accuracy import Accuracy
 
 VERDICT_STEPS, YIELD_STEPS, COMPARISON_STEPS = 30, 20, 40
-"""Cost of verdict, drawn trains and comparison, in judged cams of the search. Only the estimate of the remaining time
-depends on it."""
+"""Cost of verdict, drawn trains and comparison in judged cams of the search, to estimate the remaining time."""
 OTHER_STEPS = 10
 """Approximate number of cams that the search judges before and after the programs with fed-back margins."""
 

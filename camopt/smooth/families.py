@@ -41,8 +41,8 @@ class DifferentiableCam:
     """A cam as a function of its parameters; `parameters` holds their current values.
 
     `moving_pieces(parameters)` gives borders (p + 1) [rad] and coefficients (p, q) [m/rad^k] from -pi to pi, as in
-    `Lift` but with empty pieces; `half_duration(parameters)` is half the angle between the ramp tops [rad]. All methods
-    are pure functions of JAX arrays: jit, vmap, grad and jacobian apply.
+    `Lift` but perhaps with empty pieces; `half_duration(parameters)` is half the angle between the ramp tops [rad]. All
+    methods are pure functions of JAX arrays: jit, vmap, grad and jacobian apply.
     """
 
     family: str
@@ -82,8 +82,8 @@ class DifferentiableCam:
         return jnp.sum(jnp.where(abs(middles) < half, parts, 0.0))
 
     def motion_parameters(self, parameters: Parameters) -> Parameters:
-        """The parameters of this cam for `simulate(parameters=...)` and `exact_metrics`: "lift", "borders",
-        "half_duration".
+        """The parameters of this cam for `simulate(parameters=...)` and `exact_metrics`: lift, borders and half
+        duration.
 
         Raises InputError for a ramp without a foot: the velocity has steps at its ends, and the effect of a moving step
         on the motion is not a derivative of the lift.

@@ -27,8 +27,7 @@ BETWEEN = np.arange(1, 8) / 8
 PLACES = np.concatenate([[0.0], NODES[1:], BETWEEN, [1.0]])
 """Shares of a step of its start, its later stages, the examined places between and its end."""
 STRAY = 0.9
-"""A step that ends before an edge or a clip but crosses it midway is shortened to this share of the first place beyond.
-"""
+"""A step that ends before an edge or a clip but crosses it midway shrinks to this share of the first place beyond."""
 LEAST_STEPS = 720
 """A revolution has at least this many steps: no event of a cam is shorter than one of them."""
 LARGEST_PHASE = 0.8

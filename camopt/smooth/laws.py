@@ -142,8 +142,7 @@ class ElasticLaws(eqx.Module):
         return jnp.stack(rates)
 
     def bounds(self, slack: jax.Array, stiffness: jax.Array) -> jax.Array:
-        """Distances [m] (m, *b) beyond the bounds at which memories begin to move or oil to push: the middles of
-        layers."""
+        """Distances [m] (m, *b) beyond the bounds at which memories move or oil pushes: the middles of layers."""
         ways = []
         for s, e in zip(slack, self.memory, strict=True):
             own = (s - self.travel[e], -s) if self.kind[e] == OIL else (jnp.abs(s) - self.slip[e] / stiffness[e],)

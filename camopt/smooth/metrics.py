@@ -148,8 +148,7 @@ def in_revolution(angle, revolution: int):
 
 
 def leaked(system: System, motion: SystemState, touch, opening_foot, revolution: int):
-    """Shortening [m], at least zero, of the adjusters between cam and valve from the opening foot of the revolution to
-    the angle of the touch."""
+    """Shortening [m], at least zero, of the adjusters between cam and valve, from the opening foot to the touch."""
     if motion.memory is None or not system.topology.adjusters:
         return 0.0
     shortening = motion.memory[:, np.array(system.topology.adjusters)].sum(axis=1)

@@ -23,8 +23,7 @@ from camopt.smooth.rest import rest_state
 from camopt.smooth.tied import DrivenTies, LowStorage, TiedPaths, TiedSystem, parts_of_steps, tied_paths, tied_system
 
 GROWS = 1.0 + 1e-6
-"""Growth factor of a disturbance over a revolution above which it counts as growing; for a memory that does not move
-the factor is one, up to rounding."""
+"""Factor of a disturbance over a revolution above which it grows: for a memory at rest it is one but for rounding."""
 AT_ONCE = 16
 """Number of steps that are differentiated side by side."""
 MOST_TURNS, SETTLED = 40, 1e-10
@@ -52,8 +51,7 @@ class PeriodicSlopes(NamedTuple):
 def step_slopes(
     tied, samples, cam_speed, states, event, tie, layer: Layer, numbers, steps, *, parts: int, gaps: bool
 ) -> jax.Array:
-    """Matrices (k, b, q + c + 1 + c, q + 4 + p) of the slopes of some `steps` (k), whose beginnings are `states` (k, 2,
-    n + r, b).
+    """Matrices (k, b, q + c + 1 + c, q + 4 + p) of the slopes of `steps` (k) that begin in `states` (k, 2, n + r, b).
 
     Rows: the state at the step's end (q), force (c), the gap at the seat and, with `gaps`, those of the contacts (c).
     Columns: the state at its beginning, lift and slope at its two ends, and the `numbers` (p) of the train that vary,
@@ -122,7 +120,7 @@ class TiedMotions:
     def settled(
         self, samples: Any, start: jax.Array | None = None, most: int = MOST_TURNS, within: float = SETTLED
     ) -> tuple[jax.Array, TiedPaths]:
-        """The state (2, n + r, b) at the beginning of the last revolution of a settling motion, and the paths of that
+        """The state (2, n + r, b) at which the last revolution of a settling motion begins, and the paths of that
         revolution.
 
         The motion starts from `start`, by default from rest, and ends after a revolution that moves no position by

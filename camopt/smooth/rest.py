@@ -18,8 +18,7 @@ MOST_CONTACT_SETS = 200
 """Largest number of Newton steps; ten are usual."""
 MOST_HALVINGS = 40
 SLACK = 1e-9
-"""Largest unbalanced force at rest, relative to the largest given force; in float32 it is a hundred units of rounding.
-"""
+"""Largest unbalanced force at rest, over the largest given force; in float32 it is a hundred units of rounding."""
 GROUNDING = 1e-12
 """Stiffness to ground that a Newton step adds, relative to the train's largest stiffness: with it, a step can cross
 contacts that are open."""

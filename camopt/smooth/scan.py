@@ -18,9 +18,7 @@ from camopt.smooth.laws import Layer
 from camopt.smooth.system import Array, System
 
 NODES = RK45.C
-STAGES = tuple(
-    tuple(RK45.A[i, :i].tolist()) for i in range(len(NODES))
-)  # Python numbers, so that float32 stays float32
+STAGES = tuple(tuple(RK45.A[i, :i].tolist()) for i in range(len(NODES)))  # Python's, so that float32 stays float32
 WEIGHTS = tuple(RK45.B.tolist())
 ERROR = tuple((-RK45.E).tolist())
 """Weights of the result of order five minus those of the embedded result of order four; the last weight belongs to the
@@ -103,8 +101,7 @@ def integrate(driven: DrivenSystem, y0, angle, layer: Layer, known=None) -> jax.
     """States (k, 2, n) at the ascending angles `angle` (k) [rad], which may repeat, from the state y0 (2, n).
 
     If `known` (k, 2, n) gives the states that were found with the grid, each step starts from these, and the scan
-    carries only the derivatives. Rounding errors that grow from contact to contact then cannot move the motion off its
-    grid.
+    carries only the derivatives. Rounding that grows from contact to contact then cannot move the motion off its grid.
     """
     cam = driven.cam(stage_angles(angle))
     return integrate_stages(driven.system, jnp.diff(angle) / driven.cam_speed, cam, y0, layer, known)
@@ -123,9 +120,7 @@ def integrate_stages(system: System, h, cam: tuple, y0, layer: Layer, known=None
     (k, 2, n, b). The given forces are the same for all.
     """
 
-    @partial(
-        jax.checkpoint, prevent_cse=False
-    )  # storing the stages for the backward pass costs more than repeating them
+    @partial(jax.checkpoint, prevent_cse=False)  # storing the stages would cost more than repeating them
     def step(y, inputs):
         h, cam, end = inputs
         lift, lift_dt, push = at_stage(cam, 0)

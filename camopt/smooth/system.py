@@ -16,8 +16,7 @@ Array = Any  # of JAX, or of NumPy where nothing is traced
 
 
 class Topology(NamedTuple):
-    """How masses and elements are connected. It is hashable, so that one program is compiled per topology and not per
-    value."""
+    """How masses and elements are connected; hashable, so that one program is compiled per topology, not per value."""
 
     a: tuple[int, ...]
     b: tuple[int, ...]
@@ -105,8 +104,7 @@ class System(eqx.Module):
         return raw_force(u, u_dt, lambda pressed: self.elastic(pressed, layer), self.damper, layer)[pick]
 
     def damper(self, elastic: Float[Array, " e *b"]) -> jax.Array:
-        """Damping (e, *b) [N s/m] of every element: constant, or a function of its elastic force [N] for a dissipative
-        law."""
+        """Damping (e, *b) [N s/m] of every element: constant, or by a dissipative law from its elastic force [N]."""
         damping = column(self.damping, elastic)
         if self.laws is None or not self.laws.dissipative:
             return damping

@@ -99,8 +99,7 @@ LARGEST_PHASE = 1.7
 """Longest step, as a phase [rad] of the stiffest mass on its own elements. The fastest mode of a train is at most 1.42
 times as fast, and a Hertz contact at its largest force a little more: that is within the method's limit."""
 TANGENT_N = 20.0
-"""Contact force [N] below which a nonlinear elastic law is continued along its tangent: at zero force it has no
-stiffness."""
+"""Contact force [N] below which a nonlinear law is continued along its tangent: at zero force it has no stiffness."""
 
 
 class TiedSystem(eqx.Module):

@@ -34,8 +34,8 @@ from camopt.storage import check_run_folder, run_folder, run_identity, write_tex
 FORMS = (FREE, "own")
 STATE = "ascent.json"
 ROUND = 30
-"""Number of steps between two updates of the Lagrangian's multipliers: enough for a quasi-Newton method to approximate
-the curvature."""
+"""Number of steps between two updates of the multipliers, enough for a quasi-Newton method to estimate the curvature.
+"""
 Point = dict[str, np.ndarray]
 
 
@@ -145,8 +145,7 @@ class AscentState:
         self.state = _typed(self._optimiser.init(_arrays(self.point)))
 
     def _value(self, point: Mapping[str, jax.Array], held: Held | None) -> tuple[jax.Array, tuple[Any, ...]]:
-        """The function that is maximised, and with it the objective's value, its terms and the constrained paths, if
-        any."""
+        """The function that is maximised, and with it the objective's value, its terms and any constrained paths."""
         parameters = self.variables.parameters(point)
         value, terms = self._bound.value_and_terms(parameters)
         if self._lagrangian is None or held is None:

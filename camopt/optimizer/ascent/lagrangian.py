@@ -124,8 +124,7 @@ class PathLagrangian:
 
     def metric(self, parameters: Callable[[jax.Array], Mapping[str, Any]], vector: np.ndarray, held: Held):
         """Matrix (m, m) whose columns are steps of a vector (m). Each step changes the rows by one unit in root mean
-        square, and the changes by different steps are orthogonal. The matrix follows from one Gauss-Newton matrix at
-        the vector."""
+        square, and these changes are orthogonal. It follows from one Gauss-Newton matrix at the vector."""
 
         def scaled(vector):
             own = parameters(vector)

@@ -153,8 +153,7 @@ class BoundObjective:
 
     @cached_property
     def _cases(self) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """The cases, each a train at a speed: their arrays by name, as of `TrainVariables.arrays`, and cam speeds
-        [rad/s]."""
+        """The cases, each a train at a speed: their arrays by name, as of `TrainVariables`, and cam speeds [rad/s]."""
         asked = self.objective
         speeds = [asked.scene.cam_speed(speed) for speed in asked.speeds_rpm]
         scenes = [asked.scene]

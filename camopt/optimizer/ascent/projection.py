@@ -19,8 +19,8 @@ from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
 
 BROKEN = 1e-10
-"""Excess of a row, relative to the size of the point, above which the row counts as violated; a free cam's limits are
-tightened by more than that."""
+"""Excess of a row, over the size of the point, that violates it; a free cam's limits are tightened by more than that.
+"""
 DEPENDENT = 1e-9
 """Length of the part of a unit row that is independent of the other rows, below which the row adds nothing to a face.
 """
@@ -30,8 +30,7 @@ ADDED_PER_ROUND = 60
 MOST_ROUNDS = 60
 SAMPLES_PER_KNOT = 8
 NOT_LEAST = 1e-12
-"""Threshold above which a slope of the squared residual by a multiplier, or a multiplier relative to the largest one,
-is more than rounding."""
+"""Slope of the squared residual by a multiplier, or multiplier over the largest one, that is more than rounding."""
 NO_POINT = 1e-9
 """Residual of the least-squares problem below which the rows have no common point; where they have one it is near 1."""
 

@@ -1,5 +1,4 @@
-"""The variables of an ascent: a free cam's coefficients or a family's own parameters, and factors on numbers of the
-train.
+"""The variables of an ascent: a free cam's coefficients or a family's parameters, and factors on numbers of the train.
 
 A point consists of two arrays by name, "cam" (m) and "train" (k). For a free cam, "cam" holds its coefficients z
 [mm/deg^2]; for a family, factors on its own parameters, with the design conditions unchanged. Every point of an ascent
@@ -35,8 +34,7 @@ NOSE_ANGLES = 41
 MOST_ROUNDS = 30
 DRAWING_STEP = 0.25 * DEG
 ROOM = 1e-4
-"""Margin to a limit of the drawing, relative to its size: between two samples the limit is exceeded by a few 1e-5 of it
-at most."""
+"""Margin to a limit of the drawing, over its size: between two samples it is exceeded by a few 1e-5 at most."""
 Names = str | tuple[str, ...]
 
 
@@ -126,7 +124,7 @@ class FreeVariables:
 
 
 class FamilyVariables:
-    """Factors on the own parameters of a family's member, with the interface of `FreeVariables`; the object is its own
+    """Factors on the own parameters of a family's member, with the interface of `FreeVariables`; they are their own
     `limits`.
 
     The lift laws of other points have these parameters, under the names of `camopt.differentiable`. They cannot be
@@ -221,8 +219,7 @@ def shape_excess(cam: DifferentiableCam, parameters: Mapping[str, Any], design: 
 
 
 def drawing_excess(cam: DifferentiableCam, parameters: Mapping[str, Any], limit: LinearLimit) -> jax.Array:
-    """The excess over one limit of the drawing, relative to its size, sampled so finely that `ROOM` covers the excess
-    between samples."""
+    """The excess over one limit of the drawing, over its size; `ROOM` covers the excess between the samples."""
     level = limit.level
     theta = np.linspace(level.low, level.high, 1 + int(np.ceil((level.high - level.low) / DRAWING_STEP)))
     most = level.taylor(theta, theta)[:, 0] - level.error

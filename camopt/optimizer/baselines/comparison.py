@@ -25,8 +25,7 @@ from camopt.verifier.verdict import Verdict, verdict_on
 
 SECTIONED = ("multi-pol", "new-design")
 HALVINGS = 3
-"""Permitted halvings of each method's step for a baseline: enough where it bounces little; where it bounces much only
-the range matters."""
+"""Permitted halvings of each method's step for a baseline: enough if it bounces little, else only the range matters."""
 MOST_EXCESS = 0.1
 """Relative excess over a limit on the shape, other than the jerk limit, up to which a member is shown beside the
 designs. The paper's own Polydyne exceeds its acceleration limit by some per cent; on a stiff train the default exceeds

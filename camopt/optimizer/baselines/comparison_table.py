@@ -97,8 +97,7 @@ def write_table(folder: Path, scene: Scene, cams: Mapping[str, Lift], found: Map
 
 
 def comparison_rows(scene: Scene, name: str, lift: Lift, found: dict) -> list[dict]:
-    """One row per judged speed of a cam, in ascending order: the listed speeds and the worst ones of the band. `found`
-    is its verdict as in verification.json.
+    """One row per judged speed of a cam, listed or the band's worst, in ascending order; `found` is its stored verdict.
 
     A cam of the literature that breaks the jerk limit belongs to the table without that limit, where it is not rejected
     for it; a design never does.

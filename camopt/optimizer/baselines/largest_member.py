@@ -101,9 +101,9 @@ def largest_area_member(
 
 
 def family_space(scene: Scene, family: str, jerk: bool) -> Space:
-    """The search space of a family, as of `largest_area_member`, under a scene's limits; the jerk limit counts only
-    with `jerk`. Raises InputError for an unknown family, for a parameter that the search chooses, and for a scene whose
-    two ramps differ."""
+    """The search space of a family, as of `largest_area_member`, under a scene's limits, the jerk limit only with
+    `jerk`. Raises InputError for an unknown family, for a parameter that the search chooses, and for a scene whose two
+    ramps differ."""
     name, given = family_and_keywords(family)
     record = family_named(name)
     chosen = sorted(p.keyword for p in record.parameters.values() if p.searched and p.keyword in given)
@@ -126,8 +126,7 @@ def member_within(space: Space, x: np.ndarray, design: Design) -> tuple[Lift | N
 
 
 class MemberMotion:
-    """Computes motions of cams of a scene at fixed speeds, each from rest, so that metrics do not depend on earlier
-    cams."""
+    """Computes motions of cams of a scene at fixed speeds, each from rest: metrics do not depend on earlier cams."""
 
     def __init__(self, scene: Scene, speeds_rpm: Sequence[float]):
         self.speeds_rpm = tuple(sorted((float(s) for s in speeds_rpm), reverse=True))  # the highest bounces most

@@ -3,8 +3,8 @@
 A limit of the drawing has the form sum_k w_k lift^(k) <= level. Its multipliers are masses >= 0, each spread evenly
 over a cell of angles, so that each multiplies the limit's mean over the cell; every cam that keeps the limit keeps this
 mean too. As lift^(k)(t) = start^(k)(t) + integral over s < t of (t - s)^n / n! control(s) ds, the mean over a cell from
-a to b has the kernel ((b - s)_+^(n+1) - (a - s)_+^(n+1)) / ((n + 1)! (b - a)). A limit at one angle has that angle as
-its cell.
+a to b has the kernel ((b - s)_+^(n+1) - (a - s)_+^(n+1)) / ((n + 1)! (b - a)). The cell of a single angle is that
+angle.
 """
 
 from itertools import pairwise
@@ -202,7 +202,7 @@ class DiscretisedControlProblem:
         """Multipliers in SI: of lift cap, acceleration maximum and minimum and nose (k each), of the closing (3), and a
         tuple of those of every limit of `bounded_limits`.
 
-        `control_worth` (k - 1) [m rad] is what a unit of control over each interval adds besides the area. Raises
+        `control_worth` (k - 1) [m rad] is what a unit of control over each interval adds beside the area. Raises
         InputError if no cam holds all limits.
         """
         n = self.nodes

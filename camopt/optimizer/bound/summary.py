@@ -58,8 +58,7 @@ class NoJumpCertificate:
 
     @cached_property
     def bound(self) -> float:
-        """Upper bound on the area ratio, from the stored multipliers alone; raises ValueError if one that must be >= 0
-        is negative."""
+        """Upper bound on the area ratio, from the stored multipliers alone; raises ValueError if one is negative."""
         if not np.all(self.force >= 0):
             raise ValueError("the force multipliers of a certificate must be >= 0")
         return self.kinematic.evaluate(force_terms(self.program, self.margins, self.force))
@@ -109,8 +108,7 @@ def force_terms(program: NoJumpProgram, margins: np.ndarray, multipliers: np.nda
 
 
 def _kernel(program: NoJumpProgram, line: FreeCam, block: SpeedRows, signed: np.ndarray) -> PPoly:
-    """What a unit of control at s adds to the sum of `signed` times the forces of one speed: the kernel over the
-    duration."""
+    """Kernel over the duration: what a unit of control at s adds to the sum of `signed` times a speed's forces."""
     train, speed = program.train, block.cam_speed
     edges = sample_cam(line, block.angles, STEP).edges
     steps = exact_steps(train, edges, speed, block.angles)
@@ -139,8 +137,7 @@ def _kernel(program: NoJumpProgram, line: FreeCam, block: SpeedRows, signed: np.
 
 
 def _readings(train: Train, block: SpeedRows, signed: np.ndarray, edges: np.ndarray) -> np.ndarray:
-    """The coefficients, at every edge, of state, lift, velocity and acceleration in the sum of `signed` times the
-    forces."""
+    """Coefficients, at every edge, of state, lift, velocity and acceleration in the sum of `signed` times forces."""
     n2, d, omega = 2 * len(train.mass), train.incidence, velocity_scale(train)
     readings = np.zeros((len(edges), n2 + 3))
     at = np.searchsorted(edges, block.angle - 1e-9)
