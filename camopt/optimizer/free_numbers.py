@@ -101,7 +101,7 @@ def with_best_values(
 
 
 class LargestOverParameters(NamedTuple):
-    """The values whose program has the largest area, the area ratio there and at the start, and the programs solved."""
+    """The values whose program has the largest area, the area ratio there and at the start, and the evaluations."""
 
     values: tuple[float, ...]
     area_ratio: float
