@@ -88,7 +88,7 @@ def with_values(scene: Scene, free: Sequence[FreeNumber], values: Sequence[float
 def with_best_values(
     scene: Scene, free: Sequence[FreeNumber], speeds: str, effort: Accuracy, progress: bool = False
 ) -> tuple[Scene, dict]:
-    """The scene with its free numbers' best values, and `free` of design.json: value, original value and range of each."""
+    """The scene with its free numbers at their best; `free` of design.json: value, original value, range of each."""
     given, ranges = [one.of(scene) for one in free], [(one.low, one.high) for one in free]
     programs = Programs(lambda x: with_values(scene, free, x), speeds, effort, usual_margin(build_train(scene)))
     with tqdm(total=EVALUATIONS, desc="free numbers", disable=None if progress else True, leave=False) as bar:
