@@ -6,7 +6,6 @@ directions through the revolution: the condensing of multiple shooting (Bock and
 the number of coefficients, and one compiled program serves cams with any number of them.
 """
 
-from copy import copy
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -102,12 +101,6 @@ class TiedMotions:
         self._rule = event, tie, Layer(width)
         self.parts = parts or parts_of_steps(self.tied, float(np.min(cam_speeds)), steps)
         self.rest = jnp.repeat(rest_state(train)[:, :, None], len(self.speeds), axis=2)
-
-    def over(self, event: Any) -> "TiedMotions":
-        """The motions with contacts tied over another event."""
-        other = copy(self)
-        other._rule = event, *self._rule[1:]
-        return other
 
     def revolution(self, samples: Any, start: Any, adjoint: str = "forward") -> TiedPaths:
         """The paths of the revolution from a state `start` (2, n + r, b); `adjoint` as of `tied_paths`."""

@@ -170,7 +170,7 @@ class PathProgram:
         def rows(y: jax.Array) -> jax.Array:
             own = {"z": jnp.asarray(self.metric) @ y}
             begun = held._replace(start=lagrangian.paths(own, held, "forward").end)
-            found = lagrangian.rows(own, begun, lagrangian.paths(own, begun, "forward"))
+            found = lagrangian.rows(begun, lagrangian.paths(own, begun, "forward"))
             return jnp.concatenate([row[EVERY - 1 :: EVERY].ravel() for row in found.values()])
 
         asked = np.flatnonzero(np.isfinite(rows(jnp.asarray(self.start))))

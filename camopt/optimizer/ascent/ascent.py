@@ -206,7 +206,7 @@ class AscentState:
         assert self._held is not None
         (_, (_, _, paths)), _ = self._slopes(self.point, self._held)
         lift = self.variables.cam.lift(self.variables.cam_vector(self.point))
-        self._held = lagrangian.next(self.variables.parameters(self.point), lift, self._held, paths)
+        self._held = lagrangian.next(lift, self._held, paths)
         self._begin_anew()
 
     def _judged_share(self) -> float:

@@ -56,79 +56,73 @@ class PathLagrangian:
     """The Lagrangian of a bound objective with constraints, in JAX."""
 
     def __init__(self, bound: BoundObjective):
-        asked = bound.objective
-        self._bound, self._limits, self._train = bound, asked.constraints, build_train(asked.scene)
-        speeds = np.array([asked.scene.cam_speed(rpm) for rpm in asked.speeds_rpm])
-        self._motions = TiedMotions(self._train, speeds, (-np.pi, np.pi), asked.smoothing)
-        self._steps = asked.smoothing.steps
+        objective, half = bound.objective, float(bound.cam.half_duration(bound.cam.parameters))
+        self._cam, self._limits, self._train = bound.cam, objective.constraints, build_train(objective.scene)
+        event, steps = (-half, half), objective.smoothing.steps  # an ascent keeps the duration
+        speeds = np.array([objective.scene.cam_speed(rpm) for rpm in objective.speeds_rpm])
+        self._motions = TiedMotions(self._train, speeds, event, objective.smoothing)
+        self._event = in_event(path_angles(steps), event)
+        self._theta = jnp.asarray(equal_grid(steps))
 
     def _samples(self, parameters: Mapping[str, Any]) -> jax.Array:
         """Lift and slope of the cam (k + 1, 2) at the ends of the steps."""
-        theta = jnp.asarray(equal_grid(self._steps))
-        return jnp.stack([self._bound.cam.lift(theta, dict(parameters), order) for order in (0, 1)], axis=-1)
-
-    def _tied(self, parameters: Mapping[str, Any]) -> TiedMotions:
-        """The motions whose contacts are tied over the event of the cam with these parameters."""
-        half = self._bound.cam.half_duration(dict(parameters))
-        return self._motions.over((-half, half))
+        return jnp.stack([self._cam.lift(self._theta, dict(parameters), order) for order in (0, 1)], axis=-1)
 
     def begin(self, parameters: Mapping[str, Any], lift: Lift) -> Held:
         """The constants of the first round, from the settled motion of a cam. Raises InputError if it is not finite."""
-        _, paths = self._tied(parameters).settled(jax.jit(self._samples)(parameters))
+        _, paths = self._motions.settled(jax.jit(self._samples)(parameters))
         if not np.all(np.isfinite(paths.end)):
             raise InputError(
                 "ascend: the start's smoothed motion with tied contacts grows without bound at one of the speeds: take "
                 "start='calmest', other speeds or a larger width_um"
             )
-        event = np.asarray(self._event(parameters))
-        unit = jnp.asarray(np.median(np.abs(np.asarray(paths.force)[event])))
+        unit = jnp.asarray(np.median(np.abs(np.asarray(paths.force)[self._event])))
         weight, worst = (jnp.asarray(number, float) for number in (FIRST_WEIGHT, np.inf))
         held = Held(paths.end, self._seated(lift, paths), unit, {}, weight, worst)
-        rows = jax.eval_shape(self.rows, parameters, held, paths)
+        rows = jax.eval_shape(self.rows, held, paths)
         return held._replace(multipliers={name: jnp.zeros(row.shape) for name, row in rows.items()})
 
     def paths(self, parameters: Mapping[str, Any], held: Held, adjoint: str = "reverse") -> TiedPaths:
         """The paths of one revolution of the cam with these parameters."""
-        return self._tied(parameters).revolution(self._samples(parameters), held.start, adjoint)
+        return self._motions.revolution(self._samples(parameters), held.start, adjoint)
 
-    def rows(self, parameters: Mapping[str, Any], held: Held, paths: TiedPaths) -> dict[str, jax.Array]:
+    def rows(self, held: Held, paths: TiedPaths) -> dict[str, jax.Array]:
         """For each constraint the rows (k, ..., b), which must be >= 0; infinite where the constraint is not set."""
-        event = self._event(parameters)[:, None, None]
-        units, found = self._units(held), {}
+        units, rows = self._units(held), {}
         for name, limit in self._limits.items():
             sign, unit, path = PATH_OF[name]
             room = sign * (getattr(paths, path) - limit * unit)
-            found[name] = jnp.where(held.seated if name == SEAT_GAP else event, room / units[name], jnp.inf)
-        return found
+            limited = held.seated if name == SEAT_GAP else self._event[:, None, None]
+            rows[name] = jnp.where(limited, room / units[name], jnp.inf)
+        return rows
 
     def __call__(self, value, parameters: Mapping[str, Any], held: Held) -> tuple[jax.Array, dict, TiedPaths]:
         """The Lagrangian of a value, for each constraint the worst value of its path [its unit], and the paths."""
         paths, worst, units = self.paths(parameters, held), {}, self._units(held)
-        for name, row in self.rows(parameters, held, paths).items():
+        for name, row in self.rows(held, paths).items():
             m, w = held.multipliers[name], held.weight
             value = value - jnp.sum(jnp.maximum(0.0, m - w * row) ** 2 - m**2) / (2 * w)
             sign, unit, _ = PATH_OF[name]
             worst[name] = self._limits[name] + sign * jnp.min(row) * units[name] / unit
         return value, worst, paths
 
-    def next(self, parameters: Mapping[str, Any], lift: Lift, held: Held, paths: TiedPaths) -> Held:
-        """The constants of the next round, after a round that ended with these paths."""
-        found, weight, worst = jax.jit(self._multipliers)(parameters, held, paths)
-        return Held(paths.end, self._seated(lift, paths), held.force_unit, found, weight, worst)
+    def next(self, lift: Lift, held: Held, paths: TiedPaths) -> Held:
+        """The constants of the next round, after a round that ended with these paths of a cam."""
+        multipliers, weight, worst = jax.jit(self._multipliers)(held, paths)
+        return Held(paths.end, self._seated(lift, paths), held.force_unit, multipliers, weight, worst)
 
-    def _multipliers(self, parameters: Mapping[str, Any], held: Held, paths: TiedPaths):
-        rows = self.rows(parameters, held, paths)
+    def _multipliers(self, held: Held, paths: TiedPaths):
+        rows = self.rows(held, paths)
         worst = jnp.maximum(0.0, -jnp.min(jnp.stack([jnp.min(row) for row in rows.values()])))
-        found = {name: jnp.maximum(0.0, held.multipliers[name] - held.weight * row) for name, row in rows.items()}
-        return found, held.weight * jnp.where(worst > SHRUNK * held.worst, GROWTH, 1.0), worst
+        multipliers = {n: jnp.maximum(0.0, held.multipliers[n] - held.weight * row) for n, row in rows.items()}
+        return multipliers, held.weight * jnp.where(worst > SHRUNK * held.worst, GROWTH, 1.0), worst
 
     def metric(self, parameters: Callable[[jax.Array], Mapping[str, Any]], vector: np.ndarray, held: Held):
         """Matrix (m, m) whose columns are steps of a vector (m). Each step changes the rows by one unit in root mean
         square, and these changes are orthogonal. It follows from one Gauss-Newton matrix at the vector."""
 
         def scaled(vector):
-            own = parameters(vector)
-            rows = self.rows(own, held, self.paths(own, held, "forward"))
+            rows = self.rows(held, self.paths(parameters(vector), held, "forward"))
             row = jnp.concatenate([row.ravel() for row in rows.values()])
             return jnp.where(jnp.isfinite(row), row, 0.0) / jnp.sqrt(jnp.sum(jnp.isfinite(row)))
 
@@ -137,10 +131,6 @@ class PathLagrangian:
         slopes = np.asarray(jax.jit(along)(jnp.eye(len(vector))))  # (m, r)
         size, directions = np.linalg.eigh(slopes @ slopes.T)
         return directions / np.sqrt(size + RIDGE * size.max())
-
-    def _event(self, parameters: Mapping[str, Any]) -> jax.Array:
-        half = self._bound.cam.half_duration(dict(parameters))
-        return in_event(jnp.asarray(path_angles(self._steps)), (-half, half))
 
     def _seated(self, lift: Lift, paths: TiedPaths) -> jax.Array:
         gaps = np.asarray(paths.seat_gap).T
