@@ -22,7 +22,7 @@ from tqdm import tqdm
 from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.ascent.history import AscentHistory, Iterate, dataset_of, notable
-from camopt.optimizer.ascent.lagrangian import Held, PathLagrangian
+from camopt.optimizer.ascent.lagrangian import PathLagrangian, Round
 from camopt.optimizer.ascent.objective import Objective
 from camopt.optimizer.ascent.variables import FREE, FamilyVariables, FreeVariables, Names, TrainVariables, Variables
 from camopt.optimizer.program.program_cam import program_cam
@@ -88,7 +88,7 @@ def ascend(
     begin = calmest(objective.scene, knot_deg) if isinstance(start, str) else start
     cam = FreeVariables(objective.scene, begin, knot_deg) if form == FREE else FamilyVariables(objective.scene, begin)
     variables = Variables(cam, numbers)
-    climb = AscentState(objective, variables, optimiser, metric)
+    ascent = AscentState(objective, variables, optimiser, metric)
     identity = run_identity(
         "ascend",
         objective.scene,
@@ -96,23 +96,23 @@ def ascend(
         start=variables.start["cam"],
         form=form,
         train=dict(zip(numbers.names, numbers.bounds.values(), strict=True)),
-        optimiser=str(jax.tree.structure(climb.state)),
+        optimiser=str(jax.tree.structure(ascent.state)),
         judge_every=judge_every,
         metric=metric,
     )
     with run_folder(out, identity, resume, [STATE]) if out is not None else nullcontext() as folder:
         if folder is not None and (folder / STATE).exists():
-            climb.load(folder / STATE)
-        begun, bar = len(climb.iterates), tqdm(total=steps + 1, disable=None if progress else True, dynamic_ncols=True)
+            ascent.load(folder / STATE)
+        begun, bar = len(ascent.iterates), tqdm(total=steps + 1, disable=None if progress else True, dynamic_ncols=True)
         with bar:
             bar.update(begun)
             for number in range(begun, steps + 1):
-                climb.step(judged=number % judge_every == 0 or number == steps)
+                ascent.step(judged=number % judge_every == 0 or number == steps)
                 bar.update(1)
-                bar.set_description(str(climb.iterates[-1]), refresh=False)
-                if folder is not None and climb.iterates[-1].judged:
-                    climb.save(folder / STATE)
-        history = climb.history()
+                bar.set_description(str(ascent.iterates[-1]), refresh=False)
+                if folder is not None and ascent.iterates[-1].judged:
+                    ascent.save(folder / STATE)
+        history = ascent.history()
         if folder is not None:
             history.write(folder)
     return history
@@ -126,34 +126,34 @@ class AscentState:
     ):
         self.objective, self.variables = objective, variables
         self.iterates: list[Iterate] = []
-        self._bound = objective.of(variables.cam.cam, variables.train)
+        self._bound = objective.of(variables.cam.template, variables.train)
         self._optimiser = optax.with_extra_args_support(optimiser)
         self._lagrangian = PathLagrangian(self._bound) if objective.constraints else None
-        self._held: Held | None = None
+        self._round: Round | None = None
         if self._lagrangian is not None:
-            own, begin = variables.cam.parameters, variables.cam.start
-            self._held = self._lagrangian.begin(own(begin), variables.cam.lift(begin))
+            parameters, start = variables.cam.parameters, variables.cam.start
+            self._round = self._lagrangian.begin(parameters(start), variables.cam.lift(start))
             if metric:
-                scale = self._lagrangian.metric(own, begin, self._held)
+                scale = self._lagrangian.metric(parameters, start, self._round)
                 self.variables = Variables(variables.cam, variables.train, scale)
         self.point: Point = self.variables.start
-        self._begin_anew()
+        self._restart()
         self._slopes = jax.jit(jax.value_and_grad(self._value, has_aux=True))
 
-    def _begin_anew(self) -> None:
+    def _restart(self) -> None:
         """Restarts the transformation at the current point."""
         self.state = _typed(self._optimiser.init(_arrays(self.point)))
 
-    def _value(self, point: Mapping[str, jax.Array], held: Held | None) -> tuple[jax.Array, tuple[Any, ...]]:
+    def _value(self, point: Mapping[str, jax.Array], current: Round | None) -> tuple[jax.Array, tuple[Any, ...]]:
         """The function that is maximised, and with it the objective's value, its terms and any constrained paths."""
         parameters = self.variables.parameters(point)
         value, terms = self._bound.value_and_terms(parameters)
-        if self._lagrangian is None or held is None:
+        if self._lagrangian is None or current is None:
             return value, (value, terms, None)
-        climbed, worst, paths = self._lagrangian(value, parameters, held)
-        return climbed, (value, terms | worst, paths)
+        maximised, worst, paths = self._lagrangian(value, parameters, current)
+        return maximised, (value, terms | worst, paths)
 
-    def _move(self, climbed: jax.Array, gradient: Point, faces: Point) -> Point:
+    def _move(self, maximised: jax.Array, gradient: Point, faces: Point) -> Point:
         """The point reached by the transformation's step along the faces; the transformation's state is updated.
 
         The transformation's own arithmetic is not compiled. A compiled line search would contain the objective in every
@@ -161,58 +161,56 @@ class AscentState:
         """
 
         def along(faces, change):
-            return {name: faces[name] @ part for name, part in change.items()}
+            return {name: faces[name] @ array for name, array in change.items()}
 
-        def fall(other):  # minus the objective at the nearest point within the limits, and its slopes
-            apart = along(faces, {name: np.asarray(part) - self.point[name] for name, part in other.items()})
-            moved = {name: self.point[name] + part for name, part in apart.items()}
-            there, on = self.variables.nearest_and_faces(moved)
+        def loss_and_slopes(trial):  # minus the objective at the nearest point within the limits, and its slopes
+            step = along(faces, {name: np.asarray(array) - self.point[name] for name, array in trial.items()})
+            moved = {name: self.point[name] + array for name, array in step.items()}
+            nearest, projectors = self.variables.nearest_and_faces(moved)
             with jax.disable_jit(False):
-                (value, _), slopes = self._slopes(there, self._held)
-            return -value, along(faces, along(on, {name: -part for name, part in slopes.items()}))
+                (value, _), slopes = self._slopes(nearest, self._round)
+            return -value, along(faces, along(projectors, {name: -array for name, array in slopes.items()}))
 
-        loss = jax.custom_vjp(lambda other: fall(other)[0])
-        loss.defvjp(fall, lambda slopes, bar: ({name: bar * part for name, part in slopes.items()},))
-        point, downhill = _arrays(self.point), _arrays(along(faces, {name: -part for name, part in gradient.items()}))
+        loss = jax.custom_vjp(lambda trial: loss_and_slopes(trial)[0])
+        loss.defvjp(loss_and_slopes, lambda slopes, bar: ({name: bar * array for name, array in slopes.items()},))
+        downhill = _arrays(along(faces, {name: -array for name, array in gradient.items()}))
         with jax.disable_jit():
-            given = {"value": -climbed, "grad": downhill, "value_fn": loss}
-            change, state = self._optimiser.update(downhill, self.state, point, **given)
+            line_search = {"value": -maximised, "grad": downhill, "value_fn": loss}
+            change, state = self._optimiser.update(downhill, self.state, _arrays(self.point), **line_search)
         self.state = _typed(state)
-        return {name: self.point[name] + part for name, part in along(faces, change).items()}
+        return {name: self.point[name] + array for name, array in along(faces, change).items()}
 
     def step(self, judged: bool) -> None:
         """Records the current point as an iterate, and moves to the next one."""
         if self._lagrangian is not None and self.iterates and len(self.iterates) % ROUND == 0:
             self._next_round(self._lagrangian)
-        (climbed, (value, terms, paths)), gradient = self._slopes(self.point, self._held)
+        (maximised, (value, terms, paths)), gradient = self._slopes(self.point, self._round)
         gradient = jax.tree.map(np.asarray, gradient)
-        if not np.all([np.isfinite(part).all() for part in (climbed, *gradient.values())]):
+        if not np.all([np.isfinite(array).all() for array in (maximised, *gradient.values())]):
             raise InputError(
                 f"ascend: the motion of iterate {len(self.iterates)} or its gradient cannot be followed on the "
                 f"{self.objective.source} source: take smaller steps, another start or the other source"
             )
         faces = self.variables.faces(self.point, gradient)
-        length = np.sqrt(sum(float(np.sum((faces[name] @ part) ** 2)) for name, part in gradient.items()))
+        norm = np.sqrt(sum(float(np.sum((faces[name] @ slopes) ** 2)) for name, slopes in gradient.items()))
         share = self._judged_share() if judged else np.nan
-        found = {name: float(part) for name, part in terms.items()}
+        terms = {name: float(term) for name, term in terms.items()}
         cam = self.variables.cam_vector(self.point)
-        self.iterates.append(Iterate(float(value), found, length, share, cam, self.point["train"]))
-        self.point = self.variables.nearest(self._move(climbed, gradient, faces))
-        if self._held is not None:
-            self._held = self._held._replace(start=paths.end)
+        self.iterates.append(Iterate(float(value), terms, norm, share, cam, self.point["train"]))
+        self.point = self.variables.nearest(self._move(maximised, gradient, faces))
+        if self._round is not None:
+            self._round = self._round._replace(start=paths.end)
 
     def _next_round(self, lagrangian: PathLagrangian) -> None:
         """Updates the Lagrangian and restarts the transformation, whose state belongs to another function."""
-        assert self._held is not None
-        (_, (_, _, paths)), _ = self._slopes(self.point, self._held)
-        lift = self.variables.cam.lift(self.variables.cam_vector(self.point))
-        self._held = lagrangian.next(lift, self._held, paths)
-        self._begin_anew()
+        assert self._round is not None
+        (_, (_, _, paths)), _ = self._slopes(self.point, self._round)
+        self._round = lagrangian.next(self.variables.lift(self.point), self._round, paths)
+        self._restart()
 
     def _judged_share(self) -> float:
         """The largest used share of a limit of the settled event-exact motion; infinite if the shape breaks a limit."""
-        scene = self.variables.train.scene_with(self.point["train"])
-        lift = self.variables.cam.lift(self.variables.cam_vector(self.point))
+        scene, lift = self.variables.train.scene_with(self.point["train"]), self.variables.lift(self.point)
         if broken_by_shape(lift, scene.design):
             return np.inf
         return float(Judge(scene, sorted(self.objective.speeds_rpm))(lift).share.max(initial=0.0))
@@ -224,26 +222,27 @@ class AscentState:
         data = dataset_of(self.iterates, self.variables.train.names).assign_attrs(about, **steps)
         cams = {}
         for name, step in steps.items():
-            one = self.iterates[step]
-            cams[name] = self.variables.cam.lift(one.cam), self.variables.train.scene_with(one.train)
+            iterate = self.iterates[step]
+            cams[name] = self.variables.cam.lift(iterate.cam), self.variables.train.scene_with(iterate.train)
         return AscentHistory(data, *cams["nearest"], *cams.get("best", (None, None)))
 
     def save(self, path: Path) -> None:
         """Writes the state of the ascent, from which `load` continues it to the last digit."""
-        iterates, state = [vars(one) for one in self.iterates], jax.tree.leaves((self.state, self._held))
+        iterates, state = [vars(iterate) for iterate in self.iterates], jax.tree.leaves((self.state, self._round))
         content = {"iterates": iterates, "point": self.point, "state": state}
         write_text(path, json.dumps(content, default=lambda array: np.asarray(array).tolist()))
 
     def load(self, path: Path) -> None:
         """Restores what `save` wrote of the same ascent."""
         stored = json.loads(path.read_text(encoding="utf-8"))
-        leaves, tree = jax.tree.flatten((self.state, self._held))
-        known = zip(leaves, stored["state"], strict=True)
-        values = [jnp.asarray(value, dtype=leaf.dtype).reshape(leaf.shape) for leaf, value in known]
-        self.state, self._held = jax.tree.unflatten(tree, values)
-        self.point = {name: np.array(part, dtype=float) for name, part in stored["point"].items()}
-        arrays = [{name: np.array(one[name], dtype=float) for name in ("cam", "train")} for one in stored["iterates"]]
-        self.iterates = [Iterate(**one | own) for one, own in zip(stored["iterates"], arrays, strict=True)]
+        leaves, tree = jax.tree.flatten((self.state, self._round))
+        pairs = zip(leaves, stored["state"], strict=True)
+        values = [jnp.asarray(value, dtype=leaf.dtype).reshape(leaf.shape) for leaf, value in pairs]
+        self.state, self._round = jax.tree.unflatten(tree, values)
+        self.point = {name: np.array(array, dtype=float) for name, array in stored["point"].items()}
+        rows = stored["iterates"]
+        arrays = [{name: np.array(row[name], dtype=float) for name in ("cam", "train")} for row in rows]
+        self.iterates = [Iterate(**row | vectors) for row, vectors in zip(rows, arrays, strict=True)]
 
 
 def calmest(scene: Scene, knot_deg: float) -> Lift:
@@ -273,4 +272,4 @@ def _typed(state: Any) -> Any:
 
 
 def _arrays(point: Mapping[str, Any]) -> dict[str, jax.Array]:
-    return {name: jnp.asarray(part) for name, part in point.items()}
+    return {name: jnp.asarray(array) for name, array in point.items()}

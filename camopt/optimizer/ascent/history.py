@@ -86,14 +86,14 @@ class AscentHistory:
         """The outcome in sentences."""
         about, judged = self.dataset.attrs, int(self["judged"].sum())
         step = about.get("best", about["nearest"])
-        one = self.dataset.isel(step=step)
-        there = f"step {step}, {float(one['area_ratio']):.4f}"
-        none = f"none of the {judged} judged cams holds all limits; the nearest is that of {there}"
-        said = f"{there}, holds every limit" if self.confirmed else none
+        iterate = self.dataset.isel(step=step)
+        cam = f"step {step}, {float(iterate['area_ratio']):.4f}"
+        none = f"none of the {judged} judged cams holds all limits; the nearest is that of {cam}"
+        outcome = f"{cam}, holds every limit" if self.confirmed else none
         return [
             f"{about['scene']}, {about['path']} path, {self.dataset.sizes['step'] - 1} steps: area ratio "
-            f"{float(self['area_ratio'][0]):.4f} at the start; {said} (event-exact; largest used share "
-            f"{float(one['largest_share']):.3g})"
+            f"{float(self['area_ratio'][0]):.4f} at the start; {outcome} (event-exact; largest used share "
+            f"{float(iterate['largest_share']):.3g})"
         ]
 
     def write(self, folder: Path) -> None:
@@ -117,7 +117,7 @@ class AscentHistory:
 
 def notable(iterates: Sequence[Iterate]) -> dict[str, int]:
     """The indices of the iterates "nearest" and, if one holds every limit, "best"; see `AscentHistory`."""
-    judged = [i for i, one in enumerate(iterates) if one.judged]
+    judged = [i for i, iterate in enumerate(iterates) if iterate.judged]
     nearest = {"nearest": min(judged, key=lambda i: iterates[i].share)}
     holding = [i for i in judged if iterates[i].holds]
     return nearest | ({"best": max(holding, key=lambda i: iterates[i].value)} if holding else {})
@@ -125,15 +125,15 @@ def notable(iterates: Sequence[Iterate]) -> dict[str, int]:
 
 def dataset_of(iterates: Sequence[Iterate], train: Sequence[str]) -> xr.Dataset:
     """The dataset of the iterates by step, with units."""
-    columns: dict[str, Any] = {"objective": [one.value for one in iterates]}
-    columns |= {name: [one.terms[name] for one in iterates] for name in iterates[0].terms}
-    columns |= {"gradient_norm": [one.gradient_norm for one in iterates], "judged": [one.judged for one in iterates]}
-    columns |= {"holds": [one.holds for one in iterates], "largest_share": [one.share for one in iterates]}
+    columns: dict[str, Any] = {"objective": [i.value for i in iterates]}
+    columns |= {name: [i.terms[name] for i in iterates] for name in iterates[0].terms}
+    columns |= {"gradient_norm": [i.gradient_norm for i in iterates], "judged": [i.judged for i in iterates]}
+    columns |= {"holds": [i.holds for i in iterates], "largest_share": [i.share for i in iterates]}
     data = xr.Dataset({name: ("step", values) for name, values in columns.items()}, {"step": np.arange(len(iterates))})
     for name in iterates[0].terms:
         if name in QUANTITIES:
             data[name].attrs |= {"units": QUANTITIES[name].unit, "long_name": f"mean {QUANTITIES[name].label}"}
-    data["cam"] = ("step", "coefficient"), np.array([one.cam for one in iterates])
+    data["cam"] = ("step", "coefficient"), np.array([i.cam for i in iterates])
     if train:
-        data["train"] = xr.DataArray([one.train for one in iterates], {"factor": list(train)}, ("step", "factor"))
+        data["train"] = xr.DataArray([i.train for i in iterates], {"factor": list(train)}, ("step", "factor"))
     return data

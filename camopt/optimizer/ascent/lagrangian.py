@@ -41,7 +41,7 @@ RIDGE = 1e-6
 """Share of the Gauss-Newton matrix's largest eigenvalue that is added to all, for directions that change no row."""
 
 
-class Held(NamedTuple):
+class Round(NamedTuple):
     """The constants of the Lagrangian: the start for one step, all others for a round of steps."""
 
     start: jax.Array  # (2, n + r, b), the state in which the revolution starts
@@ -68,7 +68,7 @@ class PathLagrangian:
         """Lift and slope of the cam (k + 1, 2) at the ends of the steps."""
         return jnp.stack([self._cam.lift(self._theta, dict(parameters), order) for order in (0, 1)], axis=-1)
 
-    def begin(self, parameters: Mapping[str, Any], lift: Lift) -> Held:
+    def begin(self, parameters: Mapping[str, Any], lift: Lift) -> Round:
         """The constants of the first round, from the settled motion of a cam. Raises InputError if it is not finite."""
         _, paths = self._motions.settled(jax.jit(self._samples)(parameters))
         if not np.all(np.isfinite(paths.end)):
@@ -78,56 +78,56 @@ class PathLagrangian:
             )
         unit = jnp.asarray(np.median(np.abs(np.asarray(paths.force)[self._event])))
         weight, worst = (jnp.asarray(number, float) for number in (FIRST_WEIGHT, np.inf))
-        held = Held(paths.end, self._seated(lift, paths), unit, {}, weight, worst)
-        rows = jax.eval_shape(self.rows, held, paths)
-        return held._replace(multipliers={name: jnp.zeros(row.shape) for name, row in rows.items()})
+        current = Round(paths.end, self._seated(lift, paths), unit, {}, weight, worst)
+        rows = jax.eval_shape(self.rows, current, paths)
+        return current._replace(multipliers={name: jnp.zeros(row.shape) for name, row in rows.items()})
 
-    def paths(self, parameters: Mapping[str, Any], held: Held, adjoint: str = "reverse") -> TiedPaths:
+    def paths(self, parameters: Mapping[str, Any], current: Round, adjoint: str = "reverse") -> TiedPaths:
         """The paths of one revolution of the cam with these parameters."""
-        return self._motions.revolution(self._samples(parameters), held.start, adjoint)
+        return self._motions.revolution(self._samples(parameters), current.start, adjoint)
 
-    def rows(self, held: Held, paths: TiedPaths) -> dict[str, jax.Array]:
-        """For each constraint the rows (k, ..., b), which must be >= 0; infinite where the constraint is not set."""
-        units, rows = self._units(held), {}
+    def rows(self, current: Round, paths: TiedPaths) -> dict[str, jax.Array]:
+        """For each constraint the rows (k, ..., b), which must be >= 0; infinite at angles without it."""
+        units, rows = self._units(current), {}
         for name, limit in self._limits.items():
             sign, unit, path = PATH_OF[name]
             room = sign * (getattr(paths, path) - limit * unit)
-            limited = held.seated if name == SEAT_GAP else self._event[:, None, None]
+            limited = current.seated if name == SEAT_GAP else self._event[:, None, None]
             rows[name] = jnp.where(limited, room / units[name], jnp.inf)
         return rows
 
-    def __call__(self, value, parameters: Mapping[str, Any], held: Held) -> tuple[jax.Array, dict, TiedPaths]:
+    def __call__(self, value, parameters: Mapping[str, Any], current: Round) -> tuple[jax.Array, dict, TiedPaths]:
         """The Lagrangian of a value, for each constraint the worst value of its path [its unit], and the paths."""
-        paths, worst, units = self.paths(parameters, held), {}, self._units(held)
-        for name, row in self.rows(held, paths).items():
-            m, w = held.multipliers[name], held.weight
+        paths, worst, units = self.paths(parameters, current), {}, self._units(current)
+        for name, row in self.rows(current, paths).items():
+            m, w = current.multipliers[name], current.weight
             value = value - jnp.sum(jnp.maximum(0.0, m - w * row) ** 2 - m**2) / (2 * w)
             sign, unit, _ = PATH_OF[name]
             worst[name] = self._limits[name] + sign * jnp.min(row) * units[name] / unit
         return value, worst, paths
 
-    def next(self, lift: Lift, held: Held, paths: TiedPaths) -> Held:
+    def next(self, lift: Lift, current: Round, paths: TiedPaths) -> Round:
         """The constants of the next round, after a round that ended with these paths of a cam."""
-        multipliers, weight, worst = jax.jit(self._multipliers)(held, paths)
-        return Held(paths.end, self._seated(lift, paths), held.force_unit, multipliers, weight, worst)
+        multipliers, weight, worst = jax.jit(self._multipliers)(current, paths)
+        return Round(paths.end, self._seated(lift, paths), current.force_unit, multipliers, weight, worst)
 
-    def _multipliers(self, held: Held, paths: TiedPaths):
-        rows = self.rows(held, paths)
+    def _multipliers(self, current: Round, paths: TiedPaths):
+        rows = self.rows(current, paths)
         worst = jnp.maximum(0.0, -jnp.min(jnp.stack([jnp.min(row) for row in rows.values()])))
-        multipliers = {n: jnp.maximum(0.0, held.multipliers[n] - held.weight * row) for n, row in rows.items()}
-        return multipliers, held.weight * jnp.where(worst > SHRUNK * held.worst, GROWTH, 1.0), worst
+        multipliers = {n: jnp.maximum(0.0, current.multipliers[n] - current.weight * row) for n, row in rows.items()}
+        return multipliers, current.weight * jnp.where(worst > SHRUNK * current.worst, GROWTH, 1.0), worst
 
-    def metric(self, parameters: Callable[[jax.Array], Mapping[str, Any]], vector: np.ndarray, held: Held):
+    def metric(self, parameters: Callable[[jax.Array], Mapping[str, Any]], vector: np.ndarray, current: Round):
         """Matrix (m, m) whose columns are steps of a vector (m). Each step changes the rows by one unit in root mean
         square, and these changes are orthogonal. It follows from one Gauss-Newton matrix at the vector."""
 
-        def scaled(vector):
-            rows = self.rows(held, self.paths(parameters(vector), held, "forward"))
+        def scaled_rows(vector):
+            rows = self.rows(current, self.paths(parameters(vector), current, "forward"))
             row = jnp.concatenate([row.ravel() for row in rows.values()])
             return jnp.where(jnp.isfinite(row), row, 0.0) / jnp.sqrt(jnp.sum(jnp.isfinite(row)))
 
         at = jnp.asarray(vector)
-        along = jax.vmap(lambda way: jax.jvp(scaled, (at,), (way,))[1])
+        along = jax.vmap(lambda direction: jax.jvp(scaled_rows, (at,), (direction,))[1])
         slopes = np.asarray(jax.jit(along)(jnp.eye(len(vector))))  # (m, r)
         size, directions = np.linalg.eigh(slopes @ slopes.T)
         return directions / np.sqrt(size + RIDGE * size.max())
@@ -136,6 +136,6 @@ class PathLagrangian:
         gaps = np.asarray(paths.seat_gap).T
         return jnp.asarray(np.stack([on_seat(lift, self._train.lash, gap) for gap in gaps], axis=-1))
 
-    def _units(self, held: Held) -> dict[str, Any]:
+    def _units(self, current: Round) -> dict[str, Any]:
         """The unit of the rows of each constraint [N] or [m]."""
-        return {name: held.force_unit if name == FORCE else limit * MM for name, limit in self._limits.items()}
+        return {name: current.force_unit if name == FORCE else limit * MM for name, limit in self._limits.items()}

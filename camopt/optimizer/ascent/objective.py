@@ -1,7 +1,7 @@
 """The objective of gradient ascent: area or a metric, less penalties, over several speeds and drawn trains, with path
 constraints (`camopt.optimizer.ascent.lagrangian`)."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from typing import Any
@@ -71,18 +71,18 @@ class Objective:
     @property
     def metrics(self) -> tuple[str, ...]:
         """The metrics of the motion that the objective uses."""
-        own = () if self.maximise == AREA_RATIO else (self.maximise,)
-        return tuple(dict.fromkeys([*own, *self.penalties]))
+        maximised = () if self.maximise == AREA_RATIO else (self.maximise,)
+        return tuple(dict.fromkeys([*maximised, *self.penalties]))
 
     def penalty(self, metric: str, values: jax.Array) -> jax.Array:
         """The weighted penalty of a metric's values (t, s)."""
         limit = next((m for m in motion_limits(self.scene.design).values() if m.metric == metric), None)
         if limit is None:
-            each = -values if QUANTITIES[metric].less_is_worse else values
+            losses = -values if QUANTITIES[metric].less_is_worse else values
         else:
             # `MotionLimit.share` in JAX, but linear below zero too; NaN stays NaN, since it has no slope
-            each = jnp.maximum(1.0 + limit.share_slope * (values - limit.value) - AIM, 0.0)
-        return self.penalties[metric] * jnp.mean(each)
+            losses = jnp.maximum(1.0 + limit.share_slope * (values - limit.value) - AIM, 0.0)
+        return self.penalties[metric] * jnp.mean(losses)
 
 
 @dataclass(frozen=True, eq=False)
@@ -107,62 +107,49 @@ class BoundObjective:
     @partial(jax.jit, static_argnums=0)
     def value_and_terms(self, parameters: dict[str, Any]) -> tuple[jax.Array, Terms]:
         """The number to maximise, and its terms, by one program that is kept on disk."""
-        asked = self.objective
-        own = {name: jnp.asarray(value, dtype=float) for name, value in parameters.items()}
-        factors = own.pop("train", jnp.ones(len(self.train.names)))
-        design = asked.scene.required_design
-        area = self.cam.area(own) / (design.max_lift_mm * MM * design.duration_deg * DEG)
-        terms = {AREA_RATIO: area}
-        found = self._metrics(own, factors) if asked.metrics else {}
-        terms |= {name: jnp.mean(values) for name, values in found.items()}
-        value = terms[asked.maximise]
-        for metric in asked.penalties:
-            value = value - asked.penalty(metric, found[metric])
+        objective, design = self.objective, self.objective.scene.required_design
+        cam = {name: jnp.asarray(value, dtype=float) for name, value in parameters.items()}
+        factors = cam.pop("train", jnp.ones(len(self.train.names)))
+        area = self.cam.area(cam) / (design.max_lift_mm * MM * design.duration_deg * DEG)
+        metrics = self._metrics(cam, factors) if objective.metrics else {}
+        terms = {AREA_RATIO: area} | {name: jnp.mean(values) for name, values in metrics.items()}
+        value = terms[objective.maximise]
+        for metric in objective.penalties:
+            value = value - objective.penalty(metric, metrics[metric])
         return value, terms
 
-    def _metrics(self, own: Mapping[str, jax.Array], factors: jax.Array) -> dict[str, jax.Array]:
+    def _metrics(self, cam: dict[str, jax.Array], factors: jax.Array) -> dict[str, jax.Array]:
         """The metrics (t, s) of every train at every speed."""
-        names, motion = self.objective.metrics, self._motion
-        moving = self.cam.motion_parameters(dict(own))
+        objective, train, moving = self.objective, build_train(self.objective.scene), self.cam.motion_parameters(cam)
+        names, revolutions = objective.metrics, objective.revolutions + 1  # a metric's window ends in the next one
 
-        def one(case):
-            numbers, cam_speed = case
-            return motion(self.train.applied(numbers, factors) | moving, cam_speed, names)
+        def of_case(case):
+            arrays, cam_speed = case
+            numbers = self.train.applied(arrays, factors) | moving
+            if objective.source == "exact":
+                turns = {"revolutions": revolutions, "revolution": revolutions - 2}
+                return exact_metrics(train, self.template, cam_speed, numbers, names, **turns)
+            settings = {"slowest": objective.scene.cam_speed(min(objective.speeds_rpm)), "eps": objective.metric_width}
+            motion = train, self.template, numbers, cam_speed, revolutions, SMOOTH_STEPS
+            metrics = differentiable_motion(*motion, **settings)[1]
+            return jnp.stack([metrics[name][-1] for name in names])
 
         cases = jax.tree.map(jnp.asarray, self._cases)
-        values = jax.vmap(one)(cases) if self.objective.source == "exact" else jax.lax.map(one, cases)
-        shape = -1, len(self.objective.speeds_rpm)
-        return {name: values[:, i].reshape(shape) for i, name in enumerate(names)}
-
-    @property
-    def _motion(self) -> Callable[[dict, Any, tuple[str, ...]], jax.Array]:
-        """Function from numbers of train and cam, the cam speed [rad/s] and names of metrics to these metrics (l)."""
-        train, lift, measured = build_train(self.objective.scene), self.template, self.objective.revolutions
-
-        def exact(numbers, cam_speed, names):
-            turns = {"revolutions": measured + 1, "revolution": measured - 1}
-            return exact_metrics(train, lift, cam_speed, numbers, names, **turns)
-
-        def smooth(numbers, cam_speed, names):
-            slowest = self.objective.scene.cam_speed(min(self.objective.speeds_rpm))
-            settings = {"slowest": slowest, "eps": self.objective.metric_width}
-            found = differentiable_motion(train, lift, numbers, cam_speed, measured + 1, SMOOTH_STEPS, **settings)[1]
-            return jnp.stack([found[name][-1] for name in names])
-
-        return exact if self.objective.source == "exact" else smooth
+        values = jax.vmap(of_case)(cases) if objective.source == "exact" else jax.lax.map(of_case, cases)
+        return {name: values[:, i].reshape(-1, len(objective.speeds_rpm)) for i, name in enumerate(names)}
 
     @cached_property
     def _cases(self) -> tuple[dict[str, np.ndarray], np.ndarray]:
         """The cases, each a train at a speed: their arrays by name, as of `TrainVariables`, and cam speeds [rad/s]."""
-        asked = self.objective
-        speeds = [asked.scene.cam_speed(speed) for speed in asked.speeds_rpm]
-        scenes = [asked.scene]
-        if asked.trains:
-            scenes = [one.scene for one in trains_as_built(asked.scene, asked.trains, seed=asked.seed)]
-        if not asked.trains and not self.train.names:
+        objective, scenes = self.objective, [self.objective.scene]
+        speeds = [objective.scene.cam_speed(speed) for speed in objective.speeds_rpm]
+        if objective.trains:
+            drawn = trains_as_built(objective.scene, objective.trains, seed=objective.seed)
+            scenes = [train.scene for train in drawn]
+        if not objective.trains and not self.train.names:
             return {}, np.array(speeds)
-        found = [self.train.arrays(scene) for scene in scenes]
-        numbers = {name: np.repeat([one[name] for one in found], len(speeds), axis=0) for name in found[0]}
+        arrays = [self.train.arrays(scene) for scene in scenes]
+        numbers = {name: np.repeat([train[name] for train in arrays], len(speeds), axis=0) for name in arrays[0]}
         return numbers, np.tile(speeds, len(scenes))
 
 
@@ -203,12 +190,12 @@ def objective(
     Raises InputError for unknown metrics, constraints and sources, unusable speeds, constraints on the exact path or
     with drawn trains, and scenes without valve, seat or [design].
     """
-    known = {AREA_RATIO, *QUANTITIES}
+    terms = {AREA_RATIO, *QUANTITIES}
     weights = dict(penalties or {})
     for name in (maximise, *weights):
-        if name not in known or (name in weights and name == AREA_RATIO):
+        if name not in terms or (name in weights and name == AREA_RATIO):
             raise InputError(
-                f"objective: {name!r}: expected one of {', '.join(sorted(known))}{did_you_mean(name, known)}"
+                f"objective: {name!r}: expected one of {', '.join(sorted(terms))}{did_you_mean(name, terms)}"
             )
     source = source if path is None else path
     if source not in SOURCES:
@@ -217,28 +204,28 @@ def objective(
         raise InputError(f"scene {scene.name}: an objective needs valve, seat, [operation] and [design]")
     limits = _constraints(constraints, source, trains)
     band = np.linspace(*scene.operation.band_rpm, CONSTRAINED_SPEEDS)
-    asked = speeds_rpm if speeds_rpm is not None else band if limits else scene.operation.speeds_rpm
-    speeds = tuple(float(speed) for speed in asked)
+    default = band if limits else scene.operation.speeds_rpm
+    speeds = tuple(float(speed) for speed in (default if speeds_rpm is None else speeds_rpm))
     if not speeds or not all(np.isfinite(speed) and speed > 0 for speed in speeds):
         raise InputError(f"objective: speeds_rpm {speeds_rpm}: crankshaft speeds above 0 r/min are needed")
     if revolutions < 1 or trains < 0:
         raise InputError(f"objective: revolutions {revolutions}, trains {trains}: at least 1 and 0 are needed")
-    followed = "smooth" if limits else "exact" if source == "auto" else source
-    how = smoothing("objective", width_um, tie, steps_per_revolution)
-    of_metrics = EPS if width_um is None else how.width
+    source = "smooth" if limits else "exact" if source == "auto" else source
+    layer = smoothing("objective", width_um, tie, steps_per_revolution)
+    metric_width = EPS if width_um is None else layer.width
     return Objective(
-        scene, speeds, maximise, weights, followed, revolutions, trains, seed, limits, how, of_metrics,
+        scene, speeds, maximise, weights, source, revolutions, trains, seed, limits, layer, metric_width,
     )  # fmt: skip
 
 
-def _constraints(asked: Mapping[str, float] | None, source: str, trains: int) -> dict[str, float]:
+def _constraints(constraints: Mapping[str, float] | None, source: str, trains: int) -> dict[str, float]:
     """The limits along paths by name, checked together with the arguments that exclude them."""
-    limits = dict(asked or {})
+    limits = dict(constraints or {})
     for name, limit in limits.items():
         if name not in CONSTRAINTS:
-            known = ", ".join(CONSTRAINTS)
+            names = ", ".join(CONSTRAINTS)
             raise InputError(
-                f"objective: constraint {name!r}: expected one of {known}{did_you_mean(name, CONSTRAINTS)}"
+                f"objective: constraint {name!r}: expected one of {names}{did_you_mean(name, CONSTRAINTS)}"
             )
         if not (np.isfinite(limit) and (name == FORCE or limit > 0)):
             raise InputError(f"objective: constraint {name} {limit}: expected a number, and above 0 for a gap, as 0.03")

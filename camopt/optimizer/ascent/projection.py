@@ -136,10 +136,10 @@ class ShapeLimits:
         wanted = q.T @ (lift(theta) - offset - basis @ self.cam.x_p)  # of y = r z, whose distances are those of lifts
         matrix, bound = self._rows
         try:
-            found = np.linalg.solve(r, Polyhedron(np.linalg.solve(r.T, matrix.T).T, bound).nearest(wanted))
+            nearest = np.linalg.solve(r, Polyhedron(np.linalg.solve(r.T, matrix.T).T, bound).nearest(wanted))
         except Empty:
             raise InputError(conflict(self.design, self.cam)) from None
-        return self.nearest(found)  # rounding in the change of coordinates may violate rows
+        return self.nearest(nearest)  # rounding in the change of coordinates may violate rows
 
 
 def nearest_free_cam(scene: Scene, cam: Lift, *, knot_deg: float = 3.0) -> Lift:

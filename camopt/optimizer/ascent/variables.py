@@ -52,10 +52,10 @@ class TrainVariables:
         numbers = [number for tied in self._tied for number in tied.numbers]  # raises for unknown names
         if twice := [number.named(self.scene) for number in set(numbers) if numbers.count(number) > 1]:
             raise InputError(f"train: {min(twice)} has two factors: name it once")
-        own = build_train(self.scene).parameters
+        nominal = build_train(self.scene).parameters
         for tied in self._tied:  # the arrays must be affine in every factor
             more, most = (build_train(tied.scaled(self.scene, factor)).parameters for factor in (1.5, 2.0))
-            if not all(np.allclose(2.0 * more[n], own[n] + most[n], rtol=1e-9, atol=0.0) for n in own):
+            if not all(np.allclose(2.0 * more[n], nominal[n] + most[n], rtol=1e-9, atol=0.0) for n in nominal):
                 raise InputError(f"train: {excerpt(tied.name)} is no number of the train that may vary")
 
     @property
@@ -71,8 +71,8 @@ class TrainVariables:
     @cached_property
     def _tied(self) -> list[Tied]:
         """The numbers that each factor multiplies."""
-        several = [[names] if isinstance(names, str) else list(names) for names in self.bounds]
-        return [Tied(" = ".join(names), tuple(n for name in names for n in self._numbers(name))) for names in several]
+        groups = [[names] if isinstance(names, str) else list(names) for names in self.bounds]
+        return [Tied(" = ".join(names), tuple(n for name in names for n in self._numbers(name))) for names in groups]
 
     def _numbers(self, name: str) -> list[SceneNumber]:
         """The numbers that a name stands for; raises InputError if there are none."""
@@ -84,14 +84,14 @@ class TrainVariables:
     def arrays(self, scene: Scene) -> dict[str, np.ndarray]:
         """The arrays of a train by name, each with a first axis (1 + k): its own numbers, then their change by each
         factor."""
-        own = build_train(scene).parameters
-        moved = [build_train(tied.scaled(scene, 2.0)).parameters for tied in self._tied]
-        return {name: np.stack([array, *(one[name] - array for one in moved)]) for name, array in own.items()}
+        nominal = build_train(scene).parameters
+        doubled = [build_train(tied.scaled(scene, 2.0)).parameters for tied in self._tied]
+        return {name: np.stack([array, *(train[name] - array for train in doubled)]) for name, array in nominal.items()}
 
     def applied(self, arrays: Mapping[str, Any], factors: Any) -> dict[str, Any]:
         """A train's arrays by name, in JAX, with the factors (k) applied; `arrays` are those of the method `arrays`."""
-        shares = jnp.concatenate([jnp.ones(1), jnp.asarray(factors) - 1.0])
-        return {name: jnp.tensordot(shares, array, 1) for name, array in arrays.items()}
+        weights = jnp.concatenate([jnp.ones(1), jnp.asarray(factors) - 1.0])
+        return {name: jnp.tensordot(weights, array, 1) for name, array in arrays.items()}
 
     def scene_with(self, factors: np.ndarray) -> Scene:
         """The scene with the factors (k) on its numbers."""
@@ -104,17 +104,17 @@ class TrainVariables:
 class FreeVariables:
     """The coefficients of the free cam nearest to a given cam; a given free cam keeps its own knots.
 
-    `start` (m) are the coefficients of `cam`. `parameters` of a vector (m) are those of `camopt.differentiable(scene,
+    `start` (m) is the vector of `template`. `parameters` of a vector (m) are those of `camopt.differentiable(scene,
     cam)`, in JAX. `limits` gives the nearest vector whose cam holds the design's limits on the shape, the derivative of
     that projection, and the projectors onto the directions along which these limits still hold.
     """
 
     def __init__(self, scene: Scene, cam: Lift, knot_deg: float):
-        design, own = scene.required_design, cam.family == FREE
-        self._free = program_cam(design, cam.parameters["knot_deg"] if own else knot_deg)
+        design, is_free = scene.required_design, cam.family == FREE
+        self._free = program_cam(design, cam.parameters["knot_deg"] if is_free else knot_deg)
         shape = ShapeLimits(self._free, design)
-        self.start = shape.nearest(free_cam_of(design, cam)[1] if own else shape.nearest_to(cam))
-        self.limits, self.cam = shape.polyhedron, self.lift(self.start)
+        self.start = shape.nearest(free_cam_of(design, cam)[1] if is_free else shape.nearest_to(cam))
+        self.limits, self.template = shape.polyhedron, self.lift(self.start)
 
     def parameters(self, vector: Any) -> dict[str, Any]:
         return {"z": vector}
@@ -139,23 +139,23 @@ class FamilyVariables:
         count = sum(int(np.size(value)) for value in self._own.values())
         if not count:
             raise InputError(f"ascend: {cam.family} has no parameters of its own to vary: take form='free'")
-        self.cam, self.limits, self.start = cam, self, np.ones(count)
+        self.template, self.limits, self.start = cam, self, np.ones(count)
         self.start = self.nearest(self.start)
 
     def parameters(self, vector: Any) -> dict[str, Any]:
-        found, at = dict(self._cam.parameters), 0
+        parameters, first = dict(self._cam.parameters), 0
         for name, value in self._own.items():
-            size = int(np.size(value))
-            found[name] = value * jnp.reshape(vector[at : at + size], np.shape(value))
-            at += size
-        return found
+            last = first + int(np.size(value))
+            parameters[name] = value * jnp.reshape(vector[first:last], np.shape(value))
+            first = last
+        return parameters
 
     def lift(self, vector: np.ndarray) -> Lift:
         parameters = self.parameters(vector)
-        borders, coefficients = (np.asarray(part) for part in self._cam.moving_pieces(parameters))
+        borders, coefficients = map(np.asarray, self._cam.moving_pieces(parameters))
         wide = np.diff(borders) > 0.0
         own = {name: np.asarray(parameters[name]).tolist() for name in self._own}
-        half, family = float(self._cam.half_duration(parameters)), f"{self.cam.family} (ascended)"
+        half, family = float(self._cam.half_duration(parameters)), f"{self.template.family} (ascended)"
         return Lift(np.append(borders[:-1][wide], borders[-1]), coefficients[wide], half, family, own)
 
     def nearest(self, vector: np.ndarray) -> np.ndarray:
@@ -172,7 +172,7 @@ class FamilyVariables:
             if not np.all(np.isfinite(moved)) or np.abs(moved - self.start).max() > 1.0:
                 break
         raise InputError(
-            f"ascend: no member of {self.cam.family} near this one holds the design's limits on the shape: take "
+            f"ascend: no member of {self.template.family} near this one holds the design's limits on the shape: take "
             f"form='free', which varies the free cam nearest to it, or loosen the limits"
         )
 
@@ -201,21 +201,21 @@ class FamilyVariables:
 def shape_excess(cam: DifferentiableCam, parameters: Mapping[str, Any], design: Design) -> jax.Array:
     """The excess of a cam over each limit on its shape, relative to it (r), in JAX; on the nose, the largest
     acceleration [mm/deg^2]."""
-    own = dict(parameters)
-    parts = [cam.peak(own) / (design.max_lift_mm * MM) - 1.0]
+    p = dict(parameters)
+    excess = [cam.peak(p) / (design.max_lift_mm * MM) - 1.0]
     if design.reach_max_lift:
-        parts.append(1.0 - cam.peak(own) / (design.max_lift_mm * MM))
+        excess.append(1.0 - cam.peak(p) / (design.max_lift_mm * MM))
     if (upper := design.acceleration_max_mm_per_deg2) is not None:
-        parts.append(cam.peak(own, 2) / (upper * MM_PER_DEG2) - 1.0)
+        excess.append(cam.peak(p, 2) / (upper * MM_PER_DEG2) - 1.0)
     if (lower := design.acceleration_min_mm_per_deg2) is not None:
-        parts.append(cam.peak(own, 2, lowest=True) / (lower * MM_PER_DEG2) - 1.0)
+        excess.append(cam.peak(p, 2, lowest=True) / (lower * MM_PER_DEG2) - 1.0)
     for order, key, unit in ((3, "jerk_max_mm_per_deg3", MM_PER_DEG3), (4, "snap_max_mm_per_deg4", MM_PER_DEG4)):
         if (limit := getattr(design, key)) is not None:
-            parts += [s * cam.peak(own, order, lowest=s < 0) / (limit * unit) - 1.0 for s in (1.0, -1.0)]
+            excess += [s * cam.peak(p, order, lowest=s < 0) / (limit * unit) - 1.0 for s in (1.0, -1.0)]
     if design.nose_deg:
         theta = np.linspace(-design.nose_deg, design.nose_deg, NOSE_ANGLES) * DEG
-        parts.append(jnp.max(cam.lift(theta, own, 2)) / MM_PER_DEG2)
-    return jnp.stack(parts + [drawing_excess(cam, own, limit) for limit in linear_limits(design)])
+        excess.append(jnp.max(cam.lift(theta, p, 2)) / MM_PER_DEG2)
+    return jnp.stack(excess + [drawing_excess(cam, p, limit) for limit in linear_limits(design)])
 
 
 def drawing_excess(cam: DifferentiableCam, parameters: Mapping[str, Any], limit: LinearLimit) -> jax.Array:
@@ -249,6 +249,10 @@ class Variables:
     def cam_vector(self, point: Mapping[str, Any]) -> Any:
         """The vector (m) of the cam's variables at a point."""
         return point["cam"] if self._metric is None else self._metric @ point["cam"]
+
+    def lift(self, point: Mapping[str, Any]) -> Lift:
+        """The lift law at a point."""
+        return self.cam.lift(self.cam_vector(point))
 
     def parameters(self, point: Mapping[str, Any]) -> dict[str, Any]:
         """The parameters of a bound objective at a point."""
