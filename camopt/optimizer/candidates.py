@@ -24,7 +24,7 @@ RULED_OUT = 1.5
 agree. Nearer to the limit the verdict decides, with its finer steps."""
 
 
-class KnownCam(Protocol):
+class Candidate(Protocol):
     """A cam of a search or of a family."""
 
     @property
@@ -51,9 +51,9 @@ def family_cams(scene: Scene) -> dict[str, Lift | str]:
 def ruled_out(scene: Scene, lift: Lift) -> str:
     """The limit that the settled event-exact motion breaks by far at a listed speed; empty if there is none."""
     operation = scene.required_operation
-    found = settled_metrics([build_train(scene)], [lift], [scene.cam_speed(s) for s in operation.speeds_rpm])
+    metrics = settled_metrics([build_train(scene)], [lift], [scene.cam_speed(s) for s in operation.speeds_rpm])
     for key, limit in motion_limits(scene.required_design).items():
-        shares = limit.share(found.worst(limit.metric)[0, 0])
+        shares = limit.share(metrics.worst(limit.metric)[0, 0])
         if shares.max() > RULED_OUT:
             return f"{key} at {operation.speeds_rpm[int(shares.argmax())]:g} r/min"
     return ""
@@ -63,9 +63,9 @@ def ruled_out(scene: Scene, lift: Lift) -> str:
 class Chosen:
     """A run's cam with its verdict, and the larger cams that were refused before it, each with the reason."""
 
-    cam: KnownCam
+    cam: Candidate
     verdict: Verdict
-    refused: Sequence[tuple[KnownCam, str]]
+    refused: Sequence[tuple[Candidate, str]]
 
     @property
     def fell_back(self) -> dict:
@@ -76,12 +76,12 @@ class Chosen:
         largest = max((cam.area_ratio for cam in refused), default=None)
         return {"candidates_judged": judged, "largest_refused_area_ratio": largest}
 
-    def why_a_family(self, searched: Sequence[KnownCam], failed: str) -> str:
+    def why_a_family(self, searched: Sequence[Candidate], failed: str) -> str:
         """Why a family's cam is delivered instead of one of the search; empty if it is one of the search."""
         if not isinstance(self.cam, Member):
             return ""
-        own = searched[-1].area_ratio if searched else 0.0
-        search = f"The search's largest cam has an area ratio of {own:.5f}" if searched else f"The search: {failed}"
+        largest = searched[-1].area_ratio if searched else 0.0
+        search = f"The search's largest cam has an area ratio of {largest:.5f}" if searched else f"The search: {failed}"
         larger = f" The larger ones were refused: {_reasons(self.refused)}." if self.refused else ""
         return (
             f"{search}. The cam is the largest that the family {self.cam.lift.family} has under the limits on the "
@@ -91,14 +91,14 @@ class Chosen:
 
 def full_verdict(scene: Scene, lift: Lift, speeds: str, effort: Accuracy) -> Verdict:
     """The verdict on a run's design: at the listed speeds and, with `speeds` "band", over the band."""
-    own = effort.verdict
-    band_step_rpm = own.band_step_rpm if speeds == "band" else None
-    return verdict_on(scene, lift, None, own.methods_of(build_train(scene)), band_step_rpm, own.tolerances)
+    final = effort.verdict
+    band_step_rpm = final.band_step_rpm if speeds == "band" else None
+    return verdict_on(scene, lift, None, final.methods_of(build_train(scene)), band_step_rpm, final.tolerances)
 
 
 def largest_confirmed(
     scene: Scene,
-    searched: Sequence[KnownCam],
+    searched: Sequence[Candidate],
     speeds: str,
     effort: Accuracy,
     families: Mapping[str, Lift | str] | None = None,
@@ -113,9 +113,9 @@ def largest_confirmed(
     design = scene.required_design
     lifts = [cam for cam in (families or {}).values() if not isinstance(cam, str) and not broken_by_shape(cam, design)]
     members = [Member(lift, lift.area_ratio_in(design)) for lift in lifts]
-    known: list[KnownCam] = sorted([*searched[::-1], *members], key=lambda cam: -cam.area_ratio)
+    candidates: list[Candidate] = sorted([*searched[::-1], *members], key=lambda cam: -cam.area_ratio)
     first, refused = None, []
-    for cam in known:
+    for cam in candidates:
         if isinstance(cam, Member) and (reason := ruled_out(scene, cam.lift)):
             refused.append((cam, reason))
             continue
@@ -127,12 +127,12 @@ def largest_confirmed(
         refused.append((cam, next(iter(verdict.broken), verdict.verdict)))
     if first:
         return Chosen(*first, refused)
-    none = "no family has a member that holds the limits on the shape"
-    beside = f"of the families' largest cams none is confirmed: {_reasons(refused)}" if refused else none
+    no_member = "no family has a member that holds the limits on the shape"
+    beside = f"of the families' largest cams none is confirmed: {_reasons(refused)}" if refused else no_member
     raise NoCamFound(f"{failed}. Beside the search, {beside}")
 
 
-def _reasons(refused: Sequence[tuple[KnownCam, str]]) -> str:
+def _reasons(refused: Sequence[tuple[Candidate, str]]) -> str:
     """Each refused cam with its area ratio and the reason."""
     return "; ".join(
         f"{cam.lift.family if isinstance(cam, Member) else 'the search'} with {cam.area_ratio:.5f} ({reason})"

@@ -17,7 +17,7 @@ from camopt.cam.tables.lift_table import write_lift_table
 from camopt.optimizer.accuracy import Accuracy, accuracy_named, drawn_speeds
 from camopt.optimizer.as_built.checks import check_wanted
 from camopt.optimizer.bound.certificate import area_ratio_bound
-from camopt.optimizer.candidates import KnownCam, family_cams, largest_confirmed
+from camopt.optimizer.candidates import Candidate, family_cams, largest_confirmed
 from camopt.optimizer.first_run import SAYING, compile_programs, programs_missing
 from camopt.optimizer.free_numbers import free_numbers, with_best_values
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum
@@ -114,14 +114,14 @@ def optimize(
     Raises InputError for unknown words, contradictory limits, an unusable folder or one of another run, and its
     subclass NoCamFound if the search finds no cam and no family's largest member is confirmed.
     """
-    how = smoothing("optimize", width_um, tie, steps_per_revolution).as_asked
-    settings = {"speeds": speeds, "accuracy": accuracy, "gradient": source or gradient, "seed": seed} | how
+    settings = {"speeds": speeds, "accuracy": accuracy, "gradient": source or gradient, "seed": seed}
+    settings |= smoothing("optimize", width_um, tie, steps_per_revolution).as_asked
     settings |= {} if wanted_yield is None else {"yield": wanted_yield}
     settings |= {} if start is None else {"start": {"family": start.family, "area_m_rad": float(start.area)}}
     settings |= {} if not free else {"free": {name: list(map(float, ends)) for name, ends in free.items()}}
     folder = Path(out or default_run_folder(scene.name))
     check_run_folder(folder, resume)
-    effort, identity, chosen = _understood(scene, settings), run_identity("optimize", scene, **settings), {}
+    effort, identity, chosen = _checked_accuracy(scene, settings), run_identity("optimize", scene, **settings), {}
     if free:
         scene, chosen = with_best_values(scene, free_numbers(scene, free), speeds, effort, progress)
     design = scene.required_design
@@ -147,12 +147,12 @@ def optimize(
     return Run(folder, lift, verdict, record, 0 if held else 3, stated)
 
 
-def _understood(scene: Scene, settings: dict) -> Accuracy:
+def _checked_accuracy(scene: Scene, settings: dict) -> Accuracy:
     """The settings of the accuracy; raises InputError for unknown words."""
     effort = accuracy_named(settings["accuracy"])
-    for name, known in (("speeds", SPEEDS), ("gradient", GRADIENTS)):
-        if settings[name] not in known:
-            raise InputError(f"{name} {settings[name]!r}: expected one of {', '.join(known)}")
+    for name, words in (("speeds", SPEEDS), ("gradient", GRADIENTS)):
+        if settings[name] not in words:
+            raise InputError(f"{name} {settings[name]!r}: expected one of {', '.join(words)}")
     smoothing_in(settings)
     if "yield" in settings:
         check_wanted(scene, settings["yield"], settings["speeds"])
@@ -170,7 +170,7 @@ class _OpenRun:
     compare: bool = True
     further: dict = field(default_factory=dict)  # keys of design.json on free numbers and on the search
     start: Lift | None = None
-    found: dict = field(default_factory=dict)  # numbers of the search, for the provenance
+    search_numbers: dict = field(default_factory=dict)  # numbers of the search, for the provenance
 
     @cached_property
     def families(self) -> dict[str, Lift | str]:
@@ -215,34 +215,42 @@ class _OpenRun:
         self.write_provenance(folder)
         return lift, chosen.verdict, record
 
-    def _searched(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam | None, str]:
+    def _searched(self, folder: Path, shown: Progress) -> tuple[Sequence[Candidate], Candidate | None, str]:
         """The cams of the search and the best of the program alone; or neither, and the reason why there is none."""
         try:
             return *(self._cams_for_yield(folder, shown) if "yield" in self.settings else self._cams(folder, shown)), ""
-        except NoCamFound as none:
-            return [], None, str(none)
+        except NoCamFound as failure:
+            return [], None, str(failure)
 
-    def _cams(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam | None]:
+    def _cams(self, folder: Path, shown: Progress) -> tuple[Sequence[Candidate], Candidate | None]:
         """The confirmed cams of the search, each larger than the one before, and the best of the program alone."""
-        asked, journal = self.settings, StepFiles(folder, cams.FOLDER)
-        how = {"journal": journal, "show": shown.step, "clock": self.clock, "start": self.start, "seed": asked["seed"]}
-        how |= {"smoothing": smoothing_in(asked)}
-        search = find_cam(self.scene, asked["speeds"], self.effort, asked["gradient"], **how)
-        self.further["search"], self.found = search.course, {"cams_judged": search.judge.calls}
+        settings = self.settings
+        search = find_cam(
+            self.scene,
+            settings["speeds"],
+            self.effort,
+            settings["gradient"],
+            journal=StepFiles(folder, cams.FOLDER),
+            show=shown.step,
+            clock=self.clock,
+            start=self.start,
+            seed=settings["seed"],
+            smoothing=smoothing_in(settings),
+        )
+        self.further["search"], self.search_numbers = search.course, {"cams_judged": search.judge.calls}
         assert search.first is not None, "a search with a cam has ended its first stage"
         return search.confirmed, search.first
 
-    def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam | None]:
+    def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[Candidate], Candidate | None]:
         """The same for the search for yield, which has no program alone."""
         from camopt.optimizer.as_built.drawn import FOLDER
         from camopt.optimizer.as_built.search import yield_search
 
-        asked = self.settings
+        settings, journal = self.settings, StepFiles(folder, FOLDER)
         with self.clock.stage("yield_search"):
-            how = {"gradient": asked["gradient"], "seed": asked["seed"], "show": shown.step}
-            journal = StepFiles(folder, FOLDER)
-            search = yield_search(self.scene, asked["yield"], self.effort, journal=journal, **how)
-        self.found = {"cams_judged": search.steps, "trains_drawn": search.trains_drawn}
+            options = {"gradient": settings["gradient"], "seed": settings["seed"], "show": shown.step}
+            search = yield_search(self.scene, settings["yield"], self.effort, journal=journal, **options)
+        self.search_numbers = {"cams_judged": search.steps, "trains_drawn": search.trains_drawn}
         return search.held[-cams.CANDIDATES :], None
 
     def state_yield(self, folder: Path, lift: Lift, verdict: Verdict, shown: Progress) -> "YieldStatement | None":
@@ -251,12 +259,12 @@ class _OpenRun:
         from camopt.optimizer.baselines.comparison import plain_baselines
 
         def baselines() -> dict[str, Lift | str]:
-            known = {"without_jerk_limit": False, "known": self.families}
-            return plain_baselines(self.scene, **known) if self.compare else {}
+            options = {"without_jerk_limit": False, "known": self.families}
+            return plain_baselines(self.scene, **options) if self.compare else {}
 
         with self.clock.stage("yield"):
-            asked = {"baselines": baselines, "advance": shown.advance}
-            stated = statement_of_run(self.scene, lift, self.settings, folder, **asked)
+            options = {"baselines": baselines, "advance": shown.advance}
+            stated = statement_of_run(self.scene, lift, self.settings, folder, **options)
             further = beside(self.scene, lift, self.settings, stated, folder, self.start)
         if stated is not None:
             write_json(folder / "verification.json", verdict.as_dict() | {"yield": stated.as_dict() | further})
@@ -270,7 +278,7 @@ class _OpenRun:
             "machine": {"processor": platform.machine(), "system": platform.system()},
             "settings": self.settings,
             "seed": self.settings["seed"],
-            **self.found,
+            **self.search_numbers,
             "times_s": self.clock.times_s(),
             "stages": self.clock.as_dict(),
             "finished_utc": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),

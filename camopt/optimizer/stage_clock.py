@@ -32,8 +32,8 @@ class Cost:
 
 def processor_s() -> float:
     """Processor time of this process and of the processes that it has waited for [s]."""
-    of = os.times()
-    return time.process_time() + of.children_user + of.children_system
+    times = os.times()
+    return time.process_time() + times.children_user + times.children_system
 
 
 class StageClock:
@@ -91,17 +91,17 @@ class _Compilation(event.Listener):
         self.seconds, self._depth, self._begun = 0.0, {}, {}
 
     def on_start(self, event):
-        me = get_ident()
-        self._depth[me] = self._depth.get(me, 0) + 1
-        if self._depth[me] == 1:
-            self._begun[me] = time.thread_time()
+        thread = get_ident()
+        self._depth[thread] = self._depth.get(thread, 0) + 1
+        if self._depth[thread] == 1:
+            self._begun[thread] = time.thread_time()
 
     def on_end(self, event):
-        me = get_ident()
-        if me in self._begun:
-            self._depth[me] -= 1
-            if self._depth[me] == 0:
-                self.seconds += time.thread_time() - self._begun.pop(me)
+        thread = get_ident()
+        if thread in self._begun:
+            self._depth[thread] -= 1
+            if self._depth[thread] == 0:
+                self.seconds += time.thread_time() - self._begun.pop(thread)
 
     def add(self, name: str, seconds: float, **_) -> None:
         """Callback for JAX, which reports the duration of each step of a compilation."""
@@ -112,15 +112,15 @@ class _Compilation(event.Listener):
 @contextmanager
 def _compiling() -> Iterator[_Compilation]:
     """Listens to numba and, if it is already loaded, to JAX."""
-    found, monitoring = _Compilation(), sys.modules.get("jax.monitoring")
+    compilation, monitoring = _Compilation(), sys.modules.get("jax.monitoring")
     if monitoring is not None:
-        monitoring.register_event_duration_secs_listener(found.add)
+        monitoring.register_event_duration_secs_listener(compilation.add)
     try:
-        with event.install_listener("numba:compile", found):
-            yield found
+        with event.install_listener("numba:compile", compilation):
+            yield compilation
     finally:
         if monitoring is not None:
-            monitoring.unregister_event_duration_listener(found.add)
+            monitoring.unregister_event_duration_listener(compilation.add)
 
 
 class Progress:
@@ -131,8 +131,8 @@ class Progress:
         steps = search, VERDICT_STEPS, YIELD_STEPS, COMPARISON_STEPS if compared else 0
         ends = zip(("search", "verdict", "yield", "comparison"), accumulate(steps), strict=True)
         self._end: dict[str, int] = dict(ends)
-        form = "{desc}: {percentage:3.0f}% |{bar}| {elapsed}, {remaining} left{postfix}"
-        self._bar = tqdm(total=sum(steps), disable=None if wanted else True, dynamic_ncols=True, bar_format=form)
+        layout = "{desc}: {percentage:3.0f}% |{bar}| {elapsed}, {remaining} left{postfix}"
+        self._bar = tqdm(total=sum(steps), disable=None if wanted else True, dynamic_ncols=True, bar_format=layout)
         self._stage, self._unwanted = "", not wanted
 
     def __enter__(self) -> "Progress":
@@ -166,8 +166,8 @@ class Progress:
             last = f"{line['failing']} of {line['trains']} trains fail"
         else:
             last = f"bounce {line['worst_bounce_mm']:.3f} mm, worst at {line['worst_speed_rpm']:.0f} r/min"
-        known = "no confirmed cam yet" if best is None else f"best area ratio {best:.4f}"
-        self._bar.set_postfix_str(f"{known}, {last}", refresh=False)
+        confirmed = "no confirmed cam yet" if best is None else f"best area ratio {best:.4f}"
+        self._bar.set_postfix_str(f"{confirmed}, {last}", refresh=False)
         self._update(1)
 
     def advance(self, share: float) -> None:
