@@ -25,8 +25,8 @@ def programs_missing() -> bool:
 
 def compile_programs() -> None:
     """Compiles all programs that a job calls. Returns when they are done; ends all processes if it is interrupted."""
-    words, quiet = [sys.executable, "-m", __name__], dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-    running = [subprocess.Popen([*words, part], env=EFFORT | os.environ, **quiet) for part in PARTS]
+    command, quiet = [sys.executable, "-m", __name__], dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    running = [subprocess.Popen([*command, name], env=EFFORT | os.environ, **quiet) for name in PARTS]
     try:
         for process in running:
             process.wait()

@@ -259,7 +259,7 @@ class _OpenRun:
         from camopt.optimizer.baselines.comparison import plain_baselines
 
         def baselines() -> dict[str, Lift | str]:
-            options = {"without_jerk_limit": False, "known": self.families}
+            options = {"without_jerk_limit": False, "designed": self.families}
             return plain_baselines(self.scene, **options) if self.compare else {}
 
         with self.clock.stage("yield"):
@@ -295,5 +295,5 @@ class _OpenRun:
             speeds = drawn_speeds(scene.required_operation, effort)
             draw(folder, scene, {"design": lift}, {"design": verdict.as_dict()}, speeds)
             return
-        baselines = plain_baselines(scene, without_jerk_limit=effort.without_jerk_limit, known=self.families)
+        baselines = plain_baselines(scene, without_jerk_limit=effort.without_jerk_limit, designed=self.families)
         compare_in(folder, scene, {"design": lift}, {"design": verdict}, effort, baselines, shown.advance)

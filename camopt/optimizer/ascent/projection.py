@@ -72,7 +72,7 @@ class Polyhedron:
 
         Every call starts without active rows, so that the result does not depend on earlier calls, to the last digit.
         """
-        far = float((self.matrix @ x - self.bound).max())  # unit of the steps: the least distance known
+        distance = float((self.matrix @ x - self.bound).max())  # unit of the steps: the least distance known
         moved, rows, holding = x, np.zeros(0, dtype=int), np.zeros(0, dtype=int)
         for _ in range(MOST_ROUNDS):
             excess, size = self.matrix @ moved - self.bound, float(np.abs(x).max() or np.abs(moved).max())
@@ -83,10 +83,10 @@ class Polyhedron:
             if len(holding) and np.isin(worst, rows).all():
                 raise ArithmeticError("the nearest point still breaks rows that it was to hold")
             rows = np.union1d(rows, worst)
-            holding = rows[_multipliers(self.matrix[rows], (self.bound[rows] - self.matrix[rows] @ x) / far) > 0]
+            holding = rows[_multipliers(self.matrix[rows], (self.bound[rows] - self.matrix[rows] @ x) / distance) > 0]
             face = self.matrix[holding]
             moved = x + np.linalg.lstsq(face, self.bound[holding] - face @ x, rcond=None)[0]
-            far = max(far, float(np.linalg.norm(moved - x)))
+            distance = max(distance, float(np.linalg.norm(moved - x)))
         raise ArithmeticError(f"the nearest point still breaks rows after {MOST_ROUNDS} rounds")
 
 

@@ -12,7 +12,7 @@ from camopt.cam.lift import Lift
 from camopt.cam.read import read_cam
 from camopt.measure.limits import shape_excess
 from camopt.optimizer.accuracy import ACCURACIES, Accuracy, accuracy_named, drawn_speeds
-from camopt.optimizer.baselines.comparison_table import FAILED, NO_JERK, failed, keep, kept, write_table
+from camopt.optimizer.baselines.comparison_table import FAILED, NO_JERK, failed, store, stored, write_table
 from camopt.optimizer.baselines.figures import draw
 from camopt.scene.errors import InputError
 from camopt.scene.schema import Scene
@@ -66,25 +66,25 @@ def compare(
     its jerk limit. "none" means no other cams. `note` receives a sentence for each family in which "best" found no
     member that holds. Raises InputError for an unusable folder or scene, and for other words.
     """
-    others = {"plain": plain_baselines, "best": lambda _: best_baselines(scene, progress, note), "none": lambda _: {}}
-    if baselines not in others:
-        raise InputError(f"baselines {baselines!r}: expected {', '.join(others)}")
+    design = {"plain": plain_baselines, "best": lambda _: best_baselines(scene, progress, note), "none": lambda _: {}}
+    if baselines not in design:
+        raise InputError(f"baselines {baselines!r}: expected {', '.join(design)}")
     if baselines == "none" and not designs:
         raise InputError("compare: nothing to compare: name a design, or leave the literature's cams in")
     effort = accuracy_named(accuracy)
     named = {"design" if len(designs) == 1 else name: lift for name, lift in designs.items()}
     with run_folder(out, run_identity("compare", scene, baselines=baselines), worth=["comparison.csv"]) as folder:
-        figures = compare_in(folder, scene, named, {}, effort, others[baselines](scene))
+        figures = compare_in(folder, scene, named, {}, effort, design[baselines](scene))
     return Comparison(folder, figures)
 
 
 def plain_baselines(
-    scene: Scene, *, without_jerk_limit: bool = True, known: Mapping[str, Lift | str] | None = None
+    scene: Scene, *, without_jerk_limit: bool = True, designed: Mapping[str, Lift | str] | None = None
 ) -> dict[str, Lift | str]:
     """Polydyne, Multi-Pol and New Design by name, the latter two also without the scene's jerk limit; a sentence where
-    a family has no member. Cams that are `known` by name are not designed again."""
-    known = known or {}
-    cams = {name: known.get(name) or member_or_sentence(scene, name) for name in ("polydyne", *SECTIONED)}
+    a family has no member. Cams that are already `designed`, by name, are taken from there."""
+    designed = designed or {}
+    cams = {name: designed.get(name) or member_or_sentence(scene, name) for name in ("polydyne", *SECTIONED)}
     for name in SECTIONED if without_jerk_limit and _jerk_limited(scene) else ():
         cams[name + NO_JERK] = _member(scene, lambda name=name: read_cam(f"{name}:jerk=no", scene))
     return cams
@@ -167,17 +167,18 @@ def compare_in(
     for the report and for `--cam`.
     """
     band_step = None if any(v.band is None for v in verdicts.values()) else effort.verdict.band_step_rpm
-    cams = dict(designs)
-    found = {name: verdicts[name].as_dict() if name in verdicts else _judged(scene, lift, effort, band_step)
-             for name, lift in designs.items()}  # fmt: skip
+    of_designs = {
+        name: verdicts[name].as_dict() if name in verdicts else _judged(scene, lift, effort, band_step)
+        for name, lift in designs.items()
+    }
+    cams, of_baselines = dict(designs), {}
     for name, lift in sorted(baselines.items()):
-        found[name] = _judged_baseline(scene, lift, effort, band_step)
+        of_baselines[name] = _judged_baseline(scene, lift, effort, band_step)
         judged(1 / (len(baselines) + 1))
-        if not isinstance(lift, str) and found[name]["verdict"] != FAILED:
+        if not isinstance(lift, str) and of_baselines[name]["verdict"] != FAILED:
             cams[name] = lift
-    others = {name: one for name, one in found.items() if name not in designs}
-    keep(folder, scene, {name: cams[name] for name in others if name in cams}, others)
-    return _write(folder, scene, cams, found, drawn_speeds(scene.required_operation, effort))
+    store(folder, scene, {name: cams[name] for name in of_baselines if name in cams}, of_baselines)
+    return _write(folder, scene, cams, of_designs | of_baselines, drawn_speeds(scene.required_operation, effort))
 
 
 def compare_again(folder: Path, scene: Scene, accuracy: object = None) -> None:
@@ -192,19 +193,19 @@ def compare_again(folder: Path, scene: Scene, accuracy: object = None) -> None:
     effort = ACCURACIES.get(accuracy) if isinstance(accuracy, str) else None
     operation = scene.required_operation
     speeds = operation.speeds_rpm if effort is None else drawn_speeds(operation, effort)
-    _write(folder, scene, *kept(folder, scene), speeds)
+    _write(folder, scene, *stored(folder, scene), speeds)
 
 
 def _write(
     folder: Path,
     scene: Scene,
     cams: Mapping[str, Lift],
-    found: Mapping[str, dict],
+    verdicts: Mapping[str, dict],
     speeds_rpm: Sequence[float],
 ) -> dict[str, Figure]:
-    write_table(folder, scene, cams, found)
+    write_table(folder, scene, cams, verdicts)
     shown = {name: lift for name, lift in cams.items() if not name.endswith(NO_JERK)}
-    return draw(folder, scene, shown, {name: found[name] for name in shown}, speeds_rpm) if shown else {}
+    return draw(folder, scene, shown, {name: verdicts[name] for name in shown}, speeds_rpm) if shown else {}
 
 
 def _judged(scene: Scene, lift: Lift, effort: Accuracy, band_step_rpm: float | None, to_the_end: bool = True) -> dict:

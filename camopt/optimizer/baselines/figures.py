@@ -54,31 +54,31 @@ def draw(
     folder: Path,
     scene: Scene,
     cams: dict[str, Lift],
-    found: dict[str, dict],
+    verdicts: dict[str, dict],
     speeds_rpm: Sequence[float],
 ) -> dict[str, Figure]:
-    """Draws the figures of a run folder, writes them into its folder `figures` and returns them by name. `found` holds
-    the verdict of each cam; the valve's motion is drawn at `speeds_rpm`."""
+    """Draws the figures of a run folder, writes them into its folder `figures` and returns them by name; the valve's
+    motion is drawn at `speeds_rpm`. `verdicts` holds one for every cam."""
     design, operation = scene.required_design, scene.required_operation
     figures = folder / "figures"
     figures.mkdir(exist_ok=True)
     # an entry of `broken` that names no speed is a limit on the cam's shape; one with a speed is a limit on the motion
-    lawful = {name: all(" at " in word for word in found[name].get("broken", [])) for name in cams}
+    lawful = {name: all(" at " in word for word in verdicts[name].get("broken", [])) for name in cams}
     named = {name: name if lawful[name] else name + UNLAWFUL for name in cams}
     tables = [(named[name], lift_table(lift, TABLE_STEP_DEG)) for name, lift in cams.items()]
     if (ideal := folder / IDEAL / "design.json").exists():
         tables.append((AS_DESIGNED, lift_table(read_design(ideal, scene), TABLE_STEP_DEG)))
     drawn = {"profiles": profiles(tables, design)}
-    each = (settled_motions(scene, named[name], lift, found[name], speeds_rpm) for name, lift in cams.items())
+    each = (settled_motions(scene, named[name], lift, verdicts[name], speeds_rpm) for name, lift in cams.items())
     if motions := list(chain.from_iterable(each)):
         drawn["valve_motion"] = valve_motion(motions, design)
-    top = _top(scene, found.get(DESIGN, {}))
-    curves = [curve(scene, named[name], lift, found[name], top) for name, lift in cams.items()]
+    top = _top(scene, verdicts.get(DESIGN, {}))
+    curves = [curve(scene, named[name], lift, verdicts[name], top) for name, lift in cams.items()]
     drawn["bounce_against_speed"] = bounce_against_speed(curves, design, operation.band_rpm, operation.speeds_rpm)
     if (folder / "history.jsonl").exists() and (folder / "design.json").exists():
         record = json.loads((folder / "design.json").read_text(encoding="utf-8"))
         bound, no_jump = record["area_ratio_bound"], record["area_ratio_no_jump"]
-        delivered = (record["area_ratio"], found[DESIGN]["verdict"]) if DESIGN in found else None
+        delivered = (record["area_ratio"], verdicts[DESIGN]["verdict"]) if DESIGN in verdicts else None
         steps = [json.loads(line) for line in (folder / "history.jsonl").read_text(encoding="utf-8").splitlines()]
         drawn["convergence"] = convergence(steps, bound, no_jump, design.bounce_max_mm, delivered)
     for name, figure in drawn.items():
@@ -86,11 +86,11 @@ def draw(
     return drawn
 
 
-def settled_motions(scene: Scene, name: str, lift: Lift, found: dict, speeds_rpm: Sequence[float]) -> list[DrawnMotion]:
+def settled_motions(scene: Scene, name: str, lift: Lift, verdict: dict, rpm: Sequence[float]) -> list[DrawnMotion]:
     """A settled revolution at each speed [r/min]; speeds at which the motion is refused are left out."""
-    train, stated = build_train(scene), stated_periodic(found)
+    train, stated = build_train(scene), stated_periodic(verdict)
     motions = []
-    for speed in speeds_rpm:
+    for speed in rpm:
         try:
             response = settled_motion(train, lift, scene.cam_speed(speed), stated.get(speed)).response
         except MotionRefused:
@@ -99,9 +99,10 @@ def settled_motions(scene: Scene, name: str, lift: Lift, found: dict, speeds_rpm
     return motions
 
 
-def stated_periodic(found: dict) -> dict[float, bool]:
+def stated_periodic(verdict: dict) -> dict[float, bool]:
     """By speed [r/min], whether the motion has settled according to the verdict."""
-    return {s["speed_rpm"]: bool(s["periodic"]) for s in found.get("speeds") or [] if {"speed_rpm", "periodic"} <= {*s}}
+    speeds = verdict.get("speeds") or []
+    return {s["speed_rpm"]: bool(s["periodic"]) for s in speeds if {"speed_rpm", "periodic"} <= {*s}}
 
 
 def settled_motion(
@@ -129,44 +130,45 @@ def settled_motion(
     return replace(first_revolution(prepare(train, lift, cam_speed, *steps), state), periodic=periodic)
 
 
-def _top(scene: Scene, found: dict) -> float:
+def _top(scene: Scene, verdict: dict) -> float:
     """Highest speed drawn [r/min]: above the band and, if they are near, above the starts of jump and bounce."""
     low, high = scene.required_operation.band_rpm
     more, most = (share * (high - low) for share in (BEYOND_BAND, FURTHEST_BEYOND))
-    return max([high + more, *(s + more for s in _starts(found).values() if s is not None and s + more <= high + most)])
+    starts = [s for s in _starts(verdict).values() if s is not None and s + more <= high + most]
+    return max([high, *starts]) + more
 
 
-def _beside_the_band(scene: Scene, found: dict, top_rpm: float) -> np.ndarray:
+def _beside_the_band(scene: Scene, verdict: dict, top_rpm: float) -> np.ndarray:
     """Speeds [r/min] that are drawn beside those of the verdict's curve: outside the band, and where jump or bounce
     starts. They are those of the verdict's own search for these starts, so that the curve agrees with it."""
     low, high = scene.required_operation.band_rpm
     bottom = low - BEYOND_BAND * (high - low)
-    step = max(SEARCH_STEP_RPM, (found.get("band") or {}).get("step_rpm", 0.0))
+    step = max(SEARCH_STEP_RPM, (verdict.get("band") or {}).get("step_rpm", 0.0))
     grid = np.array([bottom, *np.arange(0.5 * low, 1.5 * high, step), top_rpm])
-    begins = np.array([s for s in _starts(found).values() if s is not None])
+    begins = np.array([s for s in _starts(verdict).values() if s is not None])
     speeds = np.concatenate([grid[(grid < low) | (grid > high)], begins - START_RPM, begins])
     return np.unique(speeds[(speeds >= bottom) & (speeds <= top_rpm)])
 
 
-def _starts(found: dict) -> dict[str, float | None]:
-    limits = found.get("limits") or {}
+def _starts(verdict: dict) -> dict[str, float | None]:
+    limits = verdict.get("limits") or {}
     return {metric: limits.get(key) for key, metric in STARTS.items()}
 
 
-def curve(scene: Scene, name: str, lift: Lift, found: dict, top_rpm: float) -> Sweep:
+def curve(scene: Scene, name: str, lift: Lift, verdict: dict, top_rpm: float) -> Sweep:
     """Bounce and jump against speed. Over the band it is the verdict's own curve or, without one, event-exact's sweep,
     refined around the largest bounce and jump; outside the band, up to `top_rpm`, it is event-exact's."""
-    band = found.get("band")
+    band = verdict.get("band")
     if band:
         speeds = np.array(band["curves"]["speed_rpm"], dtype=float)
         inside = {key: np.array(band["curves"][key], dtype=float) for key in DRAWN}
         worst = {key: (band["worst"][key]["speed_rpm"], band["worst"][key]["value"]) for key in DRAWN}
-        starts = _starts(found)
+        starts = _starts(verdict)
     else:
         step = np.ptp(scene.required_operation.band_rpm) / FIGURE_SPEEDS
         swept = sweep(SpeedCache(settled_metrics, scene, lift), float(step), DRAWN)
         speeds, inside, worst, starts = swept.speeds_rpm, swept.figures, {}, None
-    beside = np.setdiff1d(_beside_the_band(scene, found, top_rpm), speeds)
+    beside = np.setdiff1d(_beside_the_band(scene, verdict, top_rpm), speeds)
     briefly = band is not None and band.get("refined") is False  # as in the verdict's own sweep
     many = partial(settled_metrics, most=WANDERING_REVOLUTIONS) if briefly else settled_metrics
     rows = at_speeds(many, scene, lift, beside)

@@ -104,14 +104,14 @@ def family_space(scene: Scene, family: str, jerk: bool) -> Space:
     """The search space of a family, as of `largest_area_member`, under a scene's limits, the jerk limit only with
     `jerk`. Raises InputError for an unknown family, for a parameter that the search chooses, and for a scene whose two
     ramps differ."""
-    name, given = family_and_keywords(family)
+    name, keywords = family_and_keywords(family)
     record = family_named(name)
-    chosen = sorted(p.keyword for p in record.parameters.values() if p.searched and p.keyword in given)
+    chosen = sorted(p.keyword for p in record.parameters.values() if p.searched and p.keyword in keywords)
     if chosen:
         raise InputError(f"baseline {family!r}: the search chooses {', '.join(chosen)}: leave it out")
     if record.space is None:
         return Space([], lambda _: read_cam(family, scene))
-    return record.space(scene, jerk, **given)
+    return record.space(scene, jerk, **keywords)
 
 
 def member_within(space: Space, x: np.ndarray, design: Design) -> tuple[Lift | None, float]:
@@ -137,7 +137,7 @@ class MemberMotion:
 
     def worst(self, lift: Lift, enough_mm: float = np.inf) -> dict[str, float]:
         """Largest metrics over the speeds; those below a speed with more bounce than `enough_mm` are left out."""
-        found: dict[str, float] = dict.fromkeys(FIGURES, 0.0)
+        worst: dict[str, float] = dict.fromkeys(FIGURES, 0.0)
         for cam_speed in self._cam_speeds:
             self.judged += 1
             try:
@@ -145,10 +145,10 @@ class MemberMotion:
             except MotionRefused:
                 return dict.fromkeys(FIGURES, np.inf)
             for name in FIGURES:
-                found[name] = max(found[name], float(np.nan_to_num(figures.worst(name), nan=np.inf)))
-            if found["bounce_mm"] > enough_mm:
+                worst[name] = max(worst[name], float(np.nan_to_num(figures.worst(name), nan=np.inf)))
+            if worst["bounce_mm"] > enough_mm:
                 break
-        return found
+        return worst
 
 
 def _best(space: Space, score: Callable[[np.ndarray], float], evaluations: int, bar: tqdm) -> tuple[Lift, int]:

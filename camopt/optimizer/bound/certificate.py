@@ -27,7 +27,7 @@ from scipy.interpolate import PPoly
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import scene_ramps
 from camopt.measure.limits import broken_by_shape, duration_words
-from camopt.optimizer.bound.fine_program import DiscretisedControlProblem, equal_grid, limit_terms
+from camopt.optimizer.bound.fine_program import DiscretisedControlProblem, duration_grid, limit_terms
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
@@ -222,7 +222,7 @@ def area_ratio_bound(design: Design, intervals: int = INTERVALS) -> Certificate:
     The program's control (jerk, or acceleration without a jerk limit) is constant on each interval, and its limits hold
     at the ends. Raises InputError if even that program has no solution.
     """
-    grid = equal_grid(design, intervals)
+    grid = duration_grid(design, intervals)
     if not control_is_limited(design):
         zero = np.zeros(len(grid))
         return Certificate(design, grid, zero, zero, zero, zero, np.zeros(3))  # only the lift cap limits: ratio 1
@@ -241,15 +241,17 @@ def area_words(lift: Lift, design: Design) -> list[str]:
     The ratio is that of the design's duration. The certified bound holds for cams that keep the limits and join the
     ramps exactly, without acceleration; a cam that keeps the limits can only exceed it if it joins the ramps otherwise.
     """
-    ratio, said = lift.area_ratio_in(design), []
-    if words := duration_words(lift, design):
-        said.append(words)
+    ratio, words = lift.area_ratio_in(design), []
+    if duration := duration_words(lift, design):
+        words.append(duration)
     if ratio > 1:
-        said.append(f"the area ratio of {ratio:.4f} exceeds one: the lift exceeds max_lift_mm = {design.max_lift_mm:g}")
+        words.append(
+            f"the area ratio of {ratio:.4f} exceeds one: the lift exceeds max_lift_mm = {design.max_lift_mm:g}"
+        )
     try:
         bound = area_ratio_bound(design).bound
     except InputError:
-        return said  # contradictory limits give no bound
+        return words  # contradictory limits give no bound
     if bound < ratio <= 1:
         broken = broken_by_shape(lift, design)
         because = (
@@ -258,5 +260,5 @@ def area_words(lift: Lift, design: Design) -> list[str]:
             else "it keeps the limits, but does not join the ramps as the bound assumes: at their height and velocity "
             "and without acceleration"
         )
-        said.append(f"the area ratio of {ratio:.4f} exceeds the certified bound of {bound:.4f}: {because}")
-    return said
+        words.append(f"the area ratio of {ratio:.4f} exceeds the certified bound of {bound:.4f}: {because}")
+    return words

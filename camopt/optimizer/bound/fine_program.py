@@ -100,7 +100,7 @@ def _mean_level(level: PiecewiseLevel, begin: np.ndarray, end: np.ndarray) -> np
     return (total(end) - total(begin)) / (end - begin)
 
 
-def equal_grid(design: Design, intervals: int) -> np.ndarray:
+def duration_grid(design: Design, intervals: int) -> np.ndarray:
     """Grid of nearly equal intervals over the duration [rad], with the borders of the nose among its angles."""
     half, nose = design.duration_deg / 2, design.nose_deg or 0.0
     step = 2 * half / intervals
@@ -167,8 +167,8 @@ class DiscretisedControlProblem:
 
     def _limit_rows(self, limit: LinearLimit) -> tuple[coo_array, np.ndarray, float]:
         """Rows, right-hand sides and the rows' factor for a limit of the drawing, at the grid angles that it covers."""
-        level, one = limit.level, limit.level.low == limit.level.high
-        at = np.array([level.low]) if one else self.grid
+        level, at_one_angle = limit.level, limit.level.low == limit.level.high
+        at = np.array([level.low]) if at_one_angle else self.grid
         held = np.flatnonzero((at >= level.low - 1e-12) & (at <= level.high + 1e-12))
         node = np.clip(np.searchsorted(self.grid, at[held] + 1e-12) - 1, 0, self.nodes - 2)
         ahead = (at[held] - self.grid[node]) / self.half
@@ -187,16 +187,17 @@ class DiscretisedControlProblem:
 
     def _masses(self, drawing: list[tuple[coo_array, np.ndarray, float]], duals: np.ndarray) -> tuple[np.ndarray, ...]:
         """Multipliers in SI: for each limit one at every angle of the grid, or only one if the limit has one angle."""
-        found, first = [], 0
+        masses, first = [], 0
         for limit, (_, level, factor) in zip(bounded_limits(self.design), drawing, strict=True):
-            own = np.maximum(duals[first : first + len(level)], 0.0) * factor * self.unit[0] * self.half
+            mass = np.maximum(duals[first : first + len(level)], 0.0) * factor * self.unit[0] * self.half
             first += len(level)
             if limit.level.low < limit.level.high:
                 inside = (self.grid >= limit.level.low - 1e-12) & (self.grid <= limit.level.high + 1e-12)
-                own, every = np.zeros(self.nodes), own
-                own[inside] = every
-            found.append(own)
-        return tuple(found)
+                masses.append(np.zeros(self.nodes))
+                masses[-1][inside] = mass
+            else:
+                masses.append(mass)
+        return tuple(masses)
 
     def multipliers(self, control_worth: np.ndarray | None = None):
         """Multipliers in SI: of lift cap, acceleration maximum and minimum and nose (k each), of the closing (3), and a
@@ -218,18 +219,18 @@ class DiscretisedControlProblem:
         rows = vstack([motion, *(rows for rows, _, _ in drawing)])
         low = np.append(zero, np.full(len(limits), -np.inf))
         try:
-            found = minimise(cost, rows, low, np.append(zero, limits), self.bounds(), large=True)
+            optimum = minimise(cost, rows, low, np.append(zero, limits), self.bounds(), large=True)
         except Infeasible:
             raise InputError(conflict(self.design, free_cam(self.design))) from None
-        masses = self._masses(drawing, -found.row_duals[len(zero) :])
-        upper, lower = np.maximum(-found.column_duals, 0.0), np.maximum(found.column_duals, 0.0)
+        masses = self._masses(drawing, -optimum.row_duals[len(zero) :])
+        upper, lower = np.maximum(-optimum.column_duals, 0.0), np.maximum(optimum.column_duals, 0.0)
         nodes = np.arange(n)
         inner = (nodes > 0) & (nodes < n - 1)  # both ends are fixed by the ramps
         lift_cap = np.where(inner, upper[nodes], 0.0) * self.half
         closing = np.zeros(3)
         for state in range(self.order):
             last = self.column(state, n - 1)
-            closing[state] = found.column_duals[last] * self.half ** (state + 1)
+            closing[state] = optimum.column_duals[last] * self.half ** (state + 1)
         if self.order == 2:
             return lift_cap, np.zeros(n), np.zeros(n), np.zeros(n), closing, masses
         acceleration = self.column(2, nodes)

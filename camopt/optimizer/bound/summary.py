@@ -25,7 +25,7 @@ from camopt.optimizer.bound.certificate import (
     control_is_limited,
     piecewise_sum,
 )
-from camopt.optimizer.bound.fine_program import DiscretisedControlProblem, equal_grid, left_out
+from camopt.optimizer.bound.fine_program import DiscretisedControlProblem, duration_grid, left_out
 from camopt.optimizer.program.force_rows import PEAK, SEAT, SpeedRows, speed_rows
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import NoJumpProgram, no_jump_program
@@ -84,7 +84,7 @@ def no_jump_bound(
     full = design.max_lift_mm * MM * design.duration_deg * DEG
     force = solution.optimum.duals[len(fine.limits.bound) :] * full
     _, kernel = force_terms(fine, solution.margins, force)
-    grid = equal_grid(design, INTERVALS)
+    grid = duration_grid(design, INTERVALS)
     worth = np.diff(kernel.antiderivative()(grid))
     kinematic = Certificate(design, grid, *DiscretisedControlProblem(design, grid).multipliers(worth))
     return NoJumpCertificate(fine, solution.margins, kinematic, force)
@@ -101,8 +101,8 @@ def force_terms(program: NoJumpProgram, margins: np.ndarray, multipliers: np.nda
         peak = program.design.contact_force_max_N or 0.0
         level = np.where(block.kind == PEAK, peak, margins[np.minimum(block.kind, SEAT), i])
         constant += float(signed @ (without.offset - level))
-        own = _kernel(program, line, block, signed)
-        kernel = own if kernel is None else piecewise_sum(kernel, own)
+        of_speed = _kernel(program, line, block, signed)
+        kernel = of_speed if kernel is None else piecewise_sum(kernel, of_speed)
     assert kernel is not None, "a program has at least one speed"
     return constant, kernel
 
@@ -197,18 +197,18 @@ def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float | None 
     bound = float(area_ratio_bound(design).bound)
     no_jump = no_jump_bounded = says = None
 
-    def kept(usual: float) -> tuple[float, float]:
+    def margins(usual: float) -> tuple[float, float]:
         force = (design.contact_force_min_N or usual) if margin_N is None else margin_N
         return force, min(force, usual) if margin_N is None else margin_N
 
-    force, seat = kept(HELD_N)
+    force, seat = margins(HELD_N)
     try:
         train = build_train(scene)
-        force, seat = kept(usual_margin(train))
+        force, seat = margins(usual_margin(train))
         program = converge_tangents(no_jump_program(train, design, cam, speeds), force)
-        no_jump = program.solve(margins := (force, force, seat)).area_ratio
+        no_jump = program.solve((force, force, seat)).area_ratio
         if is_linear(train):
-            certificate = no_jump_bound(program, margins)
+            certificate = no_jump_bound(program, (force, force, seat))
             no_jump_bounded = certificate and min(bound, float(certificate.bound))
         else:
             bent = [f"{e.name!r} ({e.form})" for e in scene.element if e.form != "linear"]
