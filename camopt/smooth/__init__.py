@@ -21,9 +21,9 @@ def cache_compilations() -> Path | None:
     A folder that is already set for JAX (JAX_COMPILATION_CACHE_DIR) is left as it is. Without a safe folder
     (`camopt.cache.cache_folder`) the function returns None, and programs are compiled anew in each run.
     """
-    given = jax.config.values["jax_compilation_cache_dir"]
-    if given is not None:
-        return Path(given)
+    configured = jax.config.values["jax_compilation_cache_dir"]
+    if configured is not None:
+        return Path(configured)
     if (folder := cache_folder(f"jax-{jax.__version__}")) is None:
         return None
     jax.config.update("jax_compilation_cache_dir", str(folder))
@@ -37,12 +37,12 @@ LONG_S = 2.0
 
 def say_compiling(folder: Path | None) -> None:
     """Prints a line to the error output for every compilation that takes longer than `LONG_S`."""
-    kept = "in every process, for want of a safe cache folder" if folder is None else f"once, and keeps it in {folder}"
+    where = "in every process, for want of a safe cache folder" if folder is None else f"once, and keeps it in {folder}"
     waiting: dict[int, Timer] = {}
 
     def listen(event: str, duration_secs: float, **_) -> None:
         if event == "/jax/core/compile/jaxpr_to_mlir_module_duration":  # what comes before a compilation
-            timer = Timer(LONG_S, print, [f"camopt: JAX compiles a program, {kept}"], {"file": sys.stderr})
+            timer = Timer(LONG_S, print, [f"camopt: JAX compiles a program, {where}"], {"file": sys.stderr})
             timer.daemon = True
             timer.start()
             waiting[get_ident()] = timer

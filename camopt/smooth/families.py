@@ -141,15 +141,15 @@ def differentiable(scene: Scene, cam: Lift) -> DifferentiableCam:
     `duration_deg`, `max_lift_mm`, `ramp_height_mm` and `ramp_velocity_mm_per_deg`. Raises InputError for a cam that
     belongs to no family, such as a lift table.
     """
-    known = {**FAMILIES, **BY_COEFFICIENTS}
-    family = family_named(cam.family) if cam.family in known else None
-    if family is None:
-        raise InputError(f"cam {cam.family!r} has no parameters to differentiate; take one of {', '.join(known)}")
+    families = {**FAMILIES, **BY_COEFFICIENTS}
+    if cam.family not in families:
+        raise InputError(f"cam {cam.family!r} has no parameters to differentiate; take one of {', '.join(families)}")
+    family = family_named(cam.family)
     if family.construction is None:
         raise InputError(f"cam {cam.family!r}: its family has no construction to differentiate; take another family")
     conditions, ramps_of, half_duration = (_symmetric if family.symmetric else _as_the_scene)(scene, cam)
-    own, event = family.construction(scene, cam)
-    parameters = {name: jnp.asarray(value, dtype=float) for name, value in (own | conditions).items()}
+    free, event = family.construction(scene, cam)
+    parameters = {name: jnp.asarray(value, dtype=float) for name, value in (free | conditions).items()}
 
     def pieces(p: Parameters) -> tuple[Any, Any]:
         p = {name: jnp.asarray(value, dtype=float) for name, value in p.items()}

@@ -88,16 +88,16 @@ def refined_grid(driven: DrivenSystem, y0, layer: Layer, tolerance, steps: int):
         seen = jnp.concatenate([jnp.stack([at.y, *inner]), _between(at.y, at.slope, y, slope, h), y[None]])
         u, g = _surfaces(driven, seen, at.angle + width * PLACES.astype(end.dtype), layer)
         shrink = contact_limit(u, g, h, layer, CLIP_STEP / frequency)
-        kept = (error <= 1.0) & (shrink >= 1.0)  # NaN is rejected
+        accepted = (error <= 1.0) & (shrink >= 1.0)  # NaN is rejected
         factor = jnp.where(shrink < 1.0, jnp.minimum(growth, jnp.maximum(shrink, 1e-4)), growth)
         factor = jnp.where(jnp.isfinite(error), factor, 0.1)
-        angle = jnp.where(kept, jnp.where(last, end, at.angle + width), at.angle)
-        state = jnp.where(kept, y, at.y), jnp.where(kept, slope, at.slope)
-        return GridSearch(angle, jnp.minimum(width * factor, widest), *state), (angle, state[0], kept)
+        angle = jnp.where(accepted, jnp.where(last, end, at.angle + width), at.angle)
+        state = jnp.where(accepted, y, at.y), jnp.where(accepted, slope, at.slope)
+        return GridSearch(angle, jnp.minimum(width * factor, widest), *state), (angle, state[0], accepted)
 
     begin = GridSearch(-end, widest, y0, driven.rate(y0, -end, layer))
-    angle, states, kept = _until_arrival(attempt, begin, end, chunks=int(ATTEMPTS * steps) // CHUNK + 1)
-    index = jnp.flatnonzero(kept, size=steps, fill_value=-1)
+    angle, states, accepted = _until_arrival(attempt, begin, end, chunks=int(ATTEMPTS * steps) // CHUNK + 1)
+    index = jnp.flatnonzero(accepted, size=steps, fill_value=-1)
     index = jnp.where(index < 0, jnp.max(index), index)
     return jnp.append(-end, angle[index]), jnp.concatenate([y0[None], states[index]])
 

@@ -143,11 +143,11 @@ class ElasticLaws(eqx.Module):
 
     def bounds(self, slack: jax.Array, stiffness: jax.Array) -> jax.Array:
         """Distances [m] (m, *b) beyond the bounds at which memories move or oil pushes: the middles of layers."""
-        ways = []
+        distances = []
         for s, e in zip(slack, self.memory, strict=True):
-            own = (s - self.travel[e], -s) if self.kind[e] == OIL else (jnp.abs(s) - self.slip[e] / stiffness[e],)
-            ways += own
-        return jnp.stack(ways)
+            sliding = jnp.abs(s) - self.slip[e] / stiffness[e]
+            distances += (s - self.travel[e], -s) if self.kind[e] == OIL else (sliding,)
+        return jnp.stack(distances)
 
     def _of_contacts(self, stiffness: jax.Array) -> Iterator[tuple[np.ndarray, ContactLaw]]:
         """The elements of each law of contacts, and the law with their numbers."""

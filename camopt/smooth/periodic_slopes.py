@@ -63,12 +63,12 @@ def step_slopes(
     unit = jnp.where(jnp.arange(size) < width, 1.0, tied.system.stiffest())
     units = jnp.pad(jnp.diag(unit), ((0, 0), (0, width - masses))).reshape(size, 2, width, 1)
 
-    def placed(part, before):
-        return jnp.pad(part, ((before, size + 4 + p - before - len(part)), *((0, 0),) * (part.ndim - 1)))
+    def placed(rows, before):
+        return jnp.pad(rows, ((before, size + 4 + p - before - len(rows)), *((0, 0),) * (rows.ndim - 1)))
 
     directions = placed(jnp.repeat(units, cases, axis=3), 0), placed(jnp.eye(4).reshape(4, 2, 2), size)
     if numbers is not None:
-        directions = *directions, jax.tree.map(lambda part: placed(part, size + 4), numbers)
+        directions = *directions, jax.tree.map(lambda rows: placed(rows, size + 4), numbers)
 
     def of_step(k, begin):
         def end(y, edges, tied=tied):
@@ -76,8 +76,8 @@ def step_slopes(
             term = diffrax.ODETerm(lambda theta, y, _: driven.rate(theta, y))
             return driven.reading(grid[k + 1], solver.step(term, grid[k], grid[k + 1], y, None, None, False)[0])
 
-        here = (begin, jnp.stack([samples[k], samples[k + 1]]), tied)[: len(directions)]
-        moved = jax.vmap(lambda *along: jax.jvp(end, here, along)[1])(*directions)
+        inputs = (begin, jnp.stack([samples[k], samples[k + 1]]), tied)[: len(directions)]
+        moved = jax.vmap(lambda *along: jax.jvp(end, inputs, along)[1])(*directions)
         state = moved.states.reshape(-1, 2 * width, cases)[:, :size] / unit[None, :, None]
         rows = state, moved.force, moved.seat_gap[:, None], *((moved.gap,) if gaps else ())
         return jnp.concatenate(rows, axis=1).T

@@ -97,14 +97,14 @@ def stage_slopes(system: System, y, k1, h, cam: tuple, layer: Layer) -> list[jax
     return slopes
 
 
-def integrate(driven: DrivenSystem, y0, angle, layer: Layer, known=None) -> jax.Array:
+def integrate(driven: DrivenSystem, y0, angle, layer: Layer, on_grid=None) -> jax.Array:
     """States (k, 2, n) at the ascending angles `angle` (k) [rad], which may repeat, from the state y0 (2, n).
 
-    If `known` (k, 2, n) gives the states that were found with the grid, each step starts from these, and the scan
+    If `on_grid` (k, 2, n) gives the states that were found with the grid, each step starts from these, and the scan
     carries only the derivatives. Rounding that grows from contact to contact then cannot move the motion off its grid.
     """
     cam = driven.cam(stage_angles(angle))
-    return integrate_stages(driven.system, jnp.diff(angle) / driven.cam_speed, cam, y0, layer, known)
+    return integrate_stages(driven.system, jnp.diff(angle) / driven.cam_speed, cam, y0, layer, on_grid)
 
 
 def stage_angles(angle: jax.Array) -> jax.Array:
@@ -112,7 +112,7 @@ def stage_angles(angle: jax.Array) -> jax.Array:
     return angle[:-1, None] + jnp.diff(angle)[:, None] * jnp.asarray(NODES, angle.dtype)[None, :]
 
 
-def integrate_stages(system: System, h, cam: tuple, y0, layer: Layer, known=None) -> jax.Array:
+def integrate_stages(system: System, h, cam: tuple, y0, layer: Layer, on_grid=None) -> jax.Array:
     """The states of `integrate`, from steps h (k - 1) [s] and lift [m], lift rate [m/s] (k - 1, 6) and given forces [N]
     (k - 1, 6, n), or None, at the stages.
 
@@ -129,6 +129,6 @@ def integrate_stages(system: System, h, cam: tuple, y0, layer: Layer, known=None
         y = y if end is None else y + jax.lax.stop_gradient(end - y)
         return y, y
 
-    ends = None if known is None else known[1:]
+    ends = None if on_grid is None else on_grid[1:]
     _, states = jax.lax.scan(step, y0, (h, cam, ends))
     return jnp.concatenate([y0[None], states])

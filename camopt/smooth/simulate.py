@@ -69,10 +69,10 @@ def response_arrays(
 
     def revolve(y, _):
         if refine:
-            angle, known = refined_grid(driven, y, layer, tolerance, steps)
+            angle, on_grid = refined_grid(driven, y, layer, tolerance, steps)
         else:
-            angle, known = jnp.asarray(equal_grid(steps), y.dtype), None
-        states = integrate(driven, y, angle, layer, known)
+            angle, on_grid = jnp.asarray(equal_grid(steps), y.dtype), None
+        states = integrate(driven, y, angle, layer, on_grid)
         force, force_dtheta = forces_at(driven, angle, states, layer)
         arrived = angle[-1] >= jnp.asarray(jnp.pi, y.dtype)
         states, force = (jnp.where(arrived, q, jnp.nan) for q in (states, force))
@@ -157,12 +157,12 @@ def differentiable_motion(
     may be. The contacts' layer is `eps` [m] wide. The record's arrays are JAX arrays. The motion is NaN if the
     `allowed_steps` do not resolve it, or if the cam's pieces do not join.
     """
-    own = {name: jnp.asarray(value, float) for name, value in parameters.items()}
-    pieces, borders = own.get("lift", lift.coefficients), own.get("borders", lift.borders)
-    cam = pieces, borders, own.get("half_duration", lift.half_duration), permitted_steps(lift)
+    numbers = {name: jnp.asarray(value, float) for name, value in parameters.items()}
+    pieces, borders = numbers.get("lift", lift.coefficients), numbers.get("borders", lift.borders)
+    cam = pieces, borders, numbers.get("half_duration", lift.half_duration), permitted_steps(lift)
     settings = {"revolutions": revolutions, "steps": steps, "most": allowed_steps(train, slowest)}
     foot = int(np.argmin(np.abs(lift.borders - lift.opening_foot)))
-    motion, metrics = _motion(system_with(train, own), *cam, cam_speed, eps, foot=foot, **settings)
+    motion, metrics = _motion(system_with(train, numbers), *cam, cam_speed, eps, foot=foot, **settings)
     return Response(train, cam_speed, regular_angles(revolutions, steps), *motion), metrics
 
 
@@ -184,11 +184,12 @@ def _motion(
     samples = jnp.where(joined, samples_of_pieces(borders, pieces), jnp.nan)
     driven = DrivenSystem(system, samples, cam_speed)
     motion = response_arrays(driven, rest_of(system), Layer(eps), revolutions=revolutions, steps=most)
-    found = [
+    of_revolutions = [
         revolution_metrics(system, motion, cam_speed, half_duration, borders[foot], r, Layer(eps).half_width)
         for r in range(revolutions - 1)
     ]
-    metrics = {name: jnp.stack([f[name] for f in found]) for name in found[0]} if found else {}
+    names = of_revolutions[0] if of_revolutions else ()
+    metrics = {name: jnp.stack([values[name] for values in of_revolutions]) for name in names}
     return regular(motion, cam_speed, regular_angles(revolutions, steps)), metrics
 
 

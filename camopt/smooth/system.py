@@ -156,8 +156,8 @@ class System(eqx.Module):
         if self.laws is None or not self.topology.memory:
             return jnp.stack([v, acceleration])
         u, u_dt = self.compression(y, lift, lift_dt)
-        kept = np.array(self.topology.memory)
-        moved = self.laws.memory_rate(self.slack(y, u), u_dt[kept], force[kept], column(self.stiffness, u), layer)
+        e = np.array(self.topology.memory)
+        moved = self.laws.memory_rate(self.slack(y, u), u_dt[e], force[e], column(self.stiffness, u), layer)
         return jnp.stack([jnp.concatenate([v, moved]), jnp.concatenate([acceleration, jnp.zeros_like(moved)])])
 
     def parts(self, states: Float[Array, "k 2 n *b"]) -> tuple:

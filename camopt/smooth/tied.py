@@ -84,8 +84,8 @@ class LowStorage(diffrax.AbstractSolver):
 
         def stage(registers, of):
             y, increment = registers
-            carry, add, node, part = of
-            increment = carry * increment + width * terms.vf(t0 + (part + node) * width, y, args)
+            carry, add, node, begun = of
+            increment = carry * increment + width * terms.vf(t0 + (begun + node) * width, y, args)
             return (y + add * increment, increment), None
 
         (y1, _), _ = jax.lax.scan(stage, (y0, jnp.zeros_like(y0)), (carried, added, nodes, begin))
@@ -112,7 +112,7 @@ class TiedSystem(eqx.Module):
     def pull(self, u: jax.Array, u_dt: jax.Array) -> jax.Array:
         """Bilateral force (c, *b) [N] of the contacts between cam and valve at given compressions and rates."""
         s, on = self.system, np.array(self.system.topology.cam_side)
-        begin, _, slope = (column(part, u) for part in self.tangent)
+        begin, _, slope = (column(values, u) for values in self.tangent)
         lifted = jnp.maximum(u[on], begin)
         pushing = s.elastic(u.at[on].set(lifted))
         return pushing[on] + slope * jnp.minimum(u[on] - begin, 0.0) + s.damper(pushing)[on] * u_dt[on]
@@ -134,7 +134,7 @@ def tied_system(train: Train) -> TiedSystem:
     system, on = build_system(train), np.array(train.cam_side)
     closed = train.compression(rest_position(train), 0.0)[on] >= train.touch_compression[on] - 1e-12
     at_rest = closed & ~closed.all()
-    begin, force, slope = (np.asarray(part)[on] for part in _tangents(system))
+    begin, force, slope = (np.asarray(values)[on] for values in _tangents(system))
     return TiedSystem(system, (begin, force, slope), at_rest.astype(float))
 
 

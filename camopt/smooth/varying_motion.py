@@ -36,17 +36,17 @@ class Varying:
     spacing: float | None
     least_speed: float  # rad/s
 
-    def trace(self, given: Arrays, names: tuple[str, ...]) -> TracedMotion | None:
-        """The motion with given numbers, to be differentiated by `names`; None if it cannot be computed."""
-        if not all(usable(self.train, name, number) for name, number in given.items()):
+    def trace(self, numbers: Arrays, names: tuple[str, ...]) -> TracedMotion | None:
+        """The motion with these numbers, to be differentiated by `names`; None if it cannot be computed."""
+        if not all(usable(self.train, name, number) for name, number in numbers.items()):
             return None
-        if given["cam_speed"] < self.least_speed:
+        if numbers["cam_speed"] < self.least_speed:
             return None
-        train = varied(self.train, tuple((n, given[n].tobytes()) for n in self.train.parameters if n in given))
-        speed, mechanical = float(given["cam_speed"]), bool({*names} & MECHANICAL)
+        train = varied(self.train, tuple((n, numbers[n].tobytes()) for n in self.train.parameters if n in numbers))
+        speed, mechanical = float(numbers["cam_speed"]), bool({*names} & MECHANICAL)
         try:
-            lift = lift_with(self.lift, given)
-            start = given["start"] if "start" in given else rest(train)
+            lift = lift_with(self.lift, numbers)
+            start = numbers["start"] if "start" in numbers else rest(train)
             return TracedMotion(train, lift, speed, start, self.revolutions, mechanical, self.spacing)
         except (MotionRefused, InputError):  # no bound, endless switching; no rest; no cam
             return None
@@ -54,7 +54,7 @@ class Varying:
     def swept(
         self,
         names: tuple[str, ...],
-        given: Arrays,
+        numbers: Arrays,
         motion: TracedMotion,
         metrics: tuple[str, ...],
         revolution: int,
@@ -70,15 +70,16 @@ class Varying:
 
         of_velocity = np.array([name.endswith(VELOCITY) for name in metrics], dtype=bool)
         by_window = motion.by_half_duration(metrics, revolution) if "half_duration" in names else np.zeros(len(values))
-        found = self.by_names(names, given, motion, slopes, total(np.where(of_velocity, values, 0.0)), total(by_window))
-        for slope in found.values():
+        moving = total(np.where(of_velocity, values, 0.0))
+        gradients = self.by_names(names, numbers, motion, slopes, moving, total(by_window))
+        for slope in gradients.values():
             slope[np.isnan(total(values))] = np.nan
-        return values, found
+        return values, gradients
 
     def by_names(
         self,
         names: tuple[str, ...],
-        given: Arrays,
+        numbers: Arrays,
         motion: TracedMotion,
         slopes: Slopes,
         moving: np.ndarray,
@@ -86,23 +87,23 @@ class Varying:
     ) -> Arrays:
         """Gradients (l, ...) by each of the names. `moving` (l) is the part of the values that is proportional to all
         velocities, `by_window` (l) are their gradients by half the duration."""
-        by_train, found = slopes.by_train, {}
-        if by_train is not None and "start" not in given:
+        by_train, gradients = slopes.by_train, {}
+        if by_train is not None and "start" not in numbers:
             by_train = by_train + rest_back(motion.train, slopes.by_start)
         for name in names:
             if name == "lift":
-                found[name] = slopes.by_coefficients
+                gradients[name] = slopes.by_coefficients
             elif name == "borders":
-                found[name] = by_borders(motion.lift, slopes.by_coefficients)
+                gradients[name] = by_borders(motion.lift, slopes.by_coefficients)
             elif name == "half_duration":
-                found[name] = by_window
+                gradients[name] = by_window
             elif name == "start":
-                found[name] = slopes.by_start
+                gradients[name] = slopes.by_start
             elif name == "cam_speed":
-                found[name] = by_speed(motion, slopes, given.get("start")) + moving / motion.cam_speed
+                gradients[name] = by_speed(motion, slopes, numbers.get("start")) + moving / motion.cam_speed
             else:
-                found[name] = getattr(by_train, name)
-        return found
+                gradients[name] = getattr(by_train, name)
+        return gradients
 
 
 MECHANICAL = {*TRAIN_PARAMETERS, *LAW_PARAMETERS, "cam_speed"}
