@@ -121,28 +121,26 @@ def optimize(
     settings |= {} if not free else {"free": {name: list(map(float, ends)) for name, ends in free.items()}}
     folder = Path(out or default_run_folder(scene.name))
     check_run_folder(folder, resume)
-    effort, identity, chosen = _checked_accuracy(scene, settings), run_identity("optimize", scene, **settings), {}
+    effort, identity = _checked_accuracy(scene, settings), run_identity("optimize", scene, **settings)
+    further, clock = {}, StageClock()
     if free:
-        scene, chosen = with_best_values(scene, free_numbers(scene, free), speeds, effort, progress)
+        scene, further["free"] = with_best_values(scene, free_numbers(scene, free), speeds, effort, progress)
     design = scene.required_design
-    job = _OpenRun(scene, settings, effort, StageClock(), compare, {"free": chosen} if chosen else {}, start)
-    with job.clock.stage("bound"):
+    with clock.stage("bound"):
         kinematic = kinematic_optimum(design, program_cam(design, effort.knot_deg))  # raises for contradictory limits
         bound = area_ratio_bound(design).bound
     with run_folder(folder, identity, resume, ["design.json"]):
         write_text(folder / "scene.toml", scene_toml(scene))
         with Progress(progress, effort, settings["gradient"], compare) as shown:
-            job.make_programs(shown)
-            lift, verdict, record = job.design(folder, shown, kinematic, bound)
-            shown.begin("yield")
-            stated = job.state_yield(folder, lift, verdict, shown)
+            job = _OpenRun(scene, settings, effort, clock, folder, shown, compare, further, start)
+            job.make_programs()
+            lift, verdict, record = job.design(kinematic, bound)
+            stated = job.state_yield(lift, verdict)
             with shown.make_room():
                 designed(folder)
-            shown.begin("comparison")
-            with job.clock.stage("comparison"):
-                job.compared(folder, lift, verdict, shown)
+            job.compared(lift, verdict)
             shown.end()
-        job.write_provenance(folder)
+        job.write_provenance()
     held = verdict.verdict == "confirmed" and (stated is None or stated.confirmed is not False)
     return Run(folder, lift, verdict, record, 0 if held else 3, stated)
 
@@ -161,12 +159,14 @@ def _checked_accuracy(scene: Scene, settings: dict) -> Accuracy:
 
 @dataclass
 class _OpenRun:
-    """A run in progress: its settings, and the contents of its provenance."""
+    """A run in progress: its settings, its folder, and the contents of its provenance."""
 
     scene: Scene
     settings: dict
     effort: Accuracy
     clock: StageClock
+    folder: Path
+    shown: Progress
     compare: bool = True
     further: dict = field(default_factory=dict)  # keys of design.json on free numbers and on the search
     start: Lift | None = None
@@ -177,24 +177,22 @@ class _OpenRun:
         """Every family's largest member in the scene."""
         return family_cams(self.scene)
 
-    def make_programs(self, shown: Progress) -> None:
+    def make_programs(self) -> None:
         """Compiles the programs on the first run of an installation."""
         if programs_missing():
-            shown.say(SAYING)
+            self.shown.say(SAYING)
             with self.clock.stage("programs"):
                 compile_programs()
 
-    def design(
-        self, folder: Path, shown: Progress, kinematic: KinematicOptimum, bound: float
-    ) -> tuple[Lift, Verdict, dict]:
+    def design(self, kinematic: KinematicOptimum, bound: float) -> tuple[Lift, Verdict, dict]:
         """The cam, its verdict and the content of design.json, all of which are written into the folder."""
-        scene, effort, clock = self.scene, self.effort, self.clock
-        shown.begin("search")
-        searched, no_jump, failed = self._searched(folder, shown)
-        shown.begin("verdict")
-        with clock.stage("verdict"):
+        scene, speeds = self.scene, self.settings["speeds"]
+        self.shown.begin("search")
+        searched, no_jump, failed = self._searched()
+        self.shown.begin("verdict")
+        with self.clock.stage("verdict"):
             families = None if "yield" in self.settings and searched else self.families
-            chosen = largest_confirmed(scene, searched, self.settings["speeds"], effort, families, failed)
+            chosen = largest_confirmed(scene, searched, speeds, self.effort, families, failed)
         cam, why = chosen.cam, chosen.why_a_family(searched, failed)
         lift = as_written(cam.lift)
         record = design_record(
@@ -209,51 +207,42 @@ class _OpenRun:
             **({"why_a_family": why} if why else {}),
             **self.further,
         )
-        write_json(folder / "design.json", record)
-        write_lift_table(folder / "lift.csv", lift)
-        write_json(folder / "verification.json", chosen.verdict.as_dict())
-        self.write_provenance(folder)
+        write_json(self.folder / "design.json", record)
+        write_lift_table(self.folder / "lift.csv", lift)
+        write_json(self.folder / "verification.json", chosen.verdict.as_dict())
+        self.write_provenance()
         return lift, chosen.verdict, record
 
-    def _searched(self, folder: Path, shown: Progress) -> tuple[Sequence[Candidate], Candidate | None, str]:
+    def _searched(self) -> tuple[Sequence[Candidate], Candidate | None, str]:
         """The cams of the search and the best of the program alone; or neither, and the reason why there is none."""
         try:
-            return *(self._cams_for_yield(folder, shown) if "yield" in self.settings else self._cams(folder, shown)), ""
+            return *(self._cams_for_yield() if "yield" in self.settings else self._cams()), ""
         except NoCamFound as failure:
             return [], None, str(failure)
 
-    def _cams(self, folder: Path, shown: Progress) -> tuple[Sequence[Candidate], Candidate | None]:
+    def _cams(self) -> tuple[Sequence[Candidate], Candidate | None]:
         """The confirmed cams of the search, each larger than the one before, and the best of the program alone."""
-        settings = self.settings
-        search = find_cam(
-            self.scene,
-            settings["speeds"],
-            self.effort,
-            settings["gradient"],
-            journal=StepFiles(folder, cams.FOLDER),
-            show=shown.step,
-            clock=self.clock,
-            start=self.start,
-            seed=settings["seed"],
-            smoothing=smoothing_in(settings),
-        )
+        settings, journal = self.settings, StepFiles(self.folder, cams.FOLDER)
+        options = {"start": self.start, "seed": settings["seed"], "smoothing": smoothing_in(settings)}
+        options |= {"show": self.shown.step, "clock": self.clock}
+        search = find_cam(self.scene, settings["speeds"], self.effort, settings["gradient"], journal=journal, **options)
         self.further["search"], self.search_numbers = search.course, {"cams_judged": search.judge.calls}
         assert search.first is not None, "a search with a cam has ended its first stage"
         return search.confirmed, search.first
 
-    def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[Candidate], Candidate | None]:
+    def _cams_for_yield(self) -> tuple[Sequence[Candidate], Candidate | None]:
         """The same for the search for yield, which has no program alone."""
         from camopt.optimizer.as_built.drawn import FOLDER
         from camopt.optimizer.as_built.search import yield_search
 
-        settings, journal = self.settings, StepFiles(folder, FOLDER)
+        settings, journal = self.settings, StepFiles(self.folder, FOLDER)
         with self.clock.stage("yield_search"):
-            options = {"gradient": settings["gradient"], "seed": settings["seed"], "show": shown.step}
+            options = {"gradient": settings["gradient"], "seed": settings["seed"], "show": self.shown.step}
             search = yield_search(self.scene, settings["yield"], self.effort, journal=journal, **options)
         self.search_numbers = {"cams_judged": search.steps, "trains_drawn": search.trains_drawn}
         return search.held[-cams.CANDIDATES :], None
 
-    def state_yield(self, folder: Path, lift: Lift, verdict: Verdict, shown: Progress) -> "YieldStatement | None":
+    def state_yield(self, lift: Lift, verdict: Verdict) -> "YieldStatement | None":
         """The yield of the cam on fresh trains, which is written into verification.json; None if nothing scatters."""
         from camopt.optimizer.as_built.statement import beside, statement_of_run
         from camopt.optimizer.baselines.comparison import plain_baselines
@@ -262,16 +251,17 @@ class _OpenRun:
             options = {"without_jerk_limit": False, "designed": self.families}
             return plain_baselines(self.scene, **options) if self.compare else {}
 
+        self.shown.begin("yield")
         with self.clock.stage("yield"):
-            options = {"baselines": baselines, "advance": shown.advance}
-            stated = statement_of_run(self.scene, lift, self.settings, folder, **options)
-            further = beside(self.scene, lift, self.settings, stated, folder, self.start)
+            options = {"baselines": baselines, "advance": self.shown.advance}
+            stated = statement_of_run(self.scene, lift, self.settings, self.folder, **options)
+            further = beside(self.scene, lift, self.settings, stated, self.folder, self.start)
         if stated is not None:
-            write_json(folder / "verification.json", verdict.as_dict() | {"yield": stated.as_dict() | further})
-            self.write_provenance(folder)
+            write_json(self.folder / "verification.json", verdict.as_dict() | {"yield": stated.as_dict() | further})
+            self.write_provenance()
         return stated
 
-    def write_provenance(self, folder: Path) -> None:
+    def write_provenance(self) -> None:
         """Writes provenance.json with everything that is known so far."""
         content = {
             "versions": {name: version(name) for name in PACKAGES} | {"python": platform.python_version()},
@@ -283,17 +273,20 @@ class _OpenRun:
             "stages": self.clock.as_dict(),
             "finished_utc": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         }
-        write_json(folder / "provenance.json", content)
+        write_json(self.folder / "provenance.json", content)
 
-    def compared(self, folder: Path, lift: Lift, verdict: Verdict, shown: Progress) -> None:
+    def compared(self, lift: Lift, verdict: Verdict) -> None:
         """Writes the comparison with its figures or, if no comparison is wanted, the figures of the design alone."""
         from camopt.optimizer.baselines.comparison import compare_in, plain_baselines  # loads matplotlib
         from camopt.optimizer.baselines.figures import draw
 
         scene, effort = self.scene, self.effort
-        if not self.compare:
-            speeds = drawn_speeds(scene.required_operation, effort)
-            draw(folder, scene, {"design": lift}, {"design": verdict.as_dict()}, speeds)
-            return
-        baselines = plain_baselines(scene, without_jerk_limit=effort.without_jerk_limit, designed=self.families)
-        compare_in(folder, scene, {"design": lift}, {"design": verdict}, effort, baselines, shown.advance)
+        self.shown.begin("comparison")
+        with self.clock.stage("comparison"):
+            if not self.compare:
+                speeds = drawn_speeds(scene.required_operation, effort)
+                draw(self.folder, scene, {"design": lift}, {"design": verdict.as_dict()}, speeds)
+                return
+            options = {"without_jerk_limit": effort.without_jerk_limit, "designed": self.families}
+            designs, verdicts, baselines = {"design": lift}, {"design": verdict}, plain_baselines(scene, **options)
+            compare_in(self.folder, scene, designs, verdicts, effort, baselines, self.shown.advance)

@@ -62,9 +62,9 @@ class StageClock:
         total = time.perf_counter() - self.begun
         return {name: round(cost.clock_s, 3) for name, cost in self.costs.items()} | {"total": round(total, 3)}
 
-    def spent_s(self, *stages: str) -> float:
-        """Processor time of these stages together [s]."""
-        return round(sum(self.costs[name].processor_s for name in stages if name in self.costs), 3)
+    def spent_s(self, stage: str) -> float:
+        """Processor time of a stage [s]; zero before its end."""
+        return round(self.costs[stage].processor_s, 3) if stage in self.costs else 0
 
     def as_dict(self) -> dict[str, dict]:
         """Every stage's cost, for provenance.json."""

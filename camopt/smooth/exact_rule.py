@@ -97,7 +97,7 @@ def differentiable_motion(
     cam_speed,
     revolutions: int,
     steps: int,
-    slowest: float | None = None,
+    slowest: float,
 ) -> tuple[Response, dict[str, jax.Array]]:
     """Motion from rest on `steps` equal steps per revolution, and the metrics of all revolutions but the last.
 
@@ -105,7 +105,7 @@ def differentiable_motion(
     second time and one sweep per revolution. A motion at less than a hundredth of the `slowest` speed [rad/s] is NaN,
     because it would take hours.
     """
-    motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, slowest=slowest)
+    motion, variables = _varying(train, lift, cam_speed, parameters, revolutions, least_speed=slowest / SLOWER)
     names = () if train.seat < 0 or not train.cam_side else tuple(METRICS)
     angle = regular_angles(revolutions, steps)
     recorded = _Recorded(motion, names, revolutions - 1, angle)
@@ -212,15 +212,15 @@ def host_call(function: Callable, result: Any, *args: Any) -> Any:
     return jax.pure_callback(many, shapes, *args, vmap_method="broadcast_all")
 
 
-def _varying(train: Train, lift: Lift, cam_speed, parameters, revolutions: int, spacing=None, slowest=None):
+def _varying(train: Train, lift: Lift, cam_speed, parameters, revolutions: int, spacing=None, least_speed=0.0):
     """The motion, and the variables by name; raises InputError for an unknown parameter."""
     names = (*train.parameters, *CAM_PARAMETERS, "start")
     unknown = [name for name in parameters if name not in names]
     if unknown:
         raise InputError(f"event-exact: parameter {', '.join(unknown)}: expected one of {', '.join(names)}")
     variables = {name: jnp.asarray(value, float) for name, value in parameters.items()}
-    varying = Varying(train, lift, revolutions, spacing, (slowest or 0.0) / SLOWER)
-    return varying, variables | {"cam_speed": jnp.asarray(cam_speed, float)}
+    motion = Varying(train, lift, revolutions, spacing, least_speed)
+    return motion, variables | {"cam_speed": jnp.asarray(cam_speed, float)}
 
 
 def _perturbed(variables) -> tuple[dict[str, jax.Array], tuple[str, ...]]:

@@ -141,7 +141,7 @@ def test_a_scene_whose_search_fails_ends_with_a_family_s_confirmed_cam(wide_lash
 def test_a_search_for_yield_that_fails_ends_with_a_family_s_cam_and_its_yield(wide_lash, tmp_path, monkeypatch):
     stated = []
 
-    def state_yield(job, folder, lift, verdict, shown):
+    def state_yield(job, lift, verdict):
         stated.append(lift.family)
         return SimpleNamespace(confirmed=False)
 
@@ -170,12 +170,12 @@ def test_the_comparison_designs_no_member_again(wide_lash, tmp_path, monkeypatch
     designed = []
     plain = "camopt.optimizer.baselines.comparison.member_or_sentence"
     monkeypatch.setattr(plain, lambda scene, family: designed.append(family) or f"no {family} here")
-    job = run._OpenRun(wide_lash, {}, DRAFT, StageClock())
+    shown = SimpleNamespace(begin=lambda stage: None, advance=lambda share: None)
+    job = run._OpenRun(wide_lash, {}, DRAFT, StageClock(), tmp_path, shown)
     monkeypatch.setattr("camopt.optimizer.baselines.comparison.compare_in", lambda *given: compared.append(given[5]))
     compared = []
-    shown = SimpleNamespace(advance=lambda share: None)
     assert set(job.families) == set(candidates.FAMILIES)
-    job.compared(tmp_path, CAMS["kurz"], SimpleNamespace(), shown)
+    job.compared(CAMS["kurz"], SimpleNamespace())
     assert designed == list(candidates.FAMILIES)
     assert compared[0]["polydyne"] == "no polydyne here" and {"multi-pol", "new-design"} <= compared[0].keys()
 
