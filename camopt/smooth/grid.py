@@ -5,6 +5,7 @@ still have a wrong derivative: it is then the derivative of a discrete motion ac
 width `eps`. The grid therefore has a point at each edge of a layer and at each clip, and several in a layer.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -13,7 +14,7 @@ import numpy as np
 
 from camopt.scene.shapes import Float
 from camopt.smooth.laws import Layer
-from camopt.smooth.scan import ERROR, NODES, STAGES, WEIGHTS, DrivenSystem, at_stage, combine, stage_slopes
+from camopt.smooth.scan import ERROR, NODES, STAGES, WEIGHTS, DrivenSystem, at_stage, combine, hermite, stage_slopes
 from camopt.smooth.system import Array
 
 CLIP_STEP = 1e-4
@@ -122,12 +123,8 @@ def _until_arrival(attempt, begin: GridSearch, end, chunks: int):
 
 def _between(y0, slope0, y1, slope1, h):
     """States (7, 2, n) at the shares `BETWEEN` of a step of h [s], by the cubic through its ends and their slopes."""
-    rise = y1 - y0
-
-    def at(t):
-        return y0 + t * rise + t * (1 - t) * ((1 - t) * (h * slope0 - rise) - t * (h * slope1 - rise))
-
-    return jax.vmap(at)(jnp.asarray(BETWEEN, y0.dtype))
+    cubic = partial(hermite, start=y0, rise=y1 - y0, m0=h * slope0, m1=h * slope1)
+    return jax.vmap(cubic)(jnp.asarray(BETWEEN, y0.dtype))
 
 
 def _surfaces(driven: DrivenSystem, y, angle, layer: Layer):

@@ -12,6 +12,7 @@ import numpy as np
 
 from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
+from camopt.smooth.scan import hermite
 from camopt.smooth.system import Array, System, SystemState
 
 
@@ -52,10 +53,9 @@ def at_angle(angle: Float[Array, " k"], values: Float[Array, " k"], theta, slope
     width = angle[i + 1] - angle[i]
     t = jnp.where(width > 0, (theta - angle[i]) / jnp.where(width > 0, width, 1.0), 0.0)
     rise = values[i + 1] - values[i]
-    linear = values[i] + t * rise
     if slope is None:
-        return linear
-    return linear + t * (1 - t) * ((1 - t) * (slope[i] * width - rise) - t * (slope[i + 1] * width - rise))
+        return values[i] + t * rise
+    return hermite(t, values[i], rise, slope[i] * width, slope[i + 1] * width)
 
 
 def step_integral(angle: Float[Array, " k"], s: Float[Array, " k"], s_dtheta: Float[Array, " k"], keep):

@@ -44,6 +44,11 @@ def lift_at(
     return l0 + s * (v0 + s * (c2 + s * c3)), (v0 + s * (2 * c2 + 3 * s * c3)) / width
 
 
+def hermite(t, start, rise, m0, m1):
+    """Value at t of the cubic on [0, 1] that begins at `start`, rises by `rise` and has the end slopes m0 and m1."""
+    return start + t * rise + t * (1 - t) * ((1 - t) * (m0 - rise) - t * (m1 - rise))
+
+
 class DrivenSystem(NamedTuple):
     """A valve train with the cam that drives it and its speed: the differential equation that is integrated."""
 
