@@ -108,7 +108,7 @@ def optimize(
     written, before the comparison, whose failure cannot lose them; without `compare` there is none. `free` names
     numbers of the scene that the design may choose, with their ranges (low, high) in the key's unit, as
     {"spring.preload_N": (200, 320)} (`camopt.optimizer.free_numbers`); the folder's scene.toml has the chosen values.
-    `source` is another name of `gradient`; `width_um`, `tie` and `steps_per_revolution` are as of `linearised`. If a
+    `source` is another name of `gradient`; `width_um`, `tie` and `steps_per_revolution` are as in `linearised`. If a
     family's largest member is confirmed and larger than the search's cam, it is the design.
 
     Raises InputError for unknown words, contradictory limits, an unusable folder or one of another run, and its

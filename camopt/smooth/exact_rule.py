@@ -53,7 +53,7 @@ def exact_metrics(
     (p, q) [m/rad^k] and "borders" (p + 1) [rad] of the cam's pieces, "half_duration" [rad], and "start" (2n + r: [m],
     [m/s], [m]), the state at -pi, by default rest. `cam_speed` [rad/s] may be traced. Derivatives by the borders assume
     that lift and velocity are continuous across them, and that the opening foot does not end a hop. `spacing` [rad] is
-    as of `TracedMotion`, for batches of many cams at few speeds.
+    as in `TracedMotion`, for batches of many cams at few speeds.
 
     The values cost one motion. Values with their gradients by the cam cost one motion and one backward sweep per
     metric. Raises InputError for an unknown metric or an unknown parameter.

@@ -232,7 +232,7 @@ def revolution_metrics(
 ) -> dict[str, jax.Array]:
     """Every declared metric of one revolution of a record, by its name in `QUANTITIES` and in the unit of that name.
 
-    `half_duration` and `opening_foot` [rad] belong to the cam; `layer` [m] is as of `closing`.
+    `half_duration` and `opening_foot` [rad] belong to the cam; `layer` [m] is as in `closing`.
     """
     s, v = seat_distance(system, motion, cam_speed)
     now = in_revolution(motion.angle, revolution)

@@ -103,7 +103,7 @@ class TiedMotions:
         self.rest = jnp.repeat(rest_state(train)[:, :, None], len(self.speeds), axis=2)
 
     def revolution(self, samples: Any, start: Any, adjoint: str = "forward") -> TiedPaths:
-        """The paths of the revolution from a state `start` (2, n + r, b); `adjoint` as of `tied_paths`."""
+        """The paths of the revolution from a state `start` (2, n + r, b); `adjoint` as in `tied_paths`."""
         return tied_paths(self.tied, samples, self.speeds, start, *self._rule, parts=self.parts, adjoint=adjoint)
 
     def driven(self, samples: Any) -> DrivenTies:

@@ -140,7 +140,7 @@ class BoundObjective:
 
     @cached_property
     def _cases(self) -> tuple[dict[str, np.ndarray], np.ndarray]:
-        """The cases, each a train at a speed: their arrays by name, as of `TrainVariables`, and cam speeds [rad/s]."""
+        """The cases, each a train at a speed: their arrays by name, as in `TrainVariables`, and cam speeds [rad/s]."""
         objective, scenes = self.objective, [self.objective.scene]
         speeds = [objective.scene.cam_speed(speed) for speed in objective.speeds_rpm]
         if objective.trains:

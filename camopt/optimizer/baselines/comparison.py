@@ -161,7 +161,7 @@ def compare_in(
     """Writes comparison.csv and the figures into a folder; returns the figures by name, none if there is no cam. Cams
     with a verdict are not verified again.
 
-    `baselines` are as of `plain_baselines`; one without a member gets a row with the reason. They are judged at the
+    `baselines` are as in `plain_baselines`; one without a member gets a row with the reason. They are judged at the
     listed speeds and, unless a given verdict has no band, over the band in the same steps as the design. `judged` is
     called with each baseline's share of the work. Cams and verdicts are stored in the folder's `cams` and `verdicts`,
     for the report and for `--cam`.

@@ -101,7 +101,7 @@ def largest_area_member(
 
 
 def family_space(scene: Scene, family: str, jerk: bool) -> Space:
-    """The search space of a family, as of `largest_area_member`, under a scene's limits, the jerk limit only with
+    """The search space of a family, as in `largest_area_member`, under a scene's limits, the jerk limit only with
     `jerk`. Raises InputError for an unknown family, for a parameter that the search chooses, and for a scene whose two
     ramps differ."""
     name, keywords = family_and_keywords(family)
