@@ -24,7 +24,7 @@ RULED_OUT = 1.5
 agree. Nearer to the limit the verdict decides, with its finer steps."""
 
 
-class Candidate(Protocol):
+class CandidateCam(Protocol):
     """A cam of a search or of a family."""
 
     @property
@@ -63,9 +63,9 @@ def ruled_out(scene: Scene, lift: Lift) -> str:
 class Chosen:
     """A run's cam with its verdict, and the larger cams that were refused before it, each with the reason."""
 
-    cam: Candidate
+    cam: CandidateCam
     verdict: Verdict
-    refused: Sequence[tuple[Candidate, str]]
+    refused: Sequence[tuple[CandidateCam, str]]
 
     @property
     def fell_back(self) -> dict:
@@ -76,7 +76,7 @@ class Chosen:
         largest = max((cam.area_ratio for cam in refused), default=None)
         return {"candidates_judged": judged, "largest_refused_area_ratio": largest}
 
-    def why_a_family(self, searched: Sequence[Candidate], failed: str) -> str:
+    def why_a_family(self, searched: Sequence[CandidateCam], failed: str) -> str:
         """Why a family's cam is delivered instead of one of the search; empty if it is one of the search."""
         if not isinstance(self.cam, Member):
             return ""
@@ -98,7 +98,7 @@ def full_verdict(scene: Scene, lift: Lift, speeds: str, effort: Accuracy) -> Ver
 
 def largest_confirmed(
     scene: Scene,
-    searched: Sequence[Candidate],
+    searched: Sequence[CandidateCam],
     speeds: str,
     effort: Accuracy,
     families: Mapping[str, Lift | str] | None = None,
@@ -113,7 +113,7 @@ def largest_confirmed(
     design = scene.required_design
     lifts = [cam for cam in (families or {}).values() if not isinstance(cam, str) and not broken_by_shape(cam, design)]
     members = [Member(lift, lift.area_ratio_in(design)) for lift in lifts]
-    candidates: list[Candidate] = sorted([*searched[::-1], *members], key=lambda cam: -cam.area_ratio)
+    candidates: list[CandidateCam] = sorted([*searched[::-1], *members], key=lambda cam: -cam.area_ratio)
     first, refused = None, []
     for cam in candidates:
         if isinstance(cam, Member) and (reason := ruled_out(scene, cam.lift)):
@@ -132,7 +132,7 @@ def largest_confirmed(
     raise NoCamFound(f"{failed}. Beside the search, {beside}")
 
 
-def _reasons(refused: Sequence[tuple[Candidate, str]]) -> str:
+def _reasons(refused: Sequence[tuple[CandidateCam, str]]) -> str:
     """Each refused cam with its area ratio and the reason."""
     return "; ".join(
         f"{cam.lift.family if isinstance(cam, Member) else 'the search'} with {cam.area_ratio:.5f} ({reason})"

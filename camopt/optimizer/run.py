@@ -17,7 +17,7 @@ from camopt.cam.tables.lift_table import write_lift_table
 from camopt.optimizer.accuracy import Accuracy, accuracy_named, drawn_speeds
 from camopt.optimizer.as_built.checks import check_wanted
 from camopt.optimizer.bound.certificate import area_ratio_bound
-from camopt.optimizer.candidates import Candidate, family_cams, largest_confirmed
+from camopt.optimizer.candidates import CandidateCam, family_cams, largest_confirmed
 from camopt.optimizer.first_run import SAYING, compile_programs, programs_missing
 from camopt.optimizer.free_numbers import free_numbers, with_best_values
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum
@@ -213,14 +213,14 @@ class _OpenRun:
         self.write_provenance()
         return lift, chosen.verdict, record
 
-    def _searched(self) -> tuple[Sequence[Candidate], Candidate | None, str]:
+    def _searched(self) -> tuple[Sequence[CandidateCam], CandidateCam | None, str]:
         """The cams of the search and the best of the program alone; or neither, and the reason why there is none."""
         try:
             return *(self._cams_for_yield() if "yield" in self.settings else self._cams()), ""
         except NoCamFound as failure:
             return [], None, str(failure)
 
-    def _cams(self) -> tuple[Sequence[Candidate], Candidate | None]:
+    def _cams(self) -> tuple[Sequence[CandidateCam], CandidateCam | None]:
         """The confirmed cams of the search, each larger than the one before, and the best of the program alone."""
         settings, journal = self.settings, StepFiles(self.folder, cams.FOLDER)
         options = {"start": self.start, "seed": settings["seed"], "smoothing": smoothing_in(settings)}
@@ -230,7 +230,7 @@ class _OpenRun:
         assert search.first is not None, "a search with a cam has ended its first stage"
         return search.confirmed, search.first
 
-    def _cams_for_yield(self) -> tuple[Sequence[Candidate], Candidate | None]:
+    def _cams_for_yield(self) -> tuple[Sequence[CandidateCam], CandidateCam | None]:
         """The same for the search for yield, which has no program alone."""
         from camopt.optimizer.as_built.drawn import FOLDER
         from camopt.optimizer.as_built.search import yield_search

@@ -122,7 +122,7 @@ class AscentState:
     """State of an ascent: the current point, the state of the optax transformation, and the iterates so far."""
 
     def __init__(
-        self, objective: Objective, variables: Variables, optimiser: optax.GradientTransformation, metric: bool = False
+        self, objective: Objective, variables: Variables, optimiser: optax.GradientTransformation, metric: bool
     ):
         self.objective, self.variables = objective, variables
         self.iterates: list[Iterate] = []
@@ -142,7 +142,7 @@ class AscentState:
 
     def _restart(self) -> None:
         """Restarts the transformation at the current point."""
-        self.state = _typed(self._optimiser.init(_arrays(self.point)))
+        self.state = _typed(self._optimiser.init(jax.tree.map(jnp.asarray, self.point)))
 
     def _value(self, point: Mapping[str, jax.Array], current: Round | None) -> tuple[jax.Array, tuple[Any, ...]]:
         """The function that is maximised, and with it the objective's value, its terms and any constrained paths."""
@@ -169,14 +169,15 @@ class AscentState:
             nearest, projectors = self.variables.nearest_and_faces(moved)
             with jax.disable_jit(False):
                 (value, _), slopes = self._slopes(nearest, self._round)
-            return -value, along(faces, along(projectors, {name: -array for name, array in slopes.items()}))
+            return -value, along(faces, along(projectors, jax.tree.map(jnp.negative, slopes)))
 
         loss = jax.custom_vjp(lambda trial: loss_and_slopes(trial)[0])
-        loss.defvjp(loss_and_slopes, lambda slopes, bar: ({name: bar * array for name, array in slopes.items()},))
-        downhill = _arrays(along(faces, {name: -array for name, array in gradient.items()}))
+        loss.defvjp(loss_and_slopes, lambda slopes, bar: (jax.tree.map(lambda array: bar * array, slopes),))
+        point = jax.tree.map(jnp.asarray, self.point)
+        downhill = jax.tree.map(jnp.asarray, along(faces, jax.tree.map(np.negative, gradient)))
         with jax.disable_jit():
             line_search = {"value": -maximised, "grad": downhill, "value_fn": loss}
-            change, state = self._optimiser.update(downhill, self.state, _arrays(self.point), **line_search)
+            change, state = self._optimiser.update(downhill, self.state, point, **line_search)
         self.state = _typed(state)
         return {name: self.point[name] + array for name, array in along(faces, change).items()}
 
@@ -269,7 +270,3 @@ def _check_constraints(objective: Objective, start, form: str, train, metric: bo
 def _typed(state: Any) -> Any:
     """The state with fixed types, so that the second step is not compiled again."""
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.asarray(leaf).dtype), state)
-
-
-def _arrays(point: Mapping[str, Any]) -> dict[str, jax.Array]:
-    return {name: jnp.asarray(array) for name, array in point.items()}
