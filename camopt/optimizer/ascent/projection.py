@@ -44,6 +44,8 @@ class Polyhedron:
 
     def __init__(self, matrix: np.ndarray, bound: np.ndarray):
         norm = np.linalg.norm(matrix, axis=1)
+        if not np.all(np.isfinite(norm)):
+            raise ArithmeticError("the rows of a polyhedron must be finite")
         moving = norm > 1e-12 * norm.max()
         if np.any(bound[~moving] < -BROKEN * np.abs(bound).max()):
             raise Empty

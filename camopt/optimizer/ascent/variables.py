@@ -18,7 +18,7 @@ from camopt.cam.families.free import free_cam_of
 from camopt.cam.families.record import family_named
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import LinearLimit, linear_limits
-from camopt.optimizer.ascent.projection import Empty, Polyhedron, ShapeLimits
+from camopt.optimizer.ascent.projection import Polyhedron, ShapeLimits
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.scene.design import ROUNDING, Design
 from camopt.scene.errors import InputError
@@ -167,7 +167,7 @@ class FamilyVariables:
                 return moved
             try:
                 moved = Polyhedron(slopes, slopes @ moved - excess).nearest(vector)
-            except (Empty, ArithmeticError):
+            except ArithmeticError:
                 break
             if not np.all(np.isfinite(moved)) or np.abs(moved - self.start).max() > 1.0:
                 break
