@@ -60,7 +60,7 @@ def ruled_out(scene: Scene, lift: Lift) -> str:
 
 
 @dataclass(frozen=True)
-class Chosen:
+class Choice:
     """A run's cam with its verdict, and the larger cams that were refused before it, each with the reason."""
 
     cam: CandidateCam
@@ -103,7 +103,7 @@ def largest_confirmed(
     effort: Accuracy,
     families: Mapping[str, Lift | str] | None = None,
     failed: str = "",
-) -> Chosen:
+) -> Choice:
     """The largest cam that the full verdict confirms, of the `searched` cams, which ascend in area, and of the
     `family_cams`, which may be left out. A family's member is judged only if no larger cam is confirmed.
 
@@ -121,12 +121,12 @@ def largest_confirmed(
             continue
         verdict = full_verdict(scene, as_written(cam.lift), speeds, effort)
         if verdict.verdict == "confirmed":
-            return Chosen(cam, verdict, refused)
+            return Choice(cam, verdict, refused)
         if not isinstance(cam, Member):
             first = first or (cam, verdict)
         refused.append((cam, next(iter(verdict.broken), verdict.verdict)))
     if first:
-        return Chosen(*first, refused)
+        return Choice(*first, refused)
     no_member = "no family has a member that holds the limits on the shape"
     beside = f"of the families' largest cams none is confirmed: {_reasons(refused)}" if refused else no_member
     raise NoCamFound(f"{failed}. Beside the search, {beside}")

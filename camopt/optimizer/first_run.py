@@ -13,7 +13,7 @@ from camopt.programs import kept
 
 SAYING = "compiles its programs, once for an installation: this takes some minutes"
 """Message of a command before it compiles."""
-EFFORT = {"NUMBA_OPT": "2"}
+LLVM_LEVEL = {"NUMBA_OPT": "2"}
 """LLVM's optimisation level there. At 3, numba's own level, a program takes a fifth longer to compile and runs no
 faster; the digits are the same."""
 
@@ -26,7 +26,7 @@ def programs_missing() -> bool:
 def compile_programs() -> None:
     """Compiles all programs that a job calls. Returns when they are done; ends all processes if it is interrupted."""
     command, quiet = [sys.executable, "-m", __name__], dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-    running = [subprocess.Popen([*command, name], env=EFFORT | os.environ, **quiet) for name in PARTS]
+    running = [subprocess.Popen([*command, name], env=LLVM_LEVEL | os.environ, **quiet) for name in PARTS]
     try:
         for process in running:
             process.wait()

@@ -104,7 +104,7 @@ class DifferentiableCam:
         borders, coefficients = self.moving_pieces(parameters)
         widths = jnp.diff(borders)
         sign = -1.0 if lowest else 1.0
-        shares = _places(*jax.lax.stop_gradient((sign * coefficients, widths)), order)
+        shares = _peak_shares(*jax.lax.stop_gradient((sign * coefficients, widths)), order)
         values = polynomial(coefficients, shares * widths, order)
         return values[jnp.argmax(sign * values)]
 
@@ -116,7 +116,7 @@ def polynomial(coefficients, x, order: int) -> jax.Array:
     return jnp.sum(falling * coefficients[..., order:] * x[..., None] ** (k - order), axis=-1)
 
 
-def _places(coefficients, widths, order: int) -> jax.Array:
+def _peak_shares(coefficients, widths, order: int) -> jax.Array:
     """The share (p) of its width at which the derivative `order` of each piece (p, q) is largest."""
     grid = np.linspace(0.0, 1.0, SAMPLES)
     shares = jnp.asarray(grid)[jnp.argmax(polynomial(coefficients[:, None, :], grid * widths[:, None], order), axis=1)]

@@ -191,11 +191,11 @@ class FamilyVariables:
 
     @cached_property
     def _compiled(self):
-        def twice(vector):
+        def excess_and_aux(vector):
             excess = shape_excess(self._cam, self.parameters(vector), self._design)
             return excess, excess
 
-        return jax.jit(jax.jacfwd(twice, has_aux=True))
+        return jax.jit(jax.jacfwd(excess_and_aux, has_aux=True))
 
 
 def shape_excess(cam: DifferentiableCam, parameters: Mapping[str, Any], design: Design) -> jax.Array:

@@ -72,7 +72,7 @@ def draw(
     each = (settled_motions(scene, named[name], lift, verdicts[name], speeds_rpm) for name, lift in cams.items())
     if motions := list(chain.from_iterable(each)):
         drawn["valve_motion"] = valve_motion(motions, design)
-    top = _top(scene, verdicts.get(DESIGN, {}))
+    top = _top_speed(scene, verdicts.get(DESIGN, {}))
     curves = [curve(scene, named[name], lift, verdicts[name], top) for name, lift in cams.items()]
     drawn["bounce_against_speed"] = bounce_against_speed(curves, design, operation.band_rpm, operation.speeds_rpm)
     if (folder / "history.jsonl").exists() and (folder / "design.json").exists():
@@ -130,7 +130,7 @@ def settled_motion(
     return replace(first_revolution(prepare(train, lift, cam_speed, *steps), state), periodic=periodic)
 
 
-def _top(scene: Scene, verdict: dict) -> float:
+def _top_speed(scene: Scene, verdict: dict) -> float:
     """Highest speed drawn [r/min]: above the band and, if they are near, above the starts of jump and bounce."""
     low, high = scene.required_operation.band_rpm
     more, most = (share * (high - low) for share in (BEYOND_BAND, FURTHEST_BEYOND))
@@ -138,7 +138,7 @@ def _top(scene: Scene, verdict: dict) -> float:
     return max([high, *starts]) + more
 
 
-def _beside_the_band(scene: Scene, verdict: dict, top_rpm: float) -> np.ndarray:
+def _speeds_beside_the_band(scene: Scene, verdict: dict, top_rpm: float) -> np.ndarray:
     """Speeds [r/min] that are drawn beside those of the verdict's curve: outside the band, and where jump or bounce
     starts. They are those of the verdict's own search for these starts, so that the curve agrees with it."""
     low, high = scene.required_operation.band_rpm
@@ -168,7 +168,7 @@ def curve(scene: Scene, name: str, lift: Lift, verdict: dict, top_rpm: float) ->
         step = np.ptp(scene.required_operation.band_rpm) / FIGURE_SPEEDS
         swept = sweep(SpeedCache(settled_metrics, scene, lift), float(step), DRAWN)
         speeds, inside, worst, starts = swept.speeds_rpm, swept.figures, {}, None
-    beside = np.setdiff1d(_beside_the_band(scene, verdict, top_rpm), speeds)
+    beside = np.setdiff1d(_speeds_beside_the_band(scene, verdict, top_rpm), speeds)
     briefly = band is not None and band.get("refined") is False  # as in the verdict's own sweep
     many = partial(settled_metrics, most=WANDERING_REVOLUTIONS) if briefly else settled_metrics
     rows = at_speeds(many, scene, lift, beside)
