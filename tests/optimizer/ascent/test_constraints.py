@@ -69,9 +69,8 @@ def test_multipliers_are_what_the_penalty_has_become_and_the_weight_grows_unless
     paths = lagrangian.paths(bound.parameters, held)
     later = lagrangian.next(cam, held, paths)
     force = np.asarray(paths.force)
-    lowest = np.unravel_index(
-        np.where(np.isfinite(held.multipliers["contact_force_N"]), force, 0).argmin(), force.shape
-    )
+    limited = np.isfinite(held.multipliers["contact_force_N"])
+    lowest = np.unravel_index(np.where(limited, force, 0).argmin(), force.shape)
     worst = float(later.worst) * float(held.force_unit)
     assert worst == pytest.approx(-force[lowest], rel=1e-9)
     assert later.multipliers["contact_force_N"][lowest] == pytest.approx(FIRST_WEIGHT * float(later.worst))
