@@ -35,7 +35,7 @@ CONSTRAINED_SPEEDS = 9
 """Default number of speeds over the band at which constraints hold: between them a contact force is smooth."""
 SOURCES = ("auto", "exact", "smooth")
 REPRESENTATIVE = 4
-"""Default number of the revolution from rest whose metrics stand for the settled motion. It is the first revolution in
+"""Default number of the revolution from rest whose metrics represent the settled motion. It is the first revolution in
 which nearly all bounces and jumps that break a limit are within a fifth of the settled ones; in the one from rest they
 may be less than a tenth (`experiments.first_revolutions`). Each further revolution costs as much again."""
 

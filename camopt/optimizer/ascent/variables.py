@@ -134,7 +134,7 @@ class FamilyVariables:
     def __init__(self, scene: Scene, cam: Lift):
         self._cam, self._design = differentiable(scene, cam), scene.required_design
         construction = family_named(cam.family).construction
-        assert construction is not None, "differentiable() asks for it"
+        assert construction is not None, "differentiable() has checked it"
         self._own = {name: self._cam.parameters[name] for name in construction(scene, cam)[0]}
         count = sum(int(np.size(value)) for value in self._own.values())
         if not count:

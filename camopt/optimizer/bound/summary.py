@@ -181,7 +181,7 @@ def area_bound(scene: Scene, knot_deg: float = KNOT_DEG, margin_N: float | None 
     - `area_ratio_no_jump`: the largest of a free cam whose contacts keep `margins_N`, and its seat `seat_margin_N`, at
       the listed speeds under the linear model; null if there is none.
     - `area_ratio_no_jump_bound`: no cam, spline or not, has more under that linear model, its margins and its switching
-      angles. If the first bound is smaller it stands here, because both hold.
+      angles. If the first bound is smaller, it is given here, because both hold.
     - `no_jump_says`: the reason why one of these two is missing; null if both are there.
     - `speeds_rpm` (k), `margins_N` and `seat_margin_N`: the speeds and the forces of these two. The forces are
       `margin_N`, by default the design's contact_force_min_N or, if it has none, `usual_margin`. The seat is not
