@@ -36,8 +36,8 @@ CONSTRAINED_SPEEDS = 9
 SOURCES = ("auto", "exact", "smooth")
 REPRESENTATIVE = 4
 """Default number of the revolution from rest whose metrics represent the settled motion. It is the first revolution in
-which nearly all bounces and jumps that break a limit are within a fifth of the settled ones; in the one from rest they
-may be less than a tenth (`experiments.first_revolutions`). Each further revolution costs as much again."""
+which nearly all bounces and jumps that break a limit are within a fifth of the settled ones; in the first one they
+may be less than a tenth of them (`experiments.first_revolutions`). Each further revolution costs as much again."""
 
 Terms = dict[str, jax.Array]
 """Terms of the objective by name: the area ratio, and the mean of every metric over speeds and trains."""
