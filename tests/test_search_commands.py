@@ -145,11 +145,11 @@ class TestVerbsThatSearch:
         code, out, _ = run(capsys, "bound", "kodama", "--json", str(tmp_path / "b.json"))
         assert code == 0
         for words in (
-            "no cam has more (certified)                0.59843\n",
+            "certified upper bound                      0.59843\n",
             "the bound ignores waves_max, so that the true maximum may be lower",
             "by 20 N or more at 5000 r/min",
             "a cam has                                  0.50000\n  a train that is not linear\n",
-            "max_lift_mm   0.5674 %\n  nothing: jerk_max_mm_per_deg3\n",
+            "max_lift_mm   0.5674 %\n  no effect: jerk_max_mm_per_deg3\n",
         ):
             assert words in out
         assert json.loads((tmp_path / "b.json").read_text()) == content | {"area_ratio_feasible": None}

@@ -1,4 +1,4 @@
-"""What `--accuracy` means in the optimiser and in the verdict it asks for: one table."""
+"""The settings that each value of `--accuracy` selects for the optimiser and for its verdict: one table."""
 
 from dataclasses import dataclass
 
@@ -12,37 +12,37 @@ from camopt.verifier.accuracy import EFFORTS, Effort
 
 @dataclass(frozen=True)
 class Accuracy:
-    """The effort that one accuracy stands for."""
+    """The settings of one accuracy."""
 
     knot_deg: float  # knot interval of the free cam
-    program_speeds: int  # speeds of the search over a band
+    program_speeds: int  # speeds of the search's programs over a band
     judged_speeds: int  # speeds over a band at which a cam must hold
-    judge_stride: int  # one of these in so many is judged first
-    feedback_rounds: int  # programs whose margins the judge feeds back
+    judge_stride: int  # stride over these speeds in the first judgement of a cam
+    feedback_rounds: int  # programs with margins fed back from the judge
     verdict: Effort  # effort of the final verdict
-    without_jerk_limit: bool  # whether the comparison shows the families without it as well
-    foretold_trains: int  # drawn trains whose foretold openings lead to the neighbourhood of a cam for a yield
-    shaping_trains: int  # drawn trains whose motions shape that cam
-    unseen_trains: int  # others that say how large it may be
-    stated_trains: int  # fresh ones that state the yield, unless a wanted share lets fewer than the next be expected
-    stated_failing: int  # to fail of them
-    stated_speeds: int  # speeds over the band at which they are judged
-    stated_parts: tuple[float, ...]  # after what parts of them the count may end
-    every_speed_drawn: bool = True  # whether the valve's motion is drawn at every listed speed, or at both ends alone
+    without_jerk_limit: bool  # whether the comparison also shows families without the jerk limit
+    foretold_trains: int  # drawn trains whose predicted contact openings give the start of a search for yield
+    shaping_trains: int  # drawn trains whose motions then shape the cam
+    unseen_trains: int  # further drawn trains that decide how large its area may be
+    stated_trains: int  # least number of fresh trains that state the yield
+    stated_failing: int  # more are drawn until the wanted share lets this many of them fail
+    stated_speeds: int  # speeds over the band at which these trains are judged
+    stated_parts: tuple[float, ...]  # shares of these trains after which the count may end
+    every_speed_drawn: bool = True  # whether figures show the valve at every listed speed, or at both ends only
 
 
 LOOKS = (0.15, 0.5, 0.625, 0.75, 0.875)
-"""After what parts of its trains a statement may end. Of 4000 trains 3200 are judged on average where 99.4 % hold and
-99 % are wanted, and 3900 by the first two looks and intervals of 99.9 %."""
+"""Shares of its trains after which a statement may end. Of 4000 trains 3200 are judged on average where 99.4 % hold and
+99 % are wanted; with only the first two of these shares and intervals of 99.9 % it would be 3900."""
 ACCURACIES = {
     DRAFT: Accuracy(2.75, 9, 93, 2, 12, EFFORTS[DRAFT], False, 200, 500, 400, 200, 10, 11, (0.5,), False),
     STANDARD: Accuracy(1.75, 17, 373, 8, 24, EFFORTS[STANDARD], True, 300, 1500, 1500, 1000, 40, 11, LOOKS),
     FINE: Accuracy(1.5, 33, 745, 16, 40, EFFORTS[FINE], True, 600, 3000, 4000, 4000, 80, 21, LOOKS),
 }
-"""By name. 40 failing trains of 4000 tell a loss of one per cent to a sixth of itself."""
+"""Settings by name. With 40 failing trains of 4000 a loss of one per cent is known to a sixth of itself."""
 
 BEYOND = 1e-3
-"""The judged band exceeds the scene's by this share of a speed, to include the verdict's neighbouring speeds."""
+"""The judged band extends beyond the scene's by this share of a speed, to include the verdict's neighbouring speeds."""
 
 
 def accuracy_named(name: str) -> Accuracy:

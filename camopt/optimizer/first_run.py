@@ -1,7 +1,7 @@
-"""The first run of an installation: the job's programs are compiled in processes of their own, side by side.
+"""The first run of an installation: the job's programs are compiled in separate processes, side by side.
 
-numba compiles one function at a time in a process, and what that leaves in memory stays there. The job takes the
-programs from the cache folder; those that are not there are compiled on demand.
+numba compiles one function at a time in a process, and the memory that compilation takes is not released there. The job
+loads the programs from the cache folder; those that are missing are compiled on demand.
 """
 
 import os
@@ -12,21 +12,21 @@ from collections.abc import Callable
 from camopt.programs import kept
 
 SAYING = "compiles its programs, once for an installation: this takes some minutes"
-"""What a command says before it compiles."""
-EFFORT = {"NUMBA_OPT": "2"}
-"""How hard LLVM tries there. At 3, numba's own level, a program takes a fifth longer to compile and runs no faster; the
-digits are the same."""
+"""Message of a command before it compiles."""
+LLVM_LEVEL = {"NUMBA_OPT": "2"}
+"""LLVM's optimisation level there. At 3, numba's own level, a program takes a fifth longer to compile and runs no
+faster; the digits are the same."""
 
 
 def programs_missing() -> bool:
-    """Whether this version's programs of the exact motion have yet to be compiled, and can be kept."""
+    """Whether this version's programs of the exact motion are not compiled yet, and can be stored."""
     return kept("exact") is False
 
 
 def compile_programs() -> None:
-    """Compiles all that a job calls; returns when it is done, and ends all processes where it is interrupted."""
-    words, quiet = [sys.executable, "-m", __name__], dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
-    running = [subprocess.Popen([*words, part], env=EFFORT | os.environ, **quiet) for part in PARTS]
+    """Compiles all programs that a job calls. Returns when they are done; ends all processes if it is interrupted."""
+    command, quiet = [sys.executable, "-m", __name__], dict.fromkeys(("stdin", "stdout", "stderr"), subprocess.DEVNULL)
+    running = [subprocess.Popen([*command, name], env=LLVM_LEVEL | os.environ, **quiet) for name in PARTS]
     try:
         for process in running:
             process.wait()
@@ -37,7 +37,7 @@ def compile_programs() -> None:
 
 
 def settled_programs() -> None:
-    """What the search's judge and the sweeps call: a motion, and a settled one with its metrics."""
+    """Compiles what the search's judge and the sweeps call: a motion, and a settled one with its metrics."""
     from camopt.exact import prepare
     from camopt.exact.affine.lines import rest_of
     from camopt.exact.settled import settled_metrics
@@ -48,7 +48,7 @@ def settled_programs() -> None:
 
 
 def verdict_programs() -> None:
-    """What a verdict calls: a revolution by each of its methods but event-exact, which the other process compiles."""
+    """Compiles what a verdict calls: a revolution by each of its methods; the other process compiles event-exact."""
     from camopt.scene.rest import state_at_rest
     from camopt.verifier import STANDARD
     from camopt.verifier.accuracy import EFFORTS
@@ -61,11 +61,11 @@ def verdict_programs() -> None:
 
 
 PARTS: dict[str, Callable[[], None]] = {"settled": settled_programs, "verdict": verdict_programs}
-"""By name, what one process compiles."""
+"""Functions by name, each for a process of its own."""
 
 
 def _motion() -> tuple:
-    """A train, a cam and a cam speed [rad/s]: of which scene makes no difference to a program."""
+    """A train, a cam and a cam speed [rad/s]; a program does not depend on the scene."""
     from camopt.cam.families.polydyne import polydyne
     from camopt.scene.load import load_scene
     from camopt.scene.train import build_train

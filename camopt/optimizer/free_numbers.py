@@ -1,8 +1,8 @@
 """Numbers of a scene that a design may choose within ranges: spring rate, preload, lash, ramp.
 
-They go to where the no-jump program under one margin at all design speeds finds the largest area, by L-BFGS-B (Byrd,
-Lu, Nocedal and Zhu 1995, in SciPy) and the exact slopes of that area, from the program's duals. Where no cam keeps the
-margin, the shortfall guides the search. The cam is then designed for the scene that has these values.
+They are chosen so that the no-jump program, with one margin at all design speeds, has the largest area, by L-BFGS-B
+(Byrd, Lu, Nocedal and Zhu 1995, in SciPy) with the exact slopes of that area from the program's duals. Where no cam
+keeps the margin, the shortfall is minimised instead. The cam is then designed for the scene with these values.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -27,48 +27,48 @@ from camopt.scene.train import build_train
 
 RAMP = ("design.ramp_height_mm", "design.ramp_velocity_mm_per_deg")
 BAND_SPEEDS = 9
-"""Speeds of the program over a band."""
+"""Number of speeds of the program over a band."""
 EVALUATIONS = 30
 SHORTFALL = 1e-3
-"""Area ratio that stands for one newton that a margin is short of, where no cam keeps it."""
+"""Loss of area ratio that stands for one newton of shortfall, where no cam keeps the margin."""
 STEP = 1e-6
-"""Part of its range by which a number moves for a slope."""
+"""Step of a number for a slope, relative to its range."""
 LEAST_GAIN = 1e-7
-"""Share of the area whose gain by a step ends the search."""
+"""The search ends when a step gains a smaller share of the area."""
 
 
 @dataclass(frozen=True)
 class FreeNumber(Tied):
-    """A number that may be chosen from `low` to `high` in its key's unit; others move in proportion to it."""
+    """A number that may be chosen from `low` to `high`, in its key's unit; the others move in proportion to it."""
 
     low: float
     high: float
 
 
-def free_numbers(scene: Scene, asked: Mapping[str, Sequence[float]]) -> tuple[FreeNumber, ...]:
-    """The numbers that are asked for by name, with their ranges (low, high).
+def free_numbers(scene: Scene, ranges: Mapping[str, Sequence[float]]) -> tuple[FreeNumber, ...]:
+    """The free numbers with their names and ranges (low, high).
 
     A name is that of a tolerance of the scene, whose numbers move together, NAME.KEY of a mass or an element, or one of
-    `RAMP`. Raises InputError for another one, for an empty range, and for bounds of which all the lowest or all the
-    highest values give an invalid scene.
+    `RAMP`. Raises InputError for any other name, for an empty range, and if the scene with all the lowest or all the
+    highest values is invalid.
     """
-    found = tuple(free_number(scene, name, *map(float, ends)) for name, ends in asked.items())
-    for which, values in (("lowest", [one.low for one in found]), ("highest", [one.high for one in found])):
-        checked_scene(with_values(scene, found, values), f"{scene.name} with the {which} free numbers", ("design",))
-    return found
+    free = tuple(free_number(scene, name, *map(float, ends)) for name, ends in ranges.items())
+    for which, values in (("lowest", [number.low for number in free]), ("highest", [number.high for number in free])):
+        checked_scene(with_values(scene, free, values), f"{scene.name} with the {which} free numbers", ("design",))
+    return free
 
 
 def free_number(scene: Scene, name: str, low: float = -np.inf, high: float = np.inf) -> FreeNumber:
-    """The number of a name, as of `free_numbers`, which raises the same errors."""
+    """The free number of a name; names and errors are those of `free_numbers`."""
     if not low < high:
         raise InputError(f"free {name}={low:g}:{high:g}: expected LOW:HIGH with LOW below HIGH, such as 200:320")
-    tolerance = next((one for one in scene.tolerance if one.label == name), None)
+    tolerance = next((t for t in scene.tolerance if t.label == name), None)
     if tolerance is not None:
         numbers = [number for group in moved_together(scene, tolerance) for number in group]
     else:
         numbers = settable(scene, name) if name in RAMP else matching(scene, name)
     if not numbers:
-        raise no_such_number(scene, name, "free", [*(one.label for one in scene.tolerance), *RAMP])
+        raise no_such_number(scene, name, "free", [*(t.label for t in scene.tolerance), *RAMP])
     if missing := [number.named(scene) for number in numbers if number.of(scene) is None]:
         raise InputError(f"free {name!r}: the scene {scene.name} does not state {missing[0]}: add it to the scene")
     if len(numbers) > 1 and numbers[0].of(scene) == 0.0:
@@ -80,30 +80,28 @@ def free_number(scene: Scene, name: str, low: float = -np.inf, high: float = np.
 
 def with_values(scene: Scene, free: Sequence[FreeNumber], values: Sequence[float] | np.ndarray) -> Scene:
     """The scene with the free numbers at these values."""
-    for one, value in zip(free, values, strict=True):
-        scene = one.put(scene, float(value))
+    for number, value in zip(free, values, strict=True):
+        scene = number.put(scene, float(value))
     return scene
 
 
 def with_best_values(
     scene: Scene, free: Sequence[FreeNumber], speeds: str, effort: Accuracy, progress: bool = False
 ) -> tuple[Scene, dict]:
-    """The scene with the best values of its free numbers, and `free` of design.json: by name the value beside the given
-    one and the range."""
-    given, ranges = [one.of(scene) for one in free], [(one.low, one.high) for one in free]
+    """The scene with its free numbers at their best; `free` of design.json: value, original value, range of each."""
+    original, ranges = [number.of(scene) for number in free], [(number.low, number.high) for number in free]
     programs = Programs(lambda x: with_values(scene, free, x), speeds, effort, usual_margin(build_train(scene)))
     with tqdm(total=EVALUATIONS, desc="free numbers", disable=None if progress else True, leave=False) as bar:
-        best = programs.largest(given, ranges, show=lambda _: bar.update())
-    pairs = zip(free, best.values, given, strict=True)
+        best = programs.largest(original, ranges, show=lambda _: bar.update())
+    rows = zip(free, best.values, original, strict=True)
     return with_values(scene, free, best.values), {
-        one.name: {"of": one.named(scene), "value": value, "as_given": was, "low": one.low, "high": one.high}
-        for one, value, was in pairs
+        n.name: {"of": n.named(scene), "value": value, "as_given": before, "low": n.low, "high": n.high}
+        for n, value, before in rows
     }
 
 
 class LargestOverParameters(NamedTuple):
-    """The values whose program has the largest area, its area ratio there and at the start, and how often it was
-    solved."""
+    """The values whose program has the largest area, the area ratio there and at the start, and the evaluations."""
 
     values: tuple[float, ...]
     area_ratio: float
@@ -112,12 +110,12 @@ class LargestOverParameters(NamedTuple):
 
 
 class BudgetExhausted(Exception):
-    """As many programs were solved as may be."""
+    """The permitted number of programs has been solved."""
 
 
 @dataclass(frozen=True)
 class Programs:
-    """The no-jump programs, under one margin, of the scenes that `scene_of` makes of values."""
+    """The no-jump programs, with one margin, of the scenes that `scene_of` makes from values."""
 
     scene_of: Callable[[np.ndarray], Scene]
     speeds: str
@@ -131,44 +129,43 @@ class Programs:
         evaluations: int = EVALUATIONS,
         show: Callable[[float], object] = lambda area: None,
     ) -> LargestOverParameters:
-        """The values within these ranges whose program has the largest area; that of the start is taken as it is,
-        within the ranges or not."""
+        """The values within these ranges whose program has the largest area; the start itself may lie outside."""
         low, high = np.array(ranges, dtype=float).T
-        at_start, begin, met = self.value(np.asarray(start, dtype=float)), np.clip(start, low, high), []
+        at_start, begin, solved = self.value(np.asarray(start, dtype=float)), np.clip(start, low, high), []
 
-        def fall(share: np.ndarray) -> tuple[float, np.ndarray]:
-            if len(met) == evaluations - 1:
+        def loss_and_slopes(share: np.ndarray) -> tuple[float, np.ndarray]:
+            if len(solved) == evaluations - 1:
                 raise BudgetExhausted
             values = low + np.clip(share, 0.0, 1.0) * (high - low)
             area, slopes = self.value_and_slopes(values, STEP * np.where(share > 0.5, low - high, high - low))
-            met.append((area, values))
+            solved.append((area, values))
             show(area)
             return -area, -slopes * (high - low)
 
         with suppress(BudgetExhausted):
             minimize(
-                fall, (begin - low) / np.where(high > low, high - low, 1.0), jac=True, method="L-BFGS-B",
+                loss_and_slopes, (begin - low) / np.where(high > low, high - low, 1.0), jac=True, method="L-BFGS-B",
                 bounds=[(0.0, float(h > l)) for l, h in zip(low, high, strict=True)], options={"ftol": LEAST_GAIN},
             )  # fmt: skip
-        area, values = max(met, key=lambda pair: pair[0])
-        return LargestOverParameters(tuple(values.tolist()), area, at_start, len(met) + 1)
+        area, values = max(solved, key=lambda pair: pair[0])
+        return LargestOverParameters(tuple(values.tolist()), area, at_start, len(solved) + 1)
 
     def value(self, values: np.ndarray) -> float:
-        """The largest area ratio, or what stands for the shortfall where no cam keeps the margin."""
+        """The largest area ratio or, where no cam keeps the margin, minus the scaled shortfall."""
         return self._solved(self._program(values))[0]
 
     def value_and_slopes(self, values: np.ndarray, steps: np.ndarray) -> tuple[float, np.ndarray]:
-        """The same with its slope by every value: of the area by the program's duals, exact but for the size of the
-        steps, of a shortfall by its differences; zero where a number does not move or no program on either side is
-        alike."""
-        value, found = self._solved(self._program(values))
+        """The same with its slope by every value. The slope of an area follows from the program's duals, exact but for
+        the size of the steps; that of a shortfall is a difference quotient. It is zero where a step is zero or no
+        program on either side has the same structure."""
+        value, optimum = self._solved(self._program(values))
         along, slopes = np.diag(steps), np.zeros(len(values))
         for k in np.flatnonzero(steps):
             for step in (along[k], -along[k]):
-                other = self._program(values + step)
-                beside = self._solved(other)[0] if found is None else found.value_in(other)
-                if beside is not None:
-                    slopes[k] = (beside - value) / step[k]
+                program = self._program(values + step)
+                stepped = self._solved(program)[0] if optimum is None else optimum.value_in(program)
+                if stepped is not None:
+                    slopes[k] = (stepped - value) / step[k]
                     break
         return value, slopes
 
@@ -181,7 +178,7 @@ class Programs:
 
     def _solved(self, program: NoJumpProgram) -> tuple[float, NoJumpOptimum | None]:
         try:
-            found = program.solve(self.margin_N)
-            return found.area_ratio, found
-        except NoCamHoldsContact as short:
-            return -SHORTFALL * min(short.shortfall_N, 1e6), None
+            optimum = program.solve(self.margin_N)
+            return optimum.area_ratio, optimum
+        except NoCamHoldsContact as error:
+            return -SHORTFALL * min(error.shortfall_N, 1e6), None

@@ -17,7 +17,7 @@ from camopt.cam.tables.lift_table import write_lift_table
 from camopt.optimizer.accuracy import Accuracy, accuracy_named, drawn_speeds
 from camopt.optimizer.as_built.checks import check_wanted
 from camopt.optimizer.bound.certificate import area_ratio_bound
-from camopt.optimizer.candidates import KnownCam, family_cams, largest_confirmed
+from camopt.optimizer.candidates import CandidateCam, family_cams, largest_confirmed
 from camopt.optimizer.first_run import SAYING, compile_programs, programs_missing
 from camopt.optimizer.free_numbers import free_numbers, with_best_values
 from camopt.optimizer.program.kinematic import KinematicOptimum, kinematic_optimum
@@ -41,19 +41,19 @@ PACKAGES = ("camopt", "jax", "diffrax", "optax", "numpy", "scipy", "highspy", "n
 SPEEDS = ("band", "nominal")
 GRADIENTS = ("auto", "smooth", "exact", "none")
 SHOWN = ("area_ratio", "area_ratio_bound", "area_gap_percent", "area_ratio_no_jump", "gradient_gain")
-"""Figures of the record that a notebook shows above the verdict."""
+"""Numbers of the record that a notebook shows above the verdict."""
 
 
 @dataclass(frozen=True, repr=False)
 class Run:
-    """The outcome of an optimisation: where it lies, the cam, its verdict, and the figures of `design.json`."""
+    """The outcome of an optimisation: its folder, the cam, its verdict, and the numbers of `design.json`."""
 
     folder: Path
     lift: Lift
     verdict: Verdict
     record: dict
     exit_code: int  # 0 confirmed, 3 not
-    as_built: "YieldStatement | None" = None  # what drawn trains say; None where the scene says not how they differ
+    as_built: "YieldStatement | None" = None  # of drawn trains; None if nothing scatters
 
     def __repr__(self) -> str:
         built = "" if self.as_built is None else f", {self.as_built.share} of trains as built"
@@ -94,65 +94,63 @@ def optimize(
     tie: float = 1.0,
     steps_per_revolution: int = 1440,
 ) -> Run:
-    """Design the cam of largest area that a scene's limits allow, and have it verified and compared.
+    """Design the cam of largest area that a scene's limits allow, verify it and compare it.
 
-    `speeds` "band" (every speed of the scene's band) or "nominal" (its listed speeds (k) [r/min]); `accuracy` a name of
-    `camopt.optimizer.accuracy`; `gradient` "auto" or "smooth" for a search along the smoothed motion's slopes by JAX,
-    "exact" along those of the closed periodic response, "none" for its first stage alone; it begins from the cam
-    `start`, by default from the calmest one (`camopt.optimizer.search.search`). The run folder (docs/run-folder.md)
-    goes to `out` (default runs/<scene>-<UTC time>), but for report.html, which `camopt.report` makes from it. With
-    `resume` an interrupted run in `out` goes on and ends in the same design. `seed`, where it is not zero, draws the
-    knots. Where the scene says how trains differ, `as_built` of the answer has the share of fresh ones in which the cam
-    holds; with `wanted_yield`, such as 0.99, the run is confirmed only where that share of them holds over the band.
-    `designed` is called with the folder once the design, its verdict, that share and the provenance are written, before
-    the comparison, which can cost none of them; without `compare` there is none. `free` names numbers of the scene that
-    the design may choose, with their ranges (low, high) in the key's unit, as {"spring.preload_N": (200, 320)}
-    (`camopt.optimizer.free_numbers`); the folder's scene.toml has the chosen values. `source` is what `gradient` is
-    called elsewhere; `width_um`, `tie` and `steps_per_revolution` are as of `linearised`. Where a family's largest
-    member is confirmed and larger than the search's cam, it is the design.
+    `speeds` is "band" (every speed of the scene's band) or "nominal" (its listed speeds (k) [r/min]), `accuracy` a name
+    of `camopt.optimizer.accuracy`. `gradient` selects the search (`camopt.optimizer.search.search`): "auto" and
+    "smooth" use the slopes of the smoothed motion by JAX, "exact" those of the closed periodic response, and "none"
+    runs the first stage alone. The search begins from the cam `start`, by default from the calmest one. The run folder
+    (docs/run-folder.md) is `out` (default runs/<scene>-<UTC time>), without report.html, which `camopt.report` makes
+    from it. With `resume` an interrupted run in `out` is continued and ends in the same design. A `seed` other than
+    zero draws the knots. If the scene has tolerances, `as_built` of the result has the share of fresh trains in which
+    the cam holds; with `wanted_yield`, such as 0.99, the run is confirmed only if at least that share of them holds
+    over the band. `designed` is called with the folder once the design, its verdict, that share and the provenance are
+    written, before the comparison, whose failure cannot lose them; without `compare` there is none. `free` names
+    numbers of the scene that the design may choose, with their ranges (low, high) in the key's unit, as
+    {"spring.preload_N": (200, 320)} (`camopt.optimizer.free_numbers`); the folder's scene.toml has the chosen values.
+    `source` is another name of `gradient`; `width_um`, `tie` and `steps_per_revolution` are as in `linearised`. If a
+    family's largest member is confirmed and larger than the search's cam, it is the design.
 
-    Raises InputError for unknown words, contradictory limits, an unusable folder or one of another run, and NoCamFound,
-    which is one, where the search finds no cam and no family's largest one is confirmed.
+    Raises InputError for unknown words, contradictory limits, an unusable folder or one of another run, and its
+    subclass NoCamFound if the search finds no cam and no family's largest member is confirmed.
     """
-    how = smoothing("optimize", width_um, tie, steps_per_revolution).as_asked
-    settings = {"speeds": speeds, "accuracy": accuracy, "gradient": source or gradient, "seed": seed} | how
+    settings = {"speeds": speeds, "accuracy": accuracy, "gradient": source or gradient, "seed": seed}
+    settings |= smoothing("optimize", width_um, tie, steps_per_revolution).as_asked
     settings |= {} if wanted_yield is None else {"yield": wanted_yield}
     settings |= {} if start is None else {"start": {"family": start.family, "area_m_rad": float(start.area)}}
     settings |= {} if not free else {"free": {name: list(map(float, ends)) for name, ends in free.items()}}
     folder = Path(out or default_run_folder(scene.name))
     check_run_folder(folder, resume)
-    effort, identity, chosen = _understood(scene, settings), run_identity("optimize", scene, **settings), {}
+    effort, identity = _checked_accuracy(scene, settings), run_identity("optimize", scene, **settings)
+    further, clock = {}, StageClock()
     if free:
-        scene, chosen = with_best_values(scene, free_numbers(scene, free), speeds, effort, progress)
+        scene, further["free"] = with_best_values(scene, free_numbers(scene, free), speeds, effort, progress)
     design = scene.required_design
-    job = _OpenRun(scene, settings, effort, StageClock(), compare, {"free": chosen} if chosen else {}, start)
-    with job.clock.stage("bound"):
-        kinematic = kinematic_optimum(design, program_cam(design, effort.knot_deg))  # contradictory limits end here
+    with clock.stage("bound"):
+        kinematic = kinematic_optimum(design, program_cam(design, effort.knot_deg))  # raises for contradictory limits
         bound = area_ratio_bound(design).bound
     with run_folder(folder, identity, resume, ["design.json"]):
         write_text(folder / "scene.toml", scene_toml(scene))
         with Progress(progress, effort, settings["gradient"], compare) as shown:
-            job.make_programs(shown)
-            lift, verdict, record = job.design(folder, shown, kinematic, bound)
-            shown.begin("yield")
-            stated = job.state_yield(folder, lift, verdict, shown)
+            job = _OpenRun(scene, settings, effort, clock, folder, shown, compare, further, start)
+            job.make_programs()
+            lift, verdict, record = job.design(kinematic, bound)
+            stated = job.state_yield(lift, verdict)
             with shown.make_room():
                 designed(folder)
-            shown.begin("comparison")
-            with job.clock.stage("comparison"):
-                job.compared(folder, lift, verdict, shown)
+            job.compared(lift, verdict)
             shown.end()
-        job.write_provenance(folder)
+        job.write_provenance()
     held = verdict.verdict == "confirmed" and (stated is None or stated.confirmed is not False)
     return Run(folder, lift, verdict, record, 0 if held else 3, stated)
 
 
-def _understood(scene: Scene, settings: dict) -> Accuracy:
-    """The effort that is asked for; raises InputError for unknown words."""
+def _checked_accuracy(scene: Scene, settings: dict) -> Accuracy:
+    """The settings of the accuracy; raises InputError for unknown words."""
     effort = accuracy_named(settings["accuracy"])
-    for name, known in (("speeds", SPEEDS), ("gradient", GRADIENTS)):
-        if settings[name] not in known:
-            raise InputError(f"{name} {settings[name]!r}: expected one of {', '.join(known)}")
+    for name, words in (("speeds", SPEEDS), ("gradient", GRADIENTS)):
+        if settings[name] not in words:
+            raise InputError(f"{name} {settings[name]!r}: expected one of {', '.join(words)}")
     smoothing_in(settings)
     if "yield" in settings:
         check_wanted(scene, settings["yield"], settings["speeds"])
@@ -161,40 +159,40 @@ def _understood(scene: Scene, settings: dict) -> Accuracy:
 
 @dataclass
 class _OpenRun:
-    """A run between its folder and its end: what was asked, and what the provenance will say."""
+    """A run in progress: its settings, its folder, and the contents of its provenance."""
 
     scene: Scene
     settings: dict
     effort: Accuracy
     clock: StageClock
+    folder: Path
+    shown: Progress
     compare: bool = True
     further: dict = field(default_factory=dict)  # keys of design.json on free numbers and on the search
     start: Lift | None = None
-    found: dict = field(default_factory=dict)  # of the search, for the provenance
+    search_numbers: dict = field(default_factory=dict)  # numbers of the search, for the provenance
 
     @cached_property
     def families(self) -> dict[str, Lift | str]:
         """Every family's largest member in the scene."""
         return family_cams(self.scene)
 
-    def make_programs(self, shown: Progress) -> None:
-        """On the first run of an installation: the compiled programs."""
+    def make_programs(self) -> None:
+        """Compiles the programs on the first run of an installation."""
         if programs_missing():
-            shown.say(SAYING)
+            self.shown.say(SAYING)
             with self.clock.stage("programs"):
                 compile_programs()
 
-    def design(
-        self, folder: Path, shown: Progress, kinematic: KinematicOptimum, bound: float
-    ) -> tuple[Lift, Verdict, dict]:
-        """The cam, its verdict and the content of design.json, all of them written into the folder."""
-        scene, effort, clock = self.scene, self.effort, self.clock
-        shown.begin("search")
-        searched, no_jump, failed = self._searched(folder, shown)
-        shown.begin("verdict")
-        with clock.stage("verdict"):
+    def design(self, kinematic: KinematicOptimum, bound: float) -> tuple[Lift, Verdict, dict]:
+        """The cam, its verdict and the content of design.json, all of which are written into the folder."""
+        scene, speeds = self.scene, self.settings["speeds"]
+        self.shown.begin("search")
+        searched, no_jump, failed = self._searched()
+        self.shown.begin("verdict")
+        with self.clock.stage("verdict"):
             families = None if "yield" in self.settings and searched else self.families
-            chosen = largest_confirmed(scene, searched, self.settings["speeds"], effort, families, failed)
+            chosen = largest_confirmed(scene, searched, speeds, self.effort, families, failed)
         cam, why = chosen.cam, chosen.why_a_family(searched, failed)
         lift = as_written(cam.lift)
         record = design_record(
@@ -209,83 +207,86 @@ class _OpenRun:
             **({"why_a_family": why} if why else {}),
             **self.further,
         )
-        write_json(folder / "design.json", record)
-        write_lift_table(folder / "lift.csv", lift)
-        write_json(folder / "verification.json", chosen.verdict.as_dict())
-        self.write_provenance(folder)
+        write_json(self.folder / "design.json", record)
+        write_lift_table(self.folder / "lift.csv", lift)
+        write_json(self.folder / "verification.json", chosen.verdict.as_dict())
+        self.write_provenance()
         return lift, chosen.verdict, record
 
-    def _searched(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam | None, str]:
-        """The cams of the search and the best of the program alone; or neither, and why it found none."""
+    def _searched(self) -> tuple[Sequence[CandidateCam], CandidateCam | None, str]:
+        """The cams of the search and the best of the program alone; or neither, and the reason why there is none."""
         try:
-            return *(self._cams_for_yield(folder, shown) if "yield" in self.settings else self._cams(folder, shown)), ""
-        except NoCamFound as none:
-            return [], None, str(none)
+            return *(self._cams_for_yield() if "yield" in self.settings else self._cams()), ""
+        except NoCamFound as failure:
+            return [], None, str(failure)
 
-    def _cams(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam | None]:
+    def _cams(self) -> tuple[Sequence[CandidateCam], CandidateCam | None]:
         """The confirmed cams of the search, each larger than the one before, and the best of the program alone."""
-        asked, journal = self.settings, StepFiles(folder, cams.FOLDER)
-        how = {"journal": journal, "show": shown.step, "clock": self.clock, "start": self.start, "seed": asked["seed"]}
-        how |= {"smoothing": smoothing_in(asked)}
-        search = find_cam(self.scene, asked["speeds"], self.effort, asked["gradient"], **how)
-        self.further["search"], self.found = search.course, {"cams_judged": search.judge.calls}
+        settings, journal = self.settings, StepFiles(self.folder, cams.FOLDER)
+        options = {"start": self.start, "seed": settings["seed"], "smoothing": smoothing_in(settings)}
+        options |= {"show": self.shown.step, "clock": self.clock}
+        search = find_cam(self.scene, settings["speeds"], self.effort, settings["gradient"], journal=journal, **options)
+        self.further["search"], self.search_numbers = search.course, {"cams_judged": search.judge.calls}
         assert search.first is not None, "a search with a cam has ended its first stage"
         return search.confirmed, search.first
 
-    def _cams_for_yield(self, folder: Path, shown: Progress) -> tuple[Sequence[KnownCam], KnownCam | None]:
-        """The same of the search for yield, which has no program alone."""
+    def _cams_for_yield(self) -> tuple[Sequence[CandidateCam], CandidateCam | None]:
+        """The same for the search for yield, which has no program alone."""
         from camopt.optimizer.as_built.drawn import FOLDER
         from camopt.optimizer.as_built.search import yield_search
 
-        asked = self.settings
+        settings, journal = self.settings, StepFiles(self.folder, FOLDER)
         with self.clock.stage("yield_search"):
-            how = {"gradient": asked["gradient"], "seed": asked["seed"], "show": shown.step}
-            journal = StepFiles(folder, FOLDER)
-            search = yield_search(self.scene, asked["yield"], self.effort, journal=journal, **how)
-        self.found = {"cams_judged": search.steps, "trains_drawn": search.trains_drawn}
+            options = {"gradient": settings["gradient"], "seed": settings["seed"], "show": self.shown.step}
+            search = yield_search(self.scene, settings["yield"], self.effort, journal=journal, **options)
+        self.search_numbers = {"cams_judged": search.steps, "trains_drawn": search.trains_drawn}
         return search.held[-cams.CANDIDATES :], None
 
-    def state_yield(self, folder: Path, lift: Lift, verdict: Verdict, shown: Progress) -> "YieldStatement | None":
-        """What fresh trains say of the cam, written into verification.json; None where nothing scatters."""
+    def state_yield(self, lift: Lift, verdict: Verdict) -> "YieldStatement | None":
+        """The yield of the cam on fresh trains, which is written into verification.json; None if nothing scatters."""
         from camopt.optimizer.as_built.statement import beside, statement_of_run
         from camopt.optimizer.baselines.comparison import plain_baselines
 
         def baselines() -> dict[str, Lift | str]:
-            known = {"without_jerk_limit": False, "known": self.families}
-            return plain_baselines(self.scene, **known) if self.compare else {}
+            options = {"without_jerk_limit": False, "designed": self.families}
+            return plain_baselines(self.scene, **options) if self.compare else {}
 
+        self.shown.begin("yield")
         with self.clock.stage("yield"):
-            asked = {"baselines": baselines, "advance": shown.advance}
-            stated = statement_of_run(self.scene, lift, self.settings, folder, **asked)
-            further = beside(self.scene, lift, self.settings, stated, folder, self.start)
+            options = {"baselines": baselines, "advance": self.shown.advance}
+            stated = statement_of_run(self.scene, lift, self.settings, self.folder, **options)
+            further = beside(self.scene, lift, self.settings, stated, self.folder, self.start)
         if stated is not None:
-            write_json(folder / "verification.json", verdict.as_dict() | {"yield": stated.as_dict() | further})
-            self.write_provenance(folder)
+            write_json(self.folder / "verification.json", verdict.as_dict() | {"yield": stated.as_dict() | further})
+            self.write_provenance()
         return stated
 
-    def write_provenance(self, folder: Path) -> None:
-        """provenance.json as far as the run has come."""
+    def write_provenance(self) -> None:
+        """Writes provenance.json with everything that is known so far."""
         content = {
             "versions": {name: version(name) for name in PACKAGES} | {"python": platform.python_version()},
             "machine": {"processor": platform.machine(), "system": platform.system()},
             "settings": self.settings,
             "seed": self.settings["seed"],
-            **self.found,
+            **self.search_numbers,
             "times_s": self.clock.times_s(),
             "stages": self.clock.as_dict(),
             "finished_utc": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
         }
-        write_json(folder / "provenance.json", content)
+        write_json(self.folder / "provenance.json", content)
 
-    def compared(self, folder: Path, lift: Lift, verdict: Verdict, shown: Progress) -> None:
-        """The comparison with its figures or, where none is asked for, the figures of the design alone."""
-        from camopt.optimizer.baselines.comparison import compare_in, plain_baselines  # matplotlib: once there is a cam
+    def compared(self, lift: Lift, verdict: Verdict) -> None:
+        """Writes the comparison with its figures or, if no comparison is wanted, the figures of the design alone."""
+        from camopt.optimizer.baselines.comparison import compare_in, plain_baselines  # loads matplotlib
         from camopt.optimizer.baselines.figures import draw
 
         scene, effort = self.scene, self.effort
-        if not self.compare:
-            speeds = drawn_speeds(scene.required_operation, effort)
-            draw(folder, scene, {"design": lift}, {"design": verdict.as_dict()}, speeds)
-            return
-        baselines = plain_baselines(scene, without_jerk_limit=effort.without_jerk_limit, known=self.families)
-        compare_in(folder, scene, {"design": lift}, {"design": verdict}, effort, baselines, shown.advance)
+        self.shown.begin("comparison")
+        with self.clock.stage("comparison"):
+            if not self.compare:
+                speeds = drawn_speeds(scene.required_operation, effort)
+                draw(self.folder, scene, {"design": lift}, {"design": verdict.as_dict()}, speeds)
+                return
+            options = {"without_jerk_limit": effort.without_jerk_limit, "designed": self.families}
+            designs, verdicts, baselines = {"design": lift}, {"design": verdict}, plain_baselines(scene, **options)
+            compare_in(self.folder, scene, designs, verdicts, effort, baselines, self.shown.advance)

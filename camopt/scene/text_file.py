@@ -36,7 +36,9 @@ def usable_path(path: str | Path, what: str) -> Path:
         pass
     except (OSError, ValueError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it holds a character that no file name may have"
-        raise InputError(f"{what} {excerpt(str(path))}: the system does not accept this path ({reason})") from None
+        raise InputError(
+            f"{what} {excerpt(str(path))}: the system does not accept this path ({reason}): name another"
+        ) from None
     return Path(path)
 
 

@@ -1,7 +1,7 @@
 """The smooth, differentiable path (JAX): smoothed contact, motions, metrics, and what `jax.grad` differentiates.
 
-Importing this package turns on 64-bit floats in JAX, keeps compiled programs on disk between runs, and has a line say
-where a compilation takes long.
+Importing this package turns on 64-bit floats in JAX, keeps compiled programs on disk between runs, and prints a line
+when a compilation takes long.
 """
 
 import os
@@ -18,12 +18,12 @@ from camopt.cache import cache_folder
 def cache_compilations() -> Path | None:
     """Keeps JAX's compiled programs in the user's cache; returns the folder in use.
 
-    A folder that JAX was already given (JAX_COMPILATION_CACHE_DIR) is left as it is. Without a safe folder
+    A folder that is already set for JAX (JAX_COMPILATION_CACHE_DIR) is left as it is. Without a safe folder
     (`camopt.cache.cache_folder`) the function returns None, and programs are compiled anew in each run.
     """
-    given = jax.config.values["jax_compilation_cache_dir"]
-    if given is not None:
-        return Path(given)
+    configured = jax.config.values["jax_compilation_cache_dir"]
+    if configured is not None:
+        return Path(configured)
     if (folder := cache_folder(f"jax-{jax.__version__}")) is None:
         return None
     jax.config.update("jax_compilation_cache_dir", str(folder))
@@ -32,17 +32,17 @@ def cache_compilations() -> Path | None:
 
 
 LONG_S = 2.0
-"""Seconds after which a compilation says what it does."""
+"""Seconds after which a line reports a compilation."""
 
 
 def say_compiling(folder: Path | None) -> None:
-    """Has every compilation that takes longer than `LONG_S` print a line to the error output."""
-    kept = "in every process, for want of a safe cache folder" if folder is None else f"once, and keeps it in {folder}"
+    """Prints a line to the error output for every compilation that takes longer than `LONG_S`."""
+    where = "in every process, for want of a safe cache folder" if folder is None else f"once, and keeps it in {folder}"
     waiting: dict[int, Timer] = {}
 
     def listen(event: str, duration_secs: float, **_) -> None:
         if event == "/jax/core/compile/jaxpr_to_mlir_module_duration":  # what comes before a compilation
-            timer = Timer(LONG_S, print, [f"camopt: JAX compiles a program, {kept}"], {"file": sys.stderr})
+            timer = Timer(LONG_S, print, [f"camopt: JAX compiles a program, {where}"], {"file": sys.stderr})
             timer.daemon = True
             timer.start()
             waiting[get_ident()] = timer

@@ -1,18 +1,18 @@
-"""Every family as a JAX function of its free parameters: lift, area and peak values, to be differentiated at will.
+"""Every family as a JAX function of its free parameters: lift, area and peak values, all of them differentiable.
 
-A family's record (`camopt.cam.families.record`) says how its event is built from parameters in arrays of NumPy or of
-JAX. Here that runs on JAX arrays, so that derivatives are those of the construction itself, its linear solves
-included, and exact to round-off. Parameters are a dictionary of arrays, under the names and in the units of the
-command line:
+A family's record (`camopt.cam.families.record`) defines how its event is built from parameters in arrays of NumPy or of
+JAX. Here it is built from JAX arrays, so that derivatives are those of the construction itself, its linear solves
+included, and exact to round-off. Parameters are a dictionary of arrays, under the names and in the units of the command
+line:
 
     cam = differentiable(scene, multi_pol(scene))
     jax.grad(cam.area)(cam.parameters)["sections_deg"]
     jax.jacobian(cam.lift, argnums=1)(theta, cam.parameters)
 
 A member that was found for the largest area is differentiated at its angles and levels, which are its parameters; the
-derivative does not include what the search would find under other limits. The derivative of a peak value is the one at
-the place of the peak, which is held fixed in its piece (Danskin 1966). Where two pieces tie, the derivative is that of
-the piece found first.
+derivative does not include how the search would change them under other limits. The derivative of a peak value is taken
+at the place of the peak, which is held fixed in its piece (Danskin 1966). If two pieces tie, the derivative is that of
+the first of them.
 """
 
 from collections.abc import Callable
@@ -38,11 +38,11 @@ SAMPLES, NEWTON_STEPS = 33, 5
 
 @dataclass(frozen=True)
 class DifferentiableCam:
-    """A cam as a function of its parameters; `parameters` holds the values that they have now.
+    """A cam as a function of its parameters; `parameters` holds their current values.
 
-    `moving_pieces(parameters)` gives borders (p + 1) [rad] and coefficients (p, q) [m/rad^k] from -pi to pi, as `Lift`
-    has them but for empty pieces; `half_duration(parameters)` half the angle between the ramp tops [rad]. All methods
-    are pure functions of JAX arrays: jit, vmap, grad and jacobian apply.
+    `moving_pieces(parameters)` gives borders (p + 1) [rad] and coefficients (p, q) [m/rad^k] from -pi to pi, as in
+    `Lift` but perhaps with empty pieces; `half_duration(parameters)` is half the angle between the ramp tops [rad]. All
+    methods are pure functions of JAX arrays: jit, vmap, grad and jacobian apply.
     """
 
     family: str
@@ -52,10 +52,10 @@ class DifferentiableCam:
     ramp_foot: float  # rad
 
     def pieces(self, parameters: Parameters) -> tuple[Float[jax.Array, " edges"], Float[jax.Array, "p q"]]:
-        """Borders and coefficients of the same numbers, the borders held in derivatives.
+        """Borders and coefficients with the values of `moving_pieces`, the borders held constant in derivatives.
 
-        The derivatives of the coefficients are those of the lift at a held angle. That is all that a motion depends
-        on: lift and velocity are continuous across a border that moves.
+        The derivatives of the coefficients are those of the lift at a fixed angle. A motion depends on nothing else,
+        because lift and velocity are continuous across a border that moves.
         """
         borders, coefficients = self.moving_pieces(parameters)
         held = jax.lax.stop_gradient(borders)
@@ -82,10 +82,11 @@ class DifferentiableCam:
         return jnp.sum(jnp.where(abs(middles) < half, parts, 0.0))
 
     def motion_parameters(self, parameters: Parameters) -> Parameters:
-        """What `simulate(parameters=...)` and `exact_metrics` take of this cam: "lift", "borders", "half_duration".
+        """The parameters of this cam for `simulate(parameters=...)` and `exact_metrics`: lift, borders and half
+        duration.
 
-        Raises InputError for a ramp without a foot: the velocity steps at its ends, and what a motion owes to a step
-        that moves is no derivative of the lift.
+        Raises InputError for a ramp without a foot: the velocity has steps at its ends, and the effect of a moving step
+        on the motion is not a derivative of the lift.
         """
         if not self.ramp_foot > 0.0:
             raise InputError(
@@ -96,26 +97,26 @@ class DifferentiableCam:
         return {"lift": coefficients, "borders": borders, "half_duration": self.half_duration(parameters)}
 
     def peak(self, parameters: Parameters, order: int = 0, lowest: bool = False) -> Float[jax.Array, ""]:
-        """Largest, or with `lowest` smallest, lift or derivative by angle [m/rad^order] over the turn.
+        """Largest, or with `lowest` smallest, lift or derivative by angle [m/rad^order] over the revolution.
 
-        At the borders of pieces the values from both sides count, so that a step shows with both its sides.
+        At the borders of pieces the values from both sides count, so that a step counts with both its sides.
         """
         borders, coefficients = self.moving_pieces(parameters)
         widths = jnp.diff(borders)
         sign = -1.0 if lowest else 1.0
-        shares = _places(*jax.lax.stop_gradient((sign * coefficients, widths)), order)
+        shares = _peak_shares(*jax.lax.stop_gradient((sign * coefficients, widths)), order)
         values = polynomial(coefficients, shares * widths, order)
         return values[jnp.argmax(sign * values)]
 
 
 def polynomial(coefficients, x, order: int) -> jax.Array:
-    """The derivative `order` of sum_k c_k x^k at x (...); the coefficients (..., q) stand in ascending powers."""
+    """The derivative `order` of sum_k c_k x^k at x (...); the coefficients (..., q) are in ascending powers."""
     k = np.arange(order, coefficients.shape[-1])
     falling = np.array([float(perm(i, order)) for i in k])
     return jnp.sum(falling * coefficients[..., order:] * x[..., None] ** (k - order), axis=-1)
 
 
-def _places(coefficients, widths, order: int) -> jax.Array:
+def _peak_shares(coefficients, widths, order: int) -> jax.Array:
     """The share (p) of its width at which the derivative `order` of each piece (p, q) is largest."""
     grid = np.linspace(0.0, 1.0, SAMPLES)
     shares = jnp.asarray(grid)[jnp.argmax(polynomial(coefficients[:, None, :], grid * widths[:, None], order), axis=1)]
@@ -125,7 +126,7 @@ def _places(coefficients, widths, order: int) -> jax.Array:
         step = jnp.where(bend < 0, -slope / jnp.where(bend < 0, bend, -1.0), 0.0)
         moved = jnp.clip(shares + step, 0.0, 1.0)
         now, then = (polynomial(coefficients, at * widths, order) for at in (shares, moved))
-        return jnp.where(then > now, moved, shares)  # where slope and bend are both round-off a step leads astray
+        return jnp.where(then > now, moved, shares)  # where slope and bend are only round-off, so is a step
 
     return jax.lax.fori_loop(0, NEWTON_STEPS, newton, shares)
 
@@ -140,15 +141,15 @@ def differentiable(scene: Scene, cam: Lift) -> DifferentiableCam:
     `duration_deg`, `max_lift_mm`, `ramp_height_mm` and `ramp_velocity_mm_per_deg`. Raises InputError for a cam that
     belongs to no family, such as a lift table.
     """
-    known = {**FAMILIES, **BY_COEFFICIENTS}
-    family = family_named(cam.family) if cam.family in known else None
-    if family is None:
-        raise InputError(f"cam {cam.family!r} has no parameters to differentiate; take one of {', '.join(known)}")
+    families = {**FAMILIES, **BY_COEFFICIENTS}
+    if cam.family not in families:
+        raise InputError(f"cam {cam.family!r} has no parameters to differentiate; take one of {', '.join(families)}")
+    family = family_named(cam.family)
     if family.construction is None:
         raise InputError(f"cam {cam.family!r}: its family has no construction to differentiate; take another family")
     conditions, ramps_of, half_duration = (_symmetric if family.symmetric else _as_the_scene)(scene, cam)
-    own, event = family.construction(scene, cam)
-    parameters = {name: jnp.asarray(value, dtype=float) for name, value in (own | conditions).items()}
+    free, event = family.construction(scene, cam)
+    parameters = {name: jnp.asarray(value, dtype=float) for name, value in (free | conditions).items()}
 
     def pieces(p: Parameters) -> tuple[Any, Any]:
         p = {name: jnp.asarray(value, dtype=float) for name, value in p.items()}
@@ -159,7 +160,7 @@ def differentiable(scene: Scene, cam: Lift) -> DifferentiableCam:
 
 
 Conditions = tuple[Parameters, Callable[[Parameters], tuple[Ramp, Ramp]], Callable[[Parameters], Any]]
-"""Design conditions among the parameters, and the ramps and half the duration [rad] that parameters have."""
+"""The design conditions that are parameters, and functions of the parameters: the ramps and half the duration [rad]."""
 
 
 def _symmetric(scene: Scene, cam: Lift) -> Conditions:
@@ -180,7 +181,7 @@ def _symmetric(scene: Scene, cam: Lift) -> Conditions:
 
 
 def _as_the_scene(scene: Scene, cam: Lift) -> Conditions:
-    """The conditions stay the scene's."""
+    """The conditions are those of the scene, and none is a parameter."""
     if scene.design is None:
         raise InputError(f"{cam.family}: the scene needs [design]")
     ramps, half = scene_ramps(scene.design), scene.design.duration_deg / 2 * DEG

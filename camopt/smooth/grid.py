@@ -1,10 +1,11 @@
 """The grid of angles on which a motion is resolved.
 
 A step that runs through a contact's layer, or over the angle at which its force is clipped, may have a small error and
-still have a wrong derivative: the discrete motion is then differentiated across a wrinkle of height `tolerance` and
+still have a wrong derivative: it is then the derivative of a discrete motion across a wrinkle of height `tolerance` and
 width `eps`. The grid therefore has a point at each edge of a layer and at each clip, and several in a layer.
 """
 
+from functools import partial
 from typing import NamedTuple
 
 import jax
@@ -13,7 +14,7 @@ import numpy as np
 
 from camopt.scene.shapes import Float
 from camopt.smooth.laws import Layer
-from camopt.smooth.scan import ERROR, NODES, STAGES, WEIGHTS, DrivenSystem, at_stage, combine, stage_slopes
+from camopt.smooth.scan import ERROR, NODES, STAGES, WEIGHTS, DrivenSystem, at_stage, combine, hermite, stage_slopes
 from camopt.smooth.system import Array
 
 CLIP_STEP = 1e-4
@@ -21,12 +22,11 @@ CLIP_STEP = 1e-4
 EDGE = 1e-3
 """Longest step over the edge of a layer, in units of eps. Between the edges the law is a polynomial."""
 ACROSS = 4
-"""Steps that a layer is crossed in, at least."""
+"""Least number of steps across a layer."""
 BETWEEN = np.arange(1, 8) / 8
-"""Shares of a step at which its motion is examined besides at its stages, because a contact may open and close between
-two stages."""
+"""Further shares of a step at which its motion is examined, because a contact may open and close between two stages."""
 PLACES = np.concatenate([[0.0], NODES[1:], BETWEEN, [1.0]])
-"""Shares of a step at which its start, its later stages, the examined places between and its end lie."""
+"""Shares of a step of its start, its later stages, the examined places between and its end."""
 STRAY = 0.9
 """A step that ends before an edge or a clip but crosses it midway shrinks to this share of the first place beyond."""
 LEAST_STEPS = 720
@@ -34,16 +34,16 @@ LEAST_STEPS = 720
 LARGEST_PHASE = 0.8
 """Longest step, as a phase [rad] of the stiffest motion. The tolerance bounds the error of the motion, but not that of
 its derivative, in which every closing excites the fastest modes. With 1.2 the error of gradients is up to three times
-as large, and beyond the limit of stability (1.9 for the modes of `kodama`, whose frequency is a fifth higher) gradients
+as large, and beyond the stability limit (1.9 for the modes of `kodama`, whose frequency is a fifth higher) gradients
 grow without bound."""
 ATTEMPTS = 1.5
-"""Attempted steps that are allowed per step kept; bouncing motions of `kodama` take about 1.3."""
+"""Permitted number of attempted steps per accepted step; bouncing motions of `kodama` take about 1.3."""
 CHUNK = 128
-"""Number of attempts after which it is checked whether the revolution is done."""
+"""Number of attempts between two checks whether the revolution is complete."""
 
 
 class GridSearch(NamedTuple):
-    """Where the search for the grid stands: the angle [rad], the next width [rad], the state and its derivative."""
+    """State of the search for the grid: the angle [rad], the next width [rad], the state and its derivative."""
 
     angle: jax.Array
     width: jax.Array
@@ -65,8 +65,8 @@ def refined_grid(driven: DrivenSystem, y0, layer: Layer, tolerance, steps: int):
     """A grid for one revolution from y0 (2, n): angles (steps + 1) from -pi [rad], and states (steps + 1, 2, n) there.
 
     `tolerance` [m] is the error permitted per step in the positions; times the stiffest frequency it is the error
-    permitted in the velocities. Where fewer than `steps` are needed the last sample is repeated; where they do not
-    suffice the last angle falls short of pi. No derivative passes through the grid.
+    permitted in the velocities. If fewer than `steps` are needed, the last sample is repeated; if they do not suffice,
+    the last angle is less than pi. No derivative passes through the grid.
     """
     driven, y0, layer = jax.lax.stop_gradient((driven, y0, layer))
     frequency, cam_speed = driven.system.stiffest(), driven.cam_speed
@@ -89,22 +89,22 @@ def refined_grid(driven: DrivenSystem, y0, layer: Layer, tolerance, steps: int):
         seen = jnp.concatenate([jnp.stack([at.y, *inner]), _between(at.y, at.slope, y, slope, h), y[None]])
         u, g = _surfaces(driven, seen, at.angle + width * PLACES.astype(end.dtype), layer)
         shrink = contact_limit(u, g, h, layer, CLIP_STEP / frequency)
-        kept = (error <= 1.0) & (shrink >= 1.0)  # a NaN is not kept
+        accepted = (error <= 1.0) & (shrink >= 1.0)  # NaN is rejected
         factor = jnp.where(shrink < 1.0, jnp.minimum(growth, jnp.maximum(shrink, 1e-4)), growth)
         factor = jnp.where(jnp.isfinite(error), factor, 0.1)
-        angle = jnp.where(kept, jnp.where(last, end, at.angle + width), at.angle)
-        state = jnp.where(kept, y, at.y), jnp.where(kept, slope, at.slope)
-        return GridSearch(angle, jnp.minimum(width * factor, widest), *state), (angle, state[0], kept)
+        angle = jnp.where(accepted, jnp.where(last, end, at.angle + width), at.angle)
+        state = jnp.where(accepted, y, at.y), jnp.where(accepted, slope, at.slope)
+        return GridSearch(angle, jnp.minimum(width * factor, widest), *state), (angle, state[0], accepted)
 
     begin = GridSearch(-end, widest, y0, driven.rate(y0, -end, layer))
-    angle, states, kept = _until_arrival(attempt, begin, end, chunks=int(ATTEMPTS * steps) // CHUNK + 1)
-    index = jnp.flatnonzero(kept, size=steps, fill_value=-1)
+    angle, states, accepted = _until_arrival(attempt, begin, end, chunks=int(ATTEMPTS * steps) // CHUNK + 1)
+    index = jnp.flatnonzero(accepted, size=steps, fill_value=-1)
     index = jnp.where(index < 0, jnp.max(index), index)
     return jnp.append(-end, angle[index]), jnp.concatenate([y0[None], states[index]])
 
 
 def _until_arrival(attempt, begin: GridSearch, end, chunks: int):
-    """Angles, states and marks (kept or not) of all attempts, chunk by chunk, until the end or the last chunk."""
+    """Angles, states and acceptance of all attempts, chunk by chunk, until the revolution's end or the last chunk."""
 
     def more(search):
         at, i, _ = search
@@ -123,18 +123,14 @@ def _until_arrival(attempt, begin: GridSearch, end, chunks: int):
 
 def _between(y0, slope0, y1, slope1, h):
     """States (7, 2, n) at the shares `BETWEEN` of a step of h [s], by the cubic through its ends and their slopes."""
-    rise = y1 - y0
-
-    def at(t):
-        return y0 + t * rise + t * (1 - t) * ((1 - t) * (h * slope0 - rise) - t * (h * slope1 - rise))
-
-    return jax.vmap(at)(jnp.asarray(BETWEEN, y0.dtype))
+    cubic = partial(hermite, start=y0, rise=y1 - y0, m0=h * slope0, m1=h * slope1)
+    return jax.vmap(cubic)(jnp.asarray(BETWEEN, y0.dtype))
 
 
 def _surfaces(driven: DrivenSystem, y, angle, layer: Layer):
     """Compression beyond the touch [m] and force before clipping [N], both (k, contacts), at k states and angles.
 
-    The bounds of memories follow them: the way beyond each, and a force that is never clipped.
+    The bounds of memories follow: the distance beyond each, and a force that is never clipped.
     """
     system = driven.system
 
@@ -154,9 +150,9 @@ def contact_limit(u, g, h, layer: Layer, clip_step) -> jax.Array:
 
     `u` [m] and `g` [N] are the compression and the raw force (k, contacts) at the `PLACES` of the step. The edges of a
     layer and the clip are crossed in short steps that start just before them. No stage of a long step may lie behind
-    one, because its derivative belongs to the other side, however little its force differs. The last stages are less
-    accurate than the end, so that even a step that ends just before an edge may be refused. Inside a layer a step may
-    change the compression by one of `ACROSS` shares of the layer.
+    one of them: its derivative belongs to the other side, however little its force differs. The last stages are less
+    accurate than the end, so that even a step that ends just before an edge may be refused. Inside a layer, a step may
+    change the compression by the width of the layer over `ACROSS` at most.
     """
     if u.size == 0:
         return jnp.ones_like(h)
@@ -171,7 +167,7 @@ def contact_limit(u, g, h, layer: Layer, clip_step) -> jax.Array:
 
 
 def _crossing(values, matters, longest):
-    """Factor that ends a step just before zero, where values (k, contacts) change sign by more than `longest` in it."""
+    """Factor that ends a step just before zero if values (k, contacts) change sign in it by more than `longest`."""
     behind, moved = values[:1] * values < 0, jnp.abs(values - values[:1])
     refused = matters & jnp.any(behind, axis=0) & (jnp.max(moved, axis=0) > longest)
     first = jnp.min(jnp.where(behind, PLACES.astype(values.dtype)[:, None], 1.0), axis=0)

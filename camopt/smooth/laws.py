@@ -1,21 +1,21 @@
 """The smoothed law of contacts, and laws beyond the linear one, in JAX.
 
-A ramp S of width `eps` stands in for max(0, .). With u the compression beyond the touch, the force of a contact is
+A ramp S of width `eps` replaces max(0, .). With u the compression beyond the touch, the force of a contact is
 
     f = clip_0( p(eps S(u / eps)) + c u' S'(u / eps) ),    p(u) = k u where the elastic law is linear,
 
-and c grows by dissipation p under a law of contacts that loses energy by itself. S equals max(0, r) outside |r| < 1/2
-and is twice continuously differentiable: outside its layer it *is* the law of the non-smooth model, so that the resting
-force has no bias. Other laws are functions of u, and of memories.
+and c is increased by dissipation p under a contact law with an energy loss of its own. S equals max(0, r) outside |r| <
+1/2 and is twice continuously differentiable: outside its layer the law *is* that of the non-smooth model, so that the
+resting force has no bias. Other laws are functions of u, and of memories.
 
 They are differentiable in every number of a law. The corners of a force table are rounded over the width eps of the
-contact's layer, by the same ramp S and its slope H = S': p goes on along its first line, and each corner at c adds its
-change of slope times eps S((d - c) / eps). With s = d - z, oil and friction take
+contact's layer, by the same ramp S and its slope H = S': p is continued along its first line, and each corner at c adds
+its change of slope times eps S((d - c) / eps). With s = d - z, oil and friction have
 
     oil        f = k eps S((s - travel) / eps),  z' = f / leak - max(0, -d') H(-s / eps)
     friction   f = k s,                          z' = sign(s) max(0, sign(s) d') H((|s| - slip / k) / eps)
 
-so that oil fills, and friction slides, where s is at most eps / 2 beyond its bound.
+so that oil fills, and friction slides, before s is more than eps / 2 beyond its bound.
 """
 
 from collections.abc import Iterator
@@ -97,7 +97,7 @@ class ElasticLaws(eqx.Module):
         """Elastic force [N] of every element at the compression u (e) [m] beyond its touch; zero with a memory."""
         force = stiffness * u
         for h, law in self._of_contacts(stiffness):
-            pressed = u[h] > 0.0  # apart, a power's second slope, which rates of forces take, is no number
+            pressed = u[h] > 0.0  # else the second slope of a power, used by rates of forces, is NaN
             force = force.at[h].set(jnp.where(pressed, law.elastic(jnp.where(pressed, u[h], 1.0)), 0.0))
         force = force.at[np.array(self.memory, dtype=int)].set(0.0)
         if not self._of(PROGRESSIVE) and not self._of(TABLE):
@@ -142,12 +142,12 @@ class ElasticLaws(eqx.Module):
         return jnp.stack(rates)
 
     def bounds(self, slack: jax.Array, stiffness: jax.Array) -> jax.Array:
-        """Ways [m] (m, *b) beyond the bounds at which memories begin to move or oil to push: the middles of layers."""
-        ways = []
+        """Distances [m] (m, *b) beyond the bounds at which memories move or oil pushes: the middles of layers."""
+        distances = []
         for s, e in zip(slack, self.memory, strict=True):
-            own = (s - self.travel[e], -s) if self.kind[e] == OIL else (jnp.abs(s) - self.slip[e] / stiffness[e],)
-            ways += own
-        return jnp.stack(ways)
+            sliding = jnp.abs(s) - self.slip[e] / stiffness[e]
+            distances += (s - self.travel[e], -s) if self.kind[e] == OIL else (sliding,)
+        return jnp.stack(distances)
 
     def _of_contacts(self, stiffness: jax.Array) -> Iterator[tuple[np.ndarray, ContactLaw]]:
         """The elements of each law of contacts, and the law with their numbers."""
@@ -167,7 +167,7 @@ def elastic_laws(laws: Laws, dtype) -> ElasticLaws:
 
 
 def _ramp(r: jax.Array, layer: Layer | None) -> jax.Array:
-    """max(0, r), rounded over the width of a layer where there is one."""
+    """max(0, r), rounded over the width of a layer if there is one."""
     return jnp.maximum(0.0, r) if layer is None else layer.eps * layer.ramp(r / layer.eps)
 
 

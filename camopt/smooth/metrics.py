@@ -1,9 +1,9 @@
 """The declared metrics (`camopt.scene.quantities`) of a motion, in JAX: differentiable where the motion allows it.
 
-A reading between samples has the derivative of the interpolant there. Angles at which something happens (the touch, the
-nominal closing) are roots inside a step, with the derivative of the root by the implicit function theorem, so that
-d(seating velocity) includes the shift of the touch. A maximum has the derivative of one side: at a tie of samples that
-of the first, at a tie of contacts, or of a value with its floor (jump and bounce with zero), half of each.
+A value between samples has the derivative of the interpolant there. The angles of events (the touch, the nominal
+closing) are roots inside a step, with the derivative of the root by the implicit function theorem, so that d(seating
+velocity) includes the shift of the touch. A maximum has a one-sided derivative: at a tie of samples that of the first,
+at a tie of contacts, or of a value with its floor (jump and bounce with zero), half of each.
 """
 
 import jax
@@ -12,6 +12,7 @@ import numpy as np
 
 from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM
+from camopt.smooth.scan import hermite
 from camopt.smooth.system import Array, System, SystemState
 
 
@@ -52,10 +53,9 @@ def at_angle(angle: Float[Array, " k"], values: Float[Array, " k"], theta, slope
     width = angle[i + 1] - angle[i]
     t = jnp.where(width > 0, (theta - angle[i]) / jnp.where(width > 0, width, 1.0), 0.0)
     rise = values[i + 1] - values[i]
-    linear = values[i] + t * rise
     if slope is None:
-        return linear
-    return linear + t * (1 - t) * ((1 - t) * (slope[i] * width - rise) - t * (slope[i + 1] * width - rise))
+        return values[i] + t * rise
+    return hermite(t, values[i], rise, slope[i] * width, slope[i + 1] * width)
 
 
 def step_integral(angle: Float[Array, " k"], s: Float[Array, " k"], s_dtheta: Float[Array, " k"], keep):
@@ -69,8 +69,8 @@ def step_integral(angle: Float[Array, " k"], s: Float[Array, " k"], s_dtheta: Fl
 def greatest(at: Float[Array, " k"], s: Float[Array, " k"], v: Float[Array, " k"], edges):
     """Greatest s at samples between the edges, raised to the crest of the cubic beside it; v is the slope by `at`.
 
-    The place of the crest is held fixed. The crest of a force may lie in the layer of its contact, where a damped
-    contact closes: its derivative then includes how the closing shifts, that at the sample behind would not.
+    The place of the crest is held fixed. If a damped contact closes, the crest of its force may lie in its layer. The
+    derivative of the crest then includes the shift of the closing, which that of the following sample would not.
     """
     keep = (at >= edges[0]) & (at <= edges[1])
     i = jnp.argmax(jnp.where(keep, s, -jnp.inf))
@@ -148,8 +148,7 @@ def in_revolution(angle, revolution: int):
 
 
 def leaked(system: System, motion: SystemState, touch, opening_foot, revolution: int):
-    """By how much [m] the adjusters between cam and valve are shorter at the angle of the touch than at the opening
-    foot of the revolution, and never below zero."""
+    """Shortening [m], at least zero, of the adjusters between cam and valve, from the opening foot to the touch."""
     if motion.memory is None or not system.topology.adjusters:
         return 0.0
     shortening = motion.memory[:, np.array(system.topology.adjusters)].sum(axis=1)
@@ -158,7 +157,7 @@ def leaked(system: System, motion: SystemState, touch, opening_foot, revolution:
 
 
 def nominal_closing(system: System, motion: SystemState, revolution: int, shorter: jax.Array | float = 0.0):
-    """Angle [rad] at which the cam lift, a cubic inside a step, has fallen to the lash and what the adjusters are
+    """Angle [rad] at which the cam lift, a cubic inside a step, has fallen to the lash plus the adjusters' shortening
     `shorter` [m]."""
     lash = shorter + sum(system.gap[e] for e in system.topology.cam_side)
     above = in_revolution(motion.angle, revolution) & (motion.lift > lash)
@@ -197,8 +196,8 @@ def closed_metrics(
 ) -> dict[str, jax.Array]:
     """Bounce, seating and impact velocity, from the closing to the next opening foot.
 
-    The window ends with the record where the record ends first. Without a touch the values are NaN, or 0 where
-    the valve never opened; in both cases gradients are zero.
+    The window ends with the record if the record ends first. Without a touch the values are NaN, or 0 if the valve
+    never opened; in both cases gradients are zero.
     """
     opened, touches, touch, velocity = closing(system, motion, cam_speed, revolution, layer)
     shorter = leaked(system, motion, touch, opening_foot, revolution)
@@ -233,7 +232,7 @@ def revolution_metrics(
 ) -> dict[str, jax.Array]:
     """Every declared metric of one revolution of a record, by its name in `QUANTITIES` and in the unit of that name.
 
-    `half_duration` and `opening_foot` [rad] belong to the cam; `layer` [m] means what it means for `closing`.
+    `half_duration` and `opening_foot` [rad] belong to the cam; `layer` [m] is as in `closing`.
     """
     s, v = seat_distance(system, motion, cam_speed)
     now = in_revolution(motion.angle, revolution)

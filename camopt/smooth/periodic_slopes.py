@@ -1,4 +1,4 @@
-"""Motions with tied contacts that repeat themselves, and their derivatives, step by step.
+"""Periodic motions with tied contacts, and their derivatives, step by step.
 
 The end of a step depends on its beginning, on lift and slope at its two ends, and on the numbers of the train. JAX
 differentiates every step by these few numbers alone, and a recurrence of small matrices carries any number of
@@ -6,7 +6,6 @@ directions through the revolution: the condensing of multiple shooting (Bock and
 the number of coefficients, and one compiled program serves cams with any number of them.
 """
 
-from copy import copy
 from functools import partial
 from typing import Any, NamedTuple
 
@@ -23,27 +22,26 @@ from camopt.smooth.rest import rest_state
 from camopt.smooth.tied import DrivenTies, LowStorage, TiedPaths, TiedSystem, parts_of_steps, tied_paths, tied_system
 
 GROWS = 1.0 + 1e-6
-"""What of a disturbance is left after a revolution beyond which it counts as growing; of a memory that stands still it
-is one, but for rounding."""
+"""Factor of a disturbance over a revolution above which it grows: for a memory at rest it is one but for rounding."""
 AT_ONCE = 16
-"""Steps that are differentiated side by side."""
+"""Number of steps that are differentiated side by side."""
 MOST_TURNS, SETTLED = 40, 1e-10
-"""Revolutions in which a motion may settle, and the change of its positions over one [m] at which it counts as such:
-the stiffest contacts then change their forces by some hundredths of a newton."""
+"""Permitted number of revolutions until a motion has settled, and the change of its positions over one [m] below which
+it has: the stiffest contacts then change their forces by some hundredths of a newton."""
 
 
 class Directions(NamedTuple):
-    """Directions (d) in which the cam moves, and the last of them, as many as `numbers` has, the train too."""
+    """Directions (d) in which the cam varies and, in the last of them, as many as `numbers` has, the train as well."""
 
     samples: np.ndarray  # (k + 1, 2, d), of lift and slope
     numbers: TiedSystem | None = None  # every number with a first axis
 
 
 class PeriodicSlopes(NamedTuple):
-    """Derivatives of a revolution that repeats itself along directions (d)."""
+    """Derivatives of a periodic revolution along directions (d)."""
 
     force: np.ndarray  # (k, c, b, d)
-    gap: np.ndarray  # (k, c, b, d), or of no contact
+    gap: np.ndarray  # (k, c, b, d), with c = 0 where they are left out
     seat_gap: np.ndarray  # (k, b, d)
     start: np.ndarray  # (2, n + r, b, d)
 
@@ -52,12 +50,11 @@ class PeriodicSlopes(NamedTuple):
 def step_slopes(
     tied, samples, cam_speed, states, event, tie, layer: Layer, numbers, steps, *, parts: int, gaps: bool
 ) -> jax.Array:
-    """Matrices (k, b, q + c + 1 + c, q + 4 + p) of the slopes of some `steps` (k), from their beginnings in `states`
-    (k, 2, n + r, b).
+    """Matrices (k, b, q + c + 1 + c, q + 4 + p) of the slopes of `steps` (k) that begin in `states` (k, 2, n + r, b).
 
     Rows: the state at the step's end (q), force (c), the gap at the seat and, with `gaps`, those of the contacts (c).
-    Columns: the state at its beginning, lift and slope at its two ends, and the `numbers` (p) of the train along which
-    it moves, if any. Velocities count as times the largest frequency of a mass. The other arguments are `tied_paths`'.
+    Columns: the state at its beginning, lift and slope at its two ends, and the `numbers` (p) of the train that vary,
+    if any. Velocities are divided by the largest frequency of a mass. The other arguments are those of `tied_paths`.
     """
     (_, width, cases), masses = states.shape[1:], tied.system.mass.shape[0]
     size = width + masses  # of a state, whose memories have no velocities
@@ -66,12 +63,12 @@ def step_slopes(
     unit = jnp.where(jnp.arange(size) < width, 1.0, tied.system.stiffest())
     units = jnp.pad(jnp.diag(unit), ((0, 0), (0, width - masses))).reshape(size, 2, width, 1)
 
-    def placed(part, before):
-        return jnp.pad(part, ((before, size + 4 + p - before - len(part)), *((0, 0),) * (part.ndim - 1)))
+    def placed(rows, before):
+        return jnp.pad(rows, ((before, size + 4 + p - before - len(rows)), *((0, 0),) * (rows.ndim - 1)))
 
     directions = placed(jnp.repeat(units, cases, axis=3), 0), placed(jnp.eye(4).reshape(4, 2, 2), size)
     if numbers is not None:
-        directions = *directions, jax.tree.map(lambda part: placed(part, size + 4), numbers)
+        directions = *directions, jax.tree.map(lambda rows: placed(rows, size + 4), numbers)
 
     def of_step(k, begin):
         def end(y, edges, tied=tied):
@@ -79,8 +76,8 @@ def step_slopes(
             term = diffrax.ODETerm(lambda theta, y, _: driven.rate(theta, y))
             return driven.reading(grid[k + 1], solver.step(term, grid[k], grid[k + 1], y, None, None, False)[0])
 
-        here = (begin, jnp.stack([samples[k], samples[k + 1]]), tied)[: len(directions)]
-        moved = jax.vmap(lambda *along: jax.jvp(end, here, along)[1])(*directions)
+        inputs = (begin, jnp.stack([samples[k], samples[k + 1]]), tied)[: len(directions)]
+        moved = jax.vmap(lambda *along: jax.jvp(end, inputs, along)[1])(*directions)
         state = moved.states.reshape(-1, 2 * width, cases)[:, :size] / unit[None, :, None]
         rows = state, moved.force, moved.seat_gap[:, None], *((moved.gap,) if gaps else ())
         return jnp.concatenate(rows, axis=1).T
@@ -92,7 +89,7 @@ class TiedMotions:
     """Motions with tied contacts of one train at the cam speeds (b) [rad/s], under a smoothing.
 
     The contacts are tied over the `event`, from one angle to another [rad], and each step is divided into `parts`, by
-    default as many as the lowest speed asks for. `samples` (k + 1, 2) of a cam are lift and slope at the ends of the
+    default as many as the lowest speed requires. `samples` (k + 1, 2) of a cam are lift and slope at the ends of the
     revolution's k equal steps.
     """
 
@@ -105,27 +102,22 @@ class TiedMotions:
         self.parts = parts or parts_of_steps(self.tied, float(np.min(cam_speeds)), steps)
         self.rest = jnp.repeat(rest_state(train)[:, :, None], len(self.speeds), axis=2)
 
-    def over(self, event: Any) -> "TiedMotions":
-        """The motions with contacts tied over another event."""
-        other = copy(self)
-        other._rule = event, *self._rule[1:]
-        return other
-
     def revolution(self, samples: Any, start: Any, adjoint: str = "forward") -> TiedPaths:
-        """The paths of the revolution from a state `start` (2, n + r, b); `adjoint` as of `tied_paths`."""
+        """The paths of the revolution from a state `start` (2, n + r, b); `adjoint` as in `tied_paths`."""
         return tied_paths(self.tied, samples, self.speeds, start, *self._rule, parts=self.parts, adjoint=adjoint)
 
     def driven(self, samples: Any) -> DrivenTies:
-        """The train under a cam, which tells all its forces."""
+        """The train driven by a cam, for the forces of all its elements."""
         return DrivenTies(self.tied, samples, self.speeds, *self._rule)
 
     def settled(
         self, samples: Any, start: jax.Array | None = None, most: int = MOST_TURNS, within: float = SETTLED
     ) -> tuple[jax.Array, TiedPaths]:
-        """The state (2, n + r, b) at which the last revolution on the way to a settled motion begins, and its paths.
+        """The state (2, n + r, b) at which the last revolution of a settling motion begins, and the paths of that
+        revolution.
 
-        It settles from `start`, by default from rest: a revolution then moves no position by more than `within` [m], or
-        there have been `most` of them.
+        The motion starts from `start`, by default from rest, and ends after a revolution that moves no position by
+        `within` [m], or after `most` revolutions.
         """
         y0, samples = self.rest if start is None else start, jnp.asarray(samples)
         for _ in range(most):
@@ -136,12 +128,12 @@ class TiedMotions:
         return begin, paths
 
     def slopes(self, samples: Any, paths: TiedPaths, directions: Directions, gaps: bool = True) -> PeriodicSlopes:
-        """The slopes along all directions of the motion whose settled revolution has these `paths`: the start moves
-        with its end. Without `gaps` those of the contacts are left out.
+        """The slopes along all directions of the motion whose settled revolution has these `paths`; the start varies
+        with the end. Without `gaps` those of the contacts are left out.
 
         With M the slope of the end by the start, and e that by a direction, the start's slope solves s = M s + e. A
-        memory that stands still all along keeps its value, and so does the start where disturbances of it grow: there
-        no motion settles.
+        memory that does not move in the revolution keeps its value. The start is also held fixed if disturbances of it
+        grow, because no motion settles then.
         """
         (count, _, width, cases), contacts = paths.states.shape, paths.force.shape[1]
         size, along = width + self.tied.system.mass.shape[0], directions.samples.shape[2]
@@ -152,7 +144,7 @@ class TiedMotions:
         carried[:, size + 4 :, size + along - moved :] = np.eye(moved)
         read = np.empty((count, cases, (1 + gaps) * contacts + 1, size + along))
         for first in range(0, count, AT_ONCE):
-            steps = np.minimum(np.arange(first, first + AT_ONCE), count - 1)  # of one number, for one compiled program
+            steps = np.minimum(np.arange(first, first + AT_ONCE), count - 1)  # always as many, for one compiled program
             moving = self.tied, jnp.asarray(samples), self.speeds, begins[steps], *self._rule, numbers, steps
             matrices = step_slopes(*moving, parts=self.parts, gaps=gaps)
             for k, matrix in zip(range(first, count), np.asarray(matrices), strict=False):

@@ -1,8 +1,8 @@
 """Rest on the base circle in JAX, from a system's numbers alone, so that it can be traced, batched and differentiated.
 
-The NumPy side (`camopt.scene.rest`) goes through the sets of closed contacts and names what is wrong with a scene. Here
-rest is found as the minimum of the elastic energy, which is convex, by Newton's method with a step that is halved while
-it overshoots; the NumPy side does the same for nonlinear laws.
+The NumPy side (`camopt.scene.rest`) tries the sets of closed contacts and reports what is wrong with a scene. Here rest
+is found as the minimum of the elastic energy, which is convex, by Newton's method with a step that is halved while it
+overshoots; the NumPy side does the same for nonlinear laws.
 """
 
 import jax
@@ -18,8 +18,7 @@ MOST_CONTACT_SETS = 200
 """Largest number of Newton steps; ten are usual."""
 MOST_HALVINGS = 40
 SLACK = 1e-9
-"""Unbalanced force that counts as rest, relative to the largest given force; in float32 it is a hundred units of
-rounding."""
+"""Largest unbalanced force at rest, over the largest given force; in float32 it is a hundred units of rounding."""
 GROUNDING = 1e-12
 """Stiffness to ground that a Newton step adds, relative to the train's largest stiffness: with it, a step can cross
 contacts that are open."""
@@ -46,8 +45,8 @@ def newton_step(stiffness: Float[Array, "n n"], force: Float[Array, " n"], groun
 def rest_positions(system: System) -> Float[Array, " n"]:
     """Positions at rest on the base circle [m], differentiable by the implicit function theorem.
 
-    They are NaN where no rest is found, because nothing holds a mass. A contact whose force at rest is exactly zero
-    counts as open, so that the derivative there is the one towards open.
+    They are NaN if no rest is found, because nothing holds a mass. A contact whose force at rest is exactly zero counts
+    as open, so that the derivative there is the one-sided derivative towards open.
     """
     frozen = jax.lax.stop_gradient(system)
     ground = GROUNDING * jnp.max(frozen.stiffness)
@@ -79,15 +78,15 @@ def rest_positions(system: System) -> Float[Array, " n"]:
 
 
 def rest_state(train: Train) -> Float[Array, "2 n"]:
-    """State (2, n + r) of a train at rest on the base circle, found without JAX; every memory has faded.
+    """State (2, n + r) of a train at rest on the base circle, found without JAX; every memory has relaxed.
 
-    Raises InputError where there is no rest (see `camopt.scene.rest`).
+    Raises InputError if there is no rest (see `camopt.scene.rest`).
     """
     return stacked(state_at_rest(train), len(train.mass))
 
 
 def rest_of(system: System) -> Float[Array, "2 n"]:
-    """The same of a system, NaN where there is no rest."""
+    """The same state of a system, NaN if there is no rest."""
     x = rest_positions(system)
     at_rest = jnp.stack([x, jnp.zeros_like(x)])
     if not system.topology.memory:

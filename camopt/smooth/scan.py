@@ -1,7 +1,7 @@
 """Explicit Runge-Kutta of order five (Dormand and Prince) as one `lax.scan` on a given grid of angles.
 
-The grid is data: `camopt.smooth.grid` shrinks it where a contact crosses its layer. Derivatives are taken along the
-grid as it stands, which is right because a motion that is resolved does not depend on its grid.
+The grid is data: `camopt.smooth.grid` refines it where a contact crosses its layer. Derivatives are taken on the fixed
+grid, which is right because a resolved motion does not depend on its grid.
 Source: Dormand, Prince (1980), A family of embedded Runge-Kutta formulae, J. Comp. Appl. Math. 6, table 2;
 the numbers are those of SciPy's class `RK45`.
 """
@@ -18,7 +18,7 @@ from camopt.smooth.laws import Layer
 from camopt.smooth.system import Array, System
 
 NODES = RK45.C
-STAGES = tuple(tuple(RK45.A[i, :i].tolist()) for i in range(len(NODES)))  # of Python, so that float32 stays float32
+STAGES = tuple(tuple(RK45.A[i, :i].tolist()) for i in range(len(NODES)))  # Python's, so that float32 stays float32
 WEIGHTS = tuple(RK45.B.tolist())
 ERROR = tuple((-RK45.E).tolist())
 """Weights of the result of order five minus those of the embedded result of order four; the last weight belongs to the
@@ -42,6 +42,11 @@ def lift_at(
     l0, v0, l1, v1 = left[..., 0], left[..., 1] * width, right[..., 0], right[..., 1] * width
     c2, c3 = 3 * (l1 - l0) - 2 * v0 - v1, 2 * (l0 - l1) + v0 + v1
     return l0 + s * (v0 + s * (c2 + s * c3)), (v0 + s * (2 * c2 + 3 * s * c3)) / width
+
+
+def hermite(t, start, rise, m0, m1):
+    """Value at t of the cubic on [0, 1] that begins at `start`, rises by `rise` and has the end slopes m0 and m1."""
+    return start + t * rise + t * (1 - t) * ((1 - t) * (m0 - rise) - t * (m1 - rise))
 
 
 class DrivenSystem(NamedTuple):
@@ -81,7 +86,7 @@ def combine(y, h, weights, slopes):
 
 
 def at_stage(cam: tuple, i: int) -> tuple:
-    """What the cam does at stage i of a step, out of `cam` (6, ...)."""
+    """The rows of `cam` (6, ...) for stage i of a step."""
     return jax.tree.map(lambda q: q[i], cam)
 
 
@@ -97,14 +102,14 @@ def stage_slopes(system: System, y, k1, h, cam: tuple, layer: Layer) -> list[jax
     return slopes
 
 
-def integrate(driven: DrivenSystem, y0, angle, layer: Layer, known=None) -> jax.Array:
+def integrate(driven: DrivenSystem, y0, angle, layer: Layer, on_grid=None) -> jax.Array:
     """States (k, 2, n) at the ascending angles `angle` (k) [rad], which may repeat, from the state y0 (2, n).
 
-    Where `known` (k, 2, n) gives the states that were found with the grid, each step starts from these and the scan
-    only carries the derivatives. Rounding that grows from contact to contact then cannot move the motion off its grid.
+    If `on_grid` (k, 2, n) gives the states that were found with the grid, each step starts from these, and the scan
+    carries only the derivatives. Rounding that grows from contact to contact then cannot move the motion off its grid.
     """
     cam = driven.cam(stage_angles(angle))
-    return integrate_stages(driven.system, jnp.diff(angle) / driven.cam_speed, cam, y0, layer, known)
+    return integrate_stages(driven.system, jnp.diff(angle) / driven.cam_speed, cam, y0, layer, on_grid)
 
 
 def stage_angles(angle: jax.Array) -> jax.Array:
@@ -112,7 +117,7 @@ def stage_angles(angle: jax.Array) -> jax.Array:
     return angle[:-1, None] + jnp.diff(angle)[:, None] * jnp.asarray(NODES, angle.dtype)[None, :]
 
 
-def integrate_stages(system: System, h, cam: tuple, y0, layer: Layer, known=None) -> jax.Array:
+def integrate_stages(system: System, h, cam: tuple, y0, layer: Layer, on_grid=None) -> jax.Array:
     """The states of `integrate`, from steps h (k - 1) [s] and lift [m], lift rate [m/s] (k - 1, 6) and given forces [N]
     (k - 1, 6, n), or None, at the stages.
 
@@ -120,7 +125,7 @@ def integrate_stages(system: System, h, cam: tuple, y0, layer: Layer, known=None
     (k, 2, n, b). The given forces are the same for all.
     """
 
-    @partial(jax.checkpoint, prevent_cse=False)  # keeping the stages for the way back costs more than their repetition
+    @partial(jax.checkpoint, prevent_cse=False)  # storing the stages would cost more than repeating them
     def step(y, inputs):
         h, cam, end = inputs
         lift, lift_dt, push = at_stage(cam, 0)
@@ -129,6 +134,6 @@ def integrate_stages(system: System, h, cam: tuple, y0, layer: Layer, known=None
         y = y if end is None else y + jax.lax.stop_gradient(end - y)
         return y, y
 
-    ends = None if known is None else known[1:]
+    ends = None if on_grid is None else on_grid[1:]
     _, states = jax.lax.scan(step, y0, (h, cam, ends))
     return jnp.concatenate([y0[None], states])

@@ -1,8 +1,8 @@
-"""Simulating a valve train on the smooth path: the differentiable core, and the record for everyone else.
+"""Simulation of a valve train on the smooth path: the differentiable core, and the record as NumPy arrays.
 
-Below stands what `camopt.simulate(..., method="smooth", parameters=...)` calls: one motion as a function of the numbers
-of train and cam. `parameters` is a dictionary of arrays, which JAX can differentiate by, batch and trace without any
-further preparation.
+`differentiable_motion` is what `camopt.simulate(..., method="smooth", parameters=...)` calls: one motion as a function
+of the numbers of train and cam. `parameters` is a dictionary of arrays, by which JAX can differentiate, batch and trace
+without any further preparation.
 """
 
 from collections.abc import Mapping
@@ -35,7 +35,7 @@ TOLERANCE = 3e-12
 """Default error permitted per step [m]. Gradients at 6000 r/min are then right within one percent; with 1e-9 they are
 right within ten percent."""
 STEPS = 5120
-"""Number of steps offered per revolution at first; `kodama` needs 3000 to 4500 at 5000 to 6500 r/min."""
+"""Number of steps first offered per revolution; `kodama` needs 3000 to 4500 at 5000 to 6500 r/min."""
 MOST_GRID_STEPS = 2**17
 """A motion that needs more steps per revolution than this is refused."""
 LIFT_SAMPLES = 2880
@@ -62,18 +62,17 @@ def response_arrays(
 ) -> SystemState:
     """Motion over `revolutions` from the state y0 (2, n) at -pi, with `steps` + 1 samples per revolution.
 
-    The motion is differentiable in every array. The samples of `driven` are what `lift_samples` gives; `tolerance` [m]
-    is that of `refined_grid`, and without `refine` the steps are equal. `jax.vmap` makes batches of speeds, cams or
-    systems. One program is compiled per topology, shapes and keywords. Where `steps` do not suffice every sample
-    is NaN.
+    The motion is differentiable in every array. The samples of `driven` are those of `lift_samples`; `tolerance` [m] is
+    that of `refined_grid`, and without `refine` the steps are equal. `jax.vmap` makes batches of speeds, cams or
+    systems. One program is compiled per topology, shapes and keywords. If `steps` do not suffice every sample is NaN.
     """
 
     def revolve(y, _):
         if refine:
-            angle, known = refined_grid(driven, y, layer, tolerance, steps)
+            angle, on_grid = refined_grid(driven, y, layer, tolerance, steps)
         else:
-            angle, known = jnp.asarray(equal_grid(steps), y.dtype), None
-        states = integrate(driven, y, angle, layer, known)
+            angle, on_grid = jnp.asarray(equal_grid(steps), y.dtype), None
+        states = integrate(driven, y, angle, layer, on_grid)
         force, force_dtheta = forces_at(driven, angle, states, layer)
         arrived = angle[-1] >= jnp.asarray(jnp.pi, y.dtype)
         states, force = (jnp.where(arrived, q, jnp.nan) for q in (states, force))
@@ -133,7 +132,7 @@ def system_with(train: Train, parameters: Mapping[str, jax.Array]) -> System:
 def samples_of_pieces(borders, coefficients: Float[jax.Array, "p q"]) -> Float[jax.Array, "k 2"]:
     """As `lift_samples`, of polynomial pieces with coefficients [m/rad^k] between `borders` (p + 1) [rad].
 
-    Derivatives by the borders take lift and velocity to be continuous across them.
+    Derivatives by the borders assume that lift and velocity are continuous across them.
     """
     theta, borders = jnp.asarray(equal_grid(LIFT_SAMPLES)), jnp.asarray(borders)
     piece = jnp.clip(jnp.searchsorted(borders, theta, side="right") - 1, 0, len(borders) - 2)
@@ -152,18 +151,18 @@ def differentiable_motion(
 ) -> tuple[Response, dict[str, jax.Array]]:
     """Motion from rest on `steps` equal steps per revolution, and the metrics of all revolutions but the last.
 
-    `parameters` maps names of `train.parameters` to arrays of their shapes, "lift" to the coefficients of the
-    cam's pieces (p, q) [m/rad^k], "borders" to these pieces' (p + 1) [rad], "half_duration" to a number [rad]; what is
-    left out is the train's and the cam's. `cam_speed` [rad/s] may be traced, and steps are offered for the `slowest`
-    that it may be. The contacts' layer is `eps` [m] wide. The record's arrays are JAX arrays.
-    A motion that the `allowed_steps` do not resolve is NaN, and one under pieces that do not join.
+    `parameters` maps names of `train.parameters` to arrays of their shapes, "lift" to the coefficients of the cam's
+    pieces (p, q) [m/rad^k], "borders" to these pieces' (p + 1) [rad], "half_duration" to a number [rad]; what is left
+    out is the train's and the cam's. `cam_speed` [rad/s] may be traced; the number of steps suits the `slowest` that it
+    may be. The contacts' layer is `eps` [m] wide. The record's arrays are JAX arrays. The motion is NaN if the
+    `allowed_steps` do not resolve it, or if the cam's pieces do not join.
     """
-    own = {name: jnp.asarray(value, float) for name, value in parameters.items()}
-    pieces, borders = own.get("lift", lift.coefficients), own.get("borders", lift.borders)
-    cam = pieces, borders, own.get("half_duration", lift.half_duration), permitted_steps(lift)
+    numbers = {name: jnp.asarray(value, float) for name, value in parameters.items()}
+    pieces, borders = numbers.get("lift", lift.coefficients), numbers.get("borders", lift.borders)
+    cam = pieces, borders, numbers.get("half_duration", lift.half_duration), permitted_steps(lift)
     settings = {"revolutions": revolutions, "steps": steps, "most": allowed_steps(train, slowest)}
     foot = int(np.argmin(np.abs(lift.borders - lift.opening_foot)))
-    motion, metrics = _motion(system_with(train, own), *cam, cam_speed, eps, foot=foot, **settings)
+    motion, metrics = _motion(system_with(train, numbers), *cam, cam_speed, eps, foot=foot, **settings)
     return Response(train, cam_speed, regular_angles(revolutions, steps), *motion), metrics
 
 
@@ -179,17 +178,18 @@ def allowed_steps(train: Train, slowest: float) -> int:
 def _motion(
     system: System, pieces, borders, half_duration, permitted, cam_speed, eps, *, foot, revolutions, steps, most
 ):
-    """The motion at regular angles and its metrics, in one program that is kept on disk; NaN where the pieces step by
-    more than is permitted. The border number `foot` is the opening foot."""
+    """The motion at regular angles and its metrics, by one program that is kept on disk; NaN if the pieces have steps
+    larger than `permitted`. The border number `foot` is the opening foot."""
     joined = (steps_at_borders(borders, pieces) <= permitted).all()
     samples = jnp.where(joined, samples_of_pieces(borders, pieces), jnp.nan)
     driven = DrivenSystem(system, samples, cam_speed)
     motion = response_arrays(driven, rest_of(system), Layer(eps), revolutions=revolutions, steps=most)
-    found = [
+    of_revolutions = [
         revolution_metrics(system, motion, cam_speed, half_duration, borders[foot], r, Layer(eps).half_width)
         for r in range(revolutions - 1)
     ]
-    metrics = {name: jnp.stack([f[name] for f in found]) for name in found[0]} if found else {}
+    names = of_revolutions[0] if of_revolutions else ()
+    metrics = {name: jnp.stack([values[name] for values in of_revolutions]) for name in names}
     return regular(motion, cam_speed, regular_angles(revolutions, steps)), metrics
 
 

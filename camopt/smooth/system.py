@@ -12,12 +12,11 @@ from camopt.scene.train import TRAIN_PARAMETERS, Train
 from camopt.smooth.laws import ElasticLaws, Layer, elastic_laws, raw_force
 
 Array = Any  # of JAX, or of NumPy where nothing is traced
-"""What a differentiable function takes: arrays of JAX, traced or not, or of NumPy."""
+"""Arguments of differentiable functions: arrays of JAX, traced or not, or of NumPy."""
 
 
 class Topology(NamedTuple):
-    """Which masses and elements are connected how. It is hashable, so that one program is compiled per topology and not
-    per value."""
+    """How masses and elements are connected; hashable, so that one program is compiled per topology, not per value."""
 
     a: tuple[int, ...]
     b: tuple[int, ...]
@@ -55,11 +54,11 @@ class SystemState(NamedTuple):
 
 
 class System(eqx.Module):
-    """A valve train as a pytree: every array may be differentiated with respect to.
+    """A valve train as a pytree whose arrays may all be differentiated.
 
-    States y have the shape (2, n + r): positions [m] and the memories [m] of r elements, and below them velocities
-    [m/s] and zeros. For b motions side by side the axis of the batch comes last, (2, n + r, b), where it costs least.
-    Lift and its rate are then scalars or (b).
+    States y have the shape (2, n + r): in the first row positions [m] and the memories [m] of r elements, in the second
+    velocities [m/s] and zeros. For b motions side by side the axis of the batch comes last, (2, n + r, b), where it
+    costs least. Lift and its rate are then scalars or (b).
     """
 
     mass: Float[Array, " n"]  # kg
@@ -83,7 +82,7 @@ class System(eqx.Module):
         lift, lift_dt = (jnp.reshape(q, (1,) * (d.ndim - jnp.ndim(q)) + jnp.shape(q)) for q in (lift, lift_dt))
         return d + drive * lift - column(self.gap + self.touch(), d), d_dt + drive * lift_dt
 
-    @jax.jit  # a program of its own: a loop that is differentiated goes through its operations once, not in every pass
+    @jax.jit  # a program of its own, which a differentiated loop traces once and not in every pass
     def force(self, y: Float[Array, "2 n *b"], lift, lift_dt, layer: Layer) -> Float[Array, " e *b"]:
         """Force of every element [N]; it pushes a towards -x and b towards +x."""
         u, u_dt = self.compression(y, lift, lift_dt)
@@ -105,8 +104,7 @@ class System(eqx.Module):
         return raw_force(u, u_dt, lambda pressed: self.elastic(pressed, layer), self.damper, layer)[pick]
 
     def damper(self, elastic: Float[Array, " e *b"]) -> jax.Array:
-        """Force by the rate of compression of every element (e, *b) [N s/m]: the same in a batch, or what a law of
-        contacts takes of its elastic force [N]."""
+        """Damping (e, *b) [N s/m] of every element: constant, or by a dissipative law from its elastic force [N]."""
         damping = column(self.damping, elastic)
         if self.laws is None or not self.laws.dissipative:
             return damping
@@ -121,9 +119,9 @@ class System(eqx.Module):
         return -self.preload / self.stiffness if self.laws is None else self.laws.touch(self.stiffness, self.preload)
 
     def elastic(self, u: Float[Array, " e *b"], layer: Layer | None = None) -> Float[Array, " e *b"]:
-        """Elastic force [N] of every element at the compression u [m] beyond its touch; zero where it has a memory.
+        """Elastic force [N] of every element at the compression u [m] beyond its touch; zero if it has a memory.
 
-        The corners of force tables are rounded over the width of the layer, and sharp without one.
+        The corners of force tables are rounded over the width of the layer, or sharp without a layer.
         """
         laws = self.laws
         if laws is None:
@@ -147,8 +145,8 @@ class System(eqx.Module):
     def rate(
         self, y: Float[Array, "2 n *b"], lift, lift_dt, layer: Layer, push=None, force=None
     ) -> Float[Array, "2 n *b"]:
-        """Time derivative of the state y at lift [m] and lift rate [m/s], and under what `push` gives (n) [N]; `force`
-        (e, *b) [N] is that of the elements where another law than their own holds."""
+        """Time derivative of the state y at lift [m] and lift rate [m/s], under the forces `push` (n) [N] on the
+        masses. `force` (e, *b) [N] replaces the elements' forces where another law holds."""
         n = self.mass.shape[0]
         force = self.force(y, lift, lift_dt, layer) if force is None else force
         on_mass = jnp.matmul(self._incidence(y.dtype).T, force, precision="highest")
@@ -158,8 +156,8 @@ class System(eqx.Module):
         if self.laws is None or not self.topology.memory:
             return jnp.stack([v, acceleration])
         u, u_dt = self.compression(y, lift, lift_dt)
-        kept = np.array(self.topology.memory)
-        moved = self.laws.memory_rate(self.slack(y, u), u_dt[kept], force[kept], column(self.stiffness, u), layer)
+        e = np.array(self.topology.memory)
+        moved = self.laws.memory_rate(self.slack(y, u), u_dt[e], force[e], column(self.stiffness, u), layer)
         return jnp.stack([jnp.concatenate([v, moved]), jnp.concatenate([acceleration, jnp.zeros_like(moved)])])
 
     def parts(self, states: Float[Array, "k 2 n *b"]) -> tuple:

@@ -1,13 +1,13 @@
-"""Motions of many cases side by side whose contacts between cam and valve may pull, and their derivatives.
+"""Simultaneous motions of many cases whose contacts between cam and valve may pull, and their derivatives.
 
-A case is a train at a speed. Inside the event, between the ramp tops or a little further, a share `tie` of the law of
-the contacts between cam and valve is bilateral: their elastic force goes on below zero, and their damping pulls. In a
-train with lash the contacts that are closed at rest are tied on the ramps and on the base circle too, where a follower
-that hops within its lash would make the motion depend on its last digits; an adjuster must be free to push there. With
-a share of one a contact cannot open, and its force has a slope by the cam's coefficients wherever it stands; with zero
-the law is that of the scene, smoothed. An elastic law that is not linear goes on along its tangent below `TANGENT_N`,
-and what it damps is no less there than at that force. Tied contact forces of a train whose laws are linear are affine
-in the lift as long as seat and lash change their contact at the same angles.
+A case is a train at a speed. During the event, between the ramp tops or slightly longer, a share `tie` of the law of
+the contacts between cam and valve is bilateral: their elastic force becomes negative, and their damping pulls. In a
+train with lash the contacts that are closed at rest are also tied on the ramps and on the base circle, where the motion
+of a follower that hops within its lash would depend on its last digits; an adjuster must be free to push there. With a
+share of one a contact cannot open, and its force always has a slope by the cam's coefficients; with zero the law is
+that of the scene, smoothed. A nonlinear elastic law is continued along its tangent below `TANGENT_N`, and its damping
+is no less there than at that force. Tied contact forces of a train with linear laws are affine in the lift as long as
+seat and lash change their contact at the same angles.
 """
 
 from functools import partial
@@ -34,7 +34,7 @@ CARRIED = (
     -3550918686646 / 2091501179385,
     -1275806237668 / 842570457699,
 )
-"""Share of the increment that each stage takes over from the one before."""
+"""Share of the previous stage's increment that each stage takes over."""
 ADDED = (
     1432997174477 / 9575080441755,
     5161836677717 / 13612068292357,
@@ -51,15 +51,15 @@ NODES = (
     2802321613138 / 2924317926251,
 )
 ADJOINTS = {"reverse": diffrax.RecursiveCheckpointAdjoint, "forward": diffrax.ForwardMode}
-"""Modes of differentiation. One has to be chosen in advance, because diffrax's checkpointed loop knows no forward mode
-and its other loop knows no reverse mode."""
+"""Modes of differentiation. One has to be chosen in advance: diffrax's checkpointed loop has no forward mode, and its
+other loop no reverse mode."""
 
 
 class LowStorage(diffrax.AbstractSolver):
     """A Runge-Kutta method of order four whose stages need two registers, each step divided into equal `parts`.
 
-    A Jacobian by forward mode carries dozens of tangents through every stage, and a method that keeps the slopes of all
-    its stages then spends its time on memory. The stages stand in a loop, so that programs compile in seconds.
+    A Jacobian by forward mode carries dozens of tangents through every stage, and a method that stores the slopes of
+    all its stages spends its time on memory access. The stages run in a loop, so that programs compile in seconds.
     Source: Carpenter, Kennedy (1994), Fourth-order 2N-storage Runge-Kutta schemes, NASA TM 109112, solution 3.
     """
 
@@ -84,8 +84,8 @@ class LowStorage(diffrax.AbstractSolver):
 
         def stage(registers, of):
             y, increment = registers
-            carry, add, node, part = of
-            increment = carry * increment + width * terms.vf(t0 + (part + node) * width, y, args)
+            carry, add, node, begun = of
+            increment = carry * increment + width * terms.vf(t0 + (begun + node) * width, y, args)
             return (y + add * increment, increment), None
 
         (y1, _), _ = jax.lax.scan(stage, (y0, jnp.zeros_like(y0)), (carried, added, nodes, begin))
@@ -93,26 +93,26 @@ class LowStorage(diffrax.AbstractSolver):
 
 
 WIDTH, _, STEPS = Smoothing()
-"""Default width of the contacts' layer [m], and default steps of a revolution at whose ends the motion is read, every
-quarter of a degree: they run over the layer without regard to its edges."""
+"""Default width of the contacts' layer [m], and default number of steps per revolution, at whose ends the motion is
+read: every quarter of a degree. The steps do not adapt to the edges of the layer."""
 LARGEST_PHASE = 1.7
 """Longest step, as a phase [rad] of the stiffest mass on its own elements. The fastest mode of a train is at most 1.42
 times as fast, and a Hertz contact at its largest force a little more: that is within the method's limit."""
 TANGENT_N = 20.0
-"""Contact force [N] below which a curved elastic law goes on along its tangent: at no force it has no stiffness."""
+"""Contact force [N] below which a nonlinear law is continued along its tangent: at zero force it has no stiffness."""
 
 
 class TiedSystem(eqx.Module):
-    """A train with what its contacts between cam and valve do where they pull."""
+    """A train, and the law of its contacts between cam and valve under tension."""
 
     system: System
     tangent: tuple[Array, Array, Array]  # (c) each: compression [m], force [N] and stiffness [N/m] where it begins
     at_rest: Array  # (c) 1 for a contact that is tied on the base circle as well, 0 for the others
 
     def pull(self, u: jax.Array, u_dt: jax.Array) -> jax.Array:
-        """Bilateral force (c, *b) [N] of the contacts between cam and valve at their compressions and rates."""
+        """Bilateral force (c, *b) [N] of the contacts between cam and valve at given compressions and rates."""
         s, on = self.system, np.array(self.system.topology.cam_side)
-        begin, _, slope = (column(part, u) for part in self.tangent)
+        begin, _, slope = (column(values, u) for values in self.tangent)
         lifted = jnp.maximum(u[on], begin)
         pushing = s.elastic(u.at[on].set(lifted))
         return pushing[on] + slope * jnp.minimum(u[on] - begin, 0.0) + s.damper(pushing)[on] * u_dt[on]
@@ -134,14 +134,14 @@ def tied_system(train: Train) -> TiedSystem:
     system, on = build_system(train), np.array(train.cam_side)
     closed = train.compression(rest_position(train), 0.0)[on] >= train.touch_compression[on] - 1e-12
     at_rest = closed & ~closed.all()
-    begin, force, slope = (np.asarray(part)[on] for part in _tangents(system))
+    begin, force, slope = (np.asarray(values)[on] for values in _tangents(system))
     return TiedSystem(system, (begin, force, slope), at_rest.astype(float))
 
 
 @jax.jit
 def _tangents(system: System) -> tuple[jax.Array, jax.Array, jax.Array]:
-    """Compression (e) [m], force [N] and stiffness [N/m] where each element's tangent begins: at zero where all laws
-    are linear, else where the elastic force, which grows, has come to `TANGENT_N`."""
+    """Compression (e) [m], force [N] and stiffness [N/m] where each element's tangent begins: at zero if all laws are
+    linear, else where the elastic force, which increases, reaches `TANGENT_N`."""
     begin = jnp.zeros_like(system.stiffness)
     if system.laws is not None:
 
@@ -156,7 +156,7 @@ def _tangents(system: System) -> tuple[jax.Array, jax.Array, jax.Array]:
 
 
 class TiedPaths(NamedTuple):
-    """What is limited along one revolution, at the angles `path_angles()` (k) [rad] of cases (b)."""
+    """The limited paths of one revolution, at the angles `path_angles()` (k) [rad] of cases (b)."""
 
     force: jax.Array  # (k, c, b) N, of the contacts between cam and valve
     gap: jax.Array  # (k, c, b) m, their separation: negative where they are compressed
@@ -175,17 +175,17 @@ def path_angles(steps: int = STEPS) -> np.ndarray:
 
 
 def parts_of_steps(tied: TiedSystem, slowest: float, steps: int = STEPS) -> int:
-    """Into how many parts each step is divided for the lowest cam speed [rad/s]."""
+    """Number of parts into which each step is divided for the lowest cam speed [rad/s]."""
     phase = float(jnp.max(tied.system.stiffest())) * 2 * np.pi / steps / slowest
     return max(1, int(np.ceil(phase / LARGEST_PHASE)))
 
 
 class DrivenTies(eqx.Module):
-    """A train with tied contacts under a cam; the arguments are those of `tied_paths`, and the samples begin at the
-    angle `first` and cover the `span` [rad].
+    """A train with tied contacts under a cam. The arguments are those of `tied_paths`; the samples begin at the angle
+    `first` and cover the `span` [rad].
 
-    Rate and reading are programs of their own inside the revolution's. Its loop is differentiated in several passes,
-    each of which would otherwise go through all of their operations.
+    `rate` and `reading` are programs of their own inside that of the revolution. Its loop is differentiated in several
+    passes, each of which would otherwise trace all their operations.
     """
 
     tied: TiedSystem
@@ -206,7 +206,7 @@ class DrivenTies(eqx.Module):
 
     @jax.jit
     def reading(self, theta, y) -> TiedPaths:
-        """What is limited at an angle, in the state y."""
+        """The limited quantities at an angle, in the state y."""
         lift, lift_dt, share = self._drive(theta)
         system, on = self.tied.system, np.array(self.tied.system.topology.cam_side)
         force, (u, _) = self.tied.force(y, lift, lift_dt, self.layer, share), system.compression(y, lift, lift_dt)
@@ -229,11 +229,11 @@ class DrivenTies(eqx.Module):
 
 
 class Grid(diffrax.StepTo):
-    """Steps to given times, which ascend: without the checks of diffrax, whose callbacks keep JAX from storing a
-    program that has them, in a process where equinox was imported before this package."""
+    """Steps to given ascending times, without the checks of diffrax: in a process where equinox was imported before
+    this package, their callbacks keep JAX from storing a program."""
 
     def wrap(self, direction):
-        """The same times: they ascend."""
+        """The same times, because they ascend."""
         return self
 
     def init(self, terms, t0, t1, y0, dt0, args, func, error_order):
@@ -256,8 +256,8 @@ def tied_paths(
 ) -> TiedPaths:
     """One revolution from the states y0 (2, n + r, b) at the cam speeds (b) [rad/s].
 
-    The `event` is where the contacts are tied, from one angle to another [rad]. `samples` (k + 1, 2) are lift and slope
-    at the ends of the revolution's k equal steps (`camopt.smooth.simulate.lift_samples`). `adjoint` is "forward" or
+    The contacts are tied over the `event`, from one angle to another [rad]. `samples` (k + 1, 2) are lift and slope at
+    the ends of the revolution's k equal steps (`camopt.smooth.simulate.lift_samples`). `adjoint` is "forward" or
     "reverse", the one mode in which the paths may be differentiated: in the numbers of the system, the samples and the
     start.
     """

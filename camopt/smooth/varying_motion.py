@@ -1,7 +1,8 @@
-"""An event-exact motion some of whose numbers vary, and its gradients by their names: what JAX's rule calls.
+"""An event-exact motion with varying numbers, and its gradients by their names, for JAX's rule.
 
-Speed: with r = speed / speed', masses times r^2, dampings and leaks times r move through the same positions and forces
-by angle at speed', at velocities divided by r. So derivatives by the speed are those by masses, dampings and leaks.
+Let r = speed / speed'. With masses times r^2, and dampings and leaks times r, the train has the same positions and
+forces by angle at speed', and its velocities are divided by r. Derivatives by the speed therefore follow from those by
+masses, dampings and leaks.
 """
 
 from dataclasses import dataclass
@@ -21,13 +22,13 @@ from camopt.scene.train import LAW_PARAMETERS, TRAIN_PARAMETERS, Train
 CAM_PARAMETERS = ("lift", "borders", "half_duration")
 POSITIVE = ("mass", "stiffness", "cam_speed", "half_duration")
 VELOCITY = "m_per_s"
-"""Ending of the names of those metrics that grow in proportion to all velocities."""
+"""Suffix of the names of metrics that are proportional to all velocities."""
 Arrays = dict[str, np.ndarray]
 
 
 @dataclass(frozen=True)
 class Varying:
-    """A motion of which JAX varies some numbers: what it keeps."""
+    """The constants of a motion of which JAX varies some numbers."""
 
     train: Train
     lift: Lift
@@ -35,17 +36,17 @@ class Varying:
     spacing: float | None
     least_speed: float  # rad/s
 
-    def trace(self, given: Arrays, names: tuple[str, ...]) -> TracedMotion | None:
-        """The motion under given numbers, to be differentiated by `names`; None where it cannot be followed."""
-        if not all(usable(self.train, name, number) for name, number in given.items()):
+    def trace(self, numbers: Arrays, names: tuple[str, ...]) -> TracedMotion | None:
+        """The motion with these numbers, to be differentiated by `names`; None if it cannot be computed."""
+        if not all(usable(self.train, name, number) for name, number in numbers.items()):
             return None
-        if given["cam_speed"] < self.least_speed:
+        if numbers["cam_speed"] < self.least_speed:
             return None
-        train = varied(self.train, tuple((n, given[n].tobytes()) for n in self.train.parameters if n in given))
-        speed, mechanical = float(given["cam_speed"]), bool({*names} & MECHANICAL)
+        train = varied(self.train, tuple((n, numbers[n].tobytes()) for n in self.train.parameters if n in numbers))
+        speed, mechanical = float(numbers["cam_speed"]), bool({*names} & MECHANICAL)
         try:
-            lift = lift_with(self.lift, given)
-            start = given["start"] if "start" in given else rest(train)
+            lift = lift_with(self.lift, numbers)
+            start = numbers["start"] if "start" in numbers else rest(train)
             return TracedMotion(train, lift, speed, start, self.revolutions, mechanical, self.spacing)
         except (MotionRefused, InputError):  # no bound, endless switching; no rest; no cam
             return None
@@ -53,14 +54,14 @@ class Varying:
     def swept(
         self,
         names: tuple[str, ...],
-        given: Arrays,
+        numbers: Arrays,
         motion: TracedMotion,
         metrics: tuple[str, ...],
         revolution: int,
         weights: np.ndarray | None = None,
     ) -> tuple[np.ndarray, Arrays]:
         """Values (l) of metrics in a revolution, and their gradients (l, ...) by each of the names; with `weights` (l)
-        the one (1, ...) of their weighted sum, in which a weight of zero passes over a value that is none."""
+        the one gradient (1, ...) of their weighted sum, in which values of weight zero may be NaN."""
         values, slopes = motion.swept(metrics, revolution, weights)
         values, share = values[:, 0], np.eye(len(metrics)) if weights is None else weights[None]
 
@@ -69,39 +70,40 @@ class Varying:
 
         of_velocity = np.array([name.endswith(VELOCITY) for name in metrics], dtype=bool)
         by_window = motion.by_half_duration(metrics, revolution) if "half_duration" in names else np.zeros(len(values))
-        found = self.by_names(names, given, motion, slopes, total(np.where(of_velocity, values, 0.0)), total(by_window))
-        for slope in found.values():
+        moving = total(np.where(of_velocity, values, 0.0))
+        gradients = self.by_names(names, numbers, motion, slopes, moving, total(by_window))
+        for slope in gradients.values():
             slope[np.isnan(total(values))] = np.nan
-        return values, found
+        return values, gradients
 
     def by_names(
         self,
         names: tuple[str, ...],
-        given: Arrays,
+        numbers: Arrays,
         motion: TracedMotion,
         slopes: Slopes,
         moving: np.ndarray,
         by_window: np.ndarray,
     ) -> Arrays:
-        """Gradients (l, ...) by each of the names; `moving` (l) is what of the numbers grows with all velocities,
-        `by_window` (l) their gradients by half the duration."""
-        by_train, found = slopes.by_train, {}
-        if by_train is not None and "start" not in given:
+        """Gradients (l, ...) by each of the names. `moving` (l) is the part of the values that is proportional to all
+        velocities, `by_window` (l) are their gradients by half the duration."""
+        by_train, gradients = slopes.by_train, {}
+        if by_train is not None and "start" not in numbers:
             by_train = by_train + rest_back(motion.train, slopes.by_start)
         for name in names:
             if name == "lift":
-                found[name] = slopes.by_coefficients
+                gradients[name] = slopes.by_coefficients
             elif name == "borders":
-                found[name] = by_borders(motion.lift, slopes.by_coefficients)
+                gradients[name] = by_borders(motion.lift, slopes.by_coefficients)
             elif name == "half_duration":
-                found[name] = by_window
+                gradients[name] = by_window
             elif name == "start":
-                found[name] = slopes.by_start
+                gradients[name] = slopes.by_start
             elif name == "cam_speed":
-                found[name] = by_speed(motion, slopes, given.get("start")) + moving / motion.cam_speed
+                gradients[name] = by_speed(motion, slopes, numbers.get("start")) + moving / motion.cam_speed
             else:
-                found[name] = getattr(by_train, name)
-        return found
+                gradients[name] = getattr(by_train, name)
+        return gradients
 
 
 MECHANICAL = {*TRAIN_PARAMETERS, *LAW_PARAMETERS, "cam_speed"}
@@ -109,7 +111,7 @@ MECHANICAL = {*TRAIN_PARAMETERS, *LAW_PARAMETERS, "cam_speed"}
 
 
 def usable(train: Train, name: str, number: np.ndarray) -> bool:
-    """Whether a motion can be followed under a number; of the laws' numbers those count that some law reads."""
+    """Whether a motion can be computed with a number; of the laws' numbers those count that some law uses."""
     if not np.all(np.isfinite(number)):
         return False
     if name == "table":  # compressions ascend
@@ -121,7 +123,7 @@ def usable(train: Train, name: str, number: np.ndarray) -> bool:
 
 
 def by_borders(lift: Lift, by_coefficients: Float[np.ndarray, "l p q"]) -> Float[np.ndarray, "l p+1"]:
-    """Gradients by the borders, where lift and velocity are continuous: a piece moves with its start."""
+    """Gradients by the borders, across which lift and velocity are continuous: a piece moves with its start."""
     derivative = np.arange(1, lift.coefficients.shape[1]) * lift.coefficients[:, 1:]
     starts = -np.sum(by_coefficients[:, :, :-1] * derivative, axis=2)
     return np.concatenate([starts, np.zeros((len(starts), 1))], axis=1)

@@ -170,7 +170,7 @@ class PathProgram:
         def rows(y: jax.Array) -> jax.Array:
             variables = {"z": jnp.asarray(self.metric) @ y}
             begun = held._replace(start=lagrangian.paths(variables, held, "forward").end)
-            slacks = lagrangian.rows(variables, begun, lagrangian.paths(variables, begun, "forward"))
+            slacks = lagrangian.rows(begun, lagrangian.paths(variables, begun, "forward"))
             return jnp.concatenate([row[EVERY - 1 :: EVERY].ravel() for row in slacks.values()])
 
         finite = np.flatnonzero(np.isfinite(rows(jnp.asarray(self.start))))

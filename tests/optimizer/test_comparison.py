@@ -190,7 +190,7 @@ def test_a_family_that_fails_in_any_way_costs_its_row_alone(compared):
 
 def test_the_figure_draws_what_the_verdict_names(compared, narrow):
     found = json.loads((compared / "verdicts" / "exponent.json").read_text())
-    drawn = figures.curve(narrow, "design", read_cam("exponent", narrow), found, figures._top(narrow, found))
+    drawn = figures.curve(narrow, "design", read_cam("exponent", narrow), found, figures._top_speed(narrow, found))
     for key, start in (("jump_mm", "first_jump_rpm"), ("bounce_mm", "first_bounce_rpm")):
         values, at = getattr(drawn, key), found["limits"][start]
         worst = found["band"]["worst"][key]

@@ -54,7 +54,7 @@ def test_a_job_says_that_it_compiles_where_no_bar_is_drawn_too(monkeypatch, caps
     monkeypatch.setattr(run, "compile_programs", lambda: None)
     scene, effort = load_scene("motori-1"), ACCURACIES["draft"]
     with Progress(wanted, effort, "auto", False) as shown:
-        run._OpenRun(scene, {}, effort, StageClock()).make_programs(shown)
+        run._OpenRun(scene, {}, effort, StageClock(), None, shown).make_programs()
         assert capsys.readouterr().err == said
 
 

@@ -249,6 +249,7 @@ def test_a_draft_alone_draws_the_motion_at_both_ends_too(accuracy, listed, tmp_p
     scene, drawn = load_scene("kodama"), []
     monkeypatch.setattr("camopt.optimizer.baselines.figures.draw", lambda *given: drawn.append(given[-1]))
     verdict = SimpleNamespace(as_dict=dict)
-    job = module._OpenRun(scene, {}, ACCURACIES[accuracy], StageClock(), compare=False)
-    job.compared(tmp_path, polydyne(scene), verdict, None)
+    shown = SimpleNamespace(begin=lambda stage: None)
+    job = module._OpenRun(scene, {}, ACCURACIES[accuracy], StageClock(), tmp_path, shown, compare=False)
+    job.compared(polydyne(scene), verdict)
     assert drawn == [listed]

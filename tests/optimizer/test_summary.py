@@ -99,7 +99,7 @@ def test_a_train_that_is_not_linear_has_a_sentence_in_place_of_a_bound_for_kept_
     elements = tuple(e.model_copy(update=gone) if e is spring else e for e in MOTOR.element)
     found = area_bound(MOTOR.model_copy(update={"element": elements}), KNOT_DEG)
     assert found["no_jump_says"] == (
-        "no bound for kept contacts: it is known for linear trains, and this one has 'spring' (table)"
+        "no bound for closed contacts: it exists only for linear trains, and this one has 'spring' (table)"
     )
     assert found["area_ratio_no_jump_bound"] is None and found["area_ratio_no_jump"] > 0.4
 

@@ -1,1 +1,1 @@
-"""Gradient ascent on a cam from any start, with any optax transformation: the objective, what varies, the history."""
+"""Gradient ascent on a cam, from any start and with any optax transformation: objective, variables and history."""

@@ -1,10 +1,10 @@
-"""`camopt.ascend`: steps of an optax transformation along an objective's gradient, within the limits on the shape.
+"""`camopt.ascend`: ascent along an objective's gradient by an optax transformation, within the limits on the shape.
 
-The transformation is given the gradient along the face of the limits on which the point lies (Rosen 1960), and its step
-is taken along that face too: one that scales each variable for itself, as Adam does, still climbs, and momentum does
-not press against a limit. The point that it leads to is replaced by the nearest one that holds every limit (Goldstein
-1964; Levitin and Polyak 1966). Where the objective has constraints along paths, the augmented Lagrangian is climbed in
-its place, and the transformation begins anew with each of its rounds.
+Before a step the gradient is projected onto the face of the limits on which the point lies (Rosen 1960), and the step
+that the transformation returns is projected onto the same face. A transformation that scales every variable separately,
+such as Adam, therefore still ascends, and momentum does not push against a limit. The new point is then replaced by the
+nearest one that holds every limit (Goldstein 1964; Levitin and Polyak 1966). If the objective has path constraints,
+their augmented Lagrangian is maximised in its place, and the transformation is restarted in each of its rounds.
 """
 
 import json
@@ -22,7 +22,7 @@ from tqdm import tqdm
 from camopt.cam.lift import Lift
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.ascent.history import AscentHistory, Iterate, dataset_of, notable
-from camopt.optimizer.ascent.lagrangian import Held, PathLagrangian
+from camopt.optimizer.ascent.lagrangian import PathLagrangian, Round
 from camopt.optimizer.ascent.objective import Objective
 from camopt.optimizer.ascent.variables import FREE, FamilyVariables, FreeVariables, Names, TrainVariables, Variables
 from camopt.optimizer.program.program_cam import program_cam
@@ -34,7 +34,8 @@ from camopt.storage import check_run_folder, run_folder, run_identity, write_tex
 FORMS = (FREE, "own")
 STATE = "ascent.json"
 ROUND = 30
-"""Steps between two changes of what the Lagrangian holds, long enough for a quasi-Newton method to learn."""
+"""Number of steps between two updates of the multipliers, enough for a quasi-Newton method to estimate the curvature.
+"""
 Point = dict[str, np.ndarray]
 
 
@@ -53,25 +54,27 @@ def ascend(
     resume: bool = False,
     progress: bool = False,
 ) -> AscentHistory:
-    """Climbs an objective from a cam by `steps` steps of an optax transformation; returns every iterate.
+    """Maximises an objective from a start cam by `steps` steps of an optax transformation; returns every iterate.
 
-    With `form` "free" the free cam within the limits that is nearest to `start` varies (knots every `knot_deg`; a free
-    cam keeps its own; "calmest" is the one whose coefficients are zero), with "own" the parameters of the start's own
-    family. `train` names numbers of the scene that vary too, NAME.KEY or several that share one factor, with the bounds
-    of that factor, as in {("spring.preload_N", "seat.preload_N"): (0.9, 1.1)}. The variables are the coefficients of a
-    free cam [mm/deg^2] and factors on everything else. Every iterate holds the limits on the shape. Every `judge_every`
-    iterates, and the last, are judged by event-exact at the objective's speeds, settled; `history.best` is the one of
-    the largest value among those that hold every limit, None where none does, and `history.nearest` the one that uses
-    least of its limits. With `out` a folder is written after every judged iterate; with `resume` it goes on there as if
-    it had not been interrupted, and more steps may be asked for.
+    With `form` "free" the variables are the coefficients [mm/deg^2] of the free cam within the limits that is nearest
+    to `start`. Its knots are `knot_deg` apart, but a free cam keeps its own knots. The start "calmest" is the free cam
+    whose coefficients are zero. With `form` "own" the variables are factors on the parameters of the start's own
+    family. `train` names numbers of the scene that vary as well, NAME.KEY or several that share one factor, with the
+    bounds of that factor, as in {("spring.preload_N", "seat.preload_N"): (0.9, 1.1)}. Every iterate holds the limits on
+    the shape. Every `judge_every`-th iterate and the last one are simulated by event-exact at the objective's speeds
+    until the motion has settled. `history.best` is the judged cam of the largest objective that holds every limit, None
+    if there is none; `history.nearest` is the judged cam whose largest used share of a limit is smallest. With `out` a
+    folder is written after every judged iterate. With `resume` the ascent in that folder is continued as if it had not
+    been interrupted, and `steps` may be larger than before.
 
-    An objective's constraints are met in rounds of thirty steps by an augmented Lagrangian, for which the
-    transformation begins anew in each; the terms of an iterate have the least force and the largest gap. With `metric`
-    steps are taken in coordinates in which one step of length one moves the constrained paths by one unit (a gap's
-    limit, the median force of the start): from one Jacobian at the start, and for any transformation.
+    Path constraints of the objective are met in rounds of thirty steps by an augmented Lagrangian. The transformation
+    is restarted in each round, and the terms of an iterate include the least force and the largest gap. With `metric`
+    the steps are taken in scaled coordinates, in which a step of length one moves the constrained paths by one unit (a
+    gap's limit, the median force of the start). The scaling comes from one Jacobian at the start and serves any
+    transformation.
 
     Raises InputError for unusable arguments, contradictory limits, a family without a member near `start` that holds
-    them, a motion that cannot be followed, and for a folder as `camopt.storage.run_folder`.
+    them, a motion that cannot be computed, and for a folder as `camopt.storage.run_folder`.
     """
     if form not in FORMS or steps < 1 or judge_every < 1:
         raise InputError(
@@ -85,7 +88,7 @@ def ascend(
     begin = calmest(objective.scene, knot_deg) if isinstance(start, str) else start
     cam = FreeVariables(objective.scene, begin, knot_deg) if form == FREE else FamilyVariables(objective.scene, begin)
     variables = Variables(cam, numbers)
-    climb = AscentState(objective, variables, optimiser, metric)
+    ascent = AscentState(objective, variables, optimiser, metric)
     identity = run_identity(
         "ascend",
         objective.scene,
@@ -93,154 +96,154 @@ def ascend(
         start=variables.start["cam"],
         form=form,
         train=dict(zip(numbers.names, numbers.bounds.values(), strict=True)),
-        optimiser=str(jax.tree.structure(climb.state)),
+        optimiser=str(jax.tree.structure(ascent.state)),
         judge_every=judge_every,
         metric=metric,
     )
     with run_folder(out, identity, resume, [STATE]) if out is not None else nullcontext() as folder:
         if folder is not None and (folder / STATE).exists():
-            climb.load(folder / STATE)
-        begun, bar = len(climb.iterates), tqdm(total=steps + 1, disable=None if progress else True, dynamic_ncols=True)
+            ascent.load(folder / STATE)
+        begun, bar = len(ascent.iterates), tqdm(total=steps + 1, disable=None if progress else True, dynamic_ncols=True)
         with bar:
             bar.update(begun)
             for number in range(begun, steps + 1):
-                climb.step(judged=number % judge_every == 0 or number == steps)
+                ascent.step(judged=number % judge_every == 0 or number == steps)
                 bar.update(1)
-                bar.set_description(str(climb.iterates[-1]), refresh=False)
-                if folder is not None and climb.iterates[-1].judged:
-                    climb.save(folder / STATE)
-        history = climb.history()
+                bar.set_description(str(ascent.iterates[-1]), refresh=False)
+                if folder is not None and ascent.iterates[-1].judged:
+                    ascent.save(folder / STATE)
+        history = ascent.history()
         if folder is not None:
             history.write(folder)
     return history
 
 
 class AscentState:
-    """An ascent under way: the point it has come to, the transformation's state, and the iterates until there."""
+    """State of an ascent: the current point, the state of the optax transformation, and the iterates so far."""
 
     def __init__(
-        self, objective: Objective, variables: Variables, optimiser: optax.GradientTransformation, metric: bool = False
+        self, objective: Objective, variables: Variables, optimiser: optax.GradientTransformation, metric: bool
     ):
         self.objective, self.variables = objective, variables
         self.iterates: list[Iterate] = []
-        self._bound = objective.of(variables.cam.cam, variables.train)
+        self._bound = objective.of(variables.cam.template, variables.train)
         self._optimiser = optax.with_extra_args_support(optimiser)
         self._lagrangian = PathLagrangian(self._bound) if objective.constraints else None
-        self._held: Held | None = None
+        self._round: Round | None = None
         if self._lagrangian is not None:
-            own, begin = variables.cam.parameters, variables.cam.start
-            self._held = self._lagrangian.begin(own(begin), variables.cam.lift(begin))
+            parameters, start = variables.cam.parameters, variables.cam.start
+            self._round = self._lagrangian.begin(parameters(start), variables.cam.lift(start))
             if metric:
-                scale = self._lagrangian.metric(own, begin, self._held)
+                scale = self._lagrangian.metric(parameters, start, self._round)
                 self.variables = Variables(variables.cam, variables.train, scale)
         self.point: Point = self.variables.start
-        self._begin_anew()
+        self._restart()
         self._slopes = jax.jit(jax.value_and_grad(self._value, has_aux=True))
 
-    def _begin_anew(self) -> None:
-        """Begins the transformation at the point."""
-        self.state = _typed(self._optimiser.init(_arrays(self.point)))
+    def _restart(self) -> None:
+        """Restarts the transformation at the current point."""
+        self.state = _typed(self._optimiser.init(jax.tree.map(jnp.asarray, self.point)))
 
-    def _value(self, point: Mapping[str, jax.Array], held: Held | None) -> tuple[jax.Array, tuple[Any, ...]]:
-        """What is climbed, and beside it the objective's value and terms and the paths, where they are limited."""
+    def _value(self, point: Mapping[str, jax.Array], current: Round | None) -> tuple[jax.Array, tuple[Any, ...]]:
+        """The function that is maximised, and with it the objective's value, its terms and any constrained paths."""
         parameters = self.variables.parameters(point)
         value, terms = self._bound.value_and_terms(parameters)
-        if self._lagrangian is None or held is None:
+        if self._lagrangian is None or current is None:
             return value, (value, terms, None)
-        climbed, worst, paths = self._lagrangian(value, parameters, held)
-        return climbed, (value, terms | worst, paths)
+        maximised, worst, paths = self._lagrangian(value, parameters, current)
+        return maximised, (value, terms | worst, paths)
 
-    def _move(self, climbed: jax.Array, gradient: Point, faces: Point) -> Point:
-        """The point to which the transformation's change along the faces leads; the state goes on to its new one.
+    def _move(self, maximised: jax.Array, gradient: Point, faces: Point) -> Point:
+        """The point reached by the transformation's step along the faces; the transformation's state is updated.
 
-        Its own arithmetic is not compiled: one program with the objective in every branch of a line search would take
-        long to compile, in every process.
+        The transformation's own arithmetic is not compiled. A compiled line search would contain the objective in every
+        branch, and that program would take long to compile in every process.
         """
 
         def along(faces, change):
-            return {name: faces[name] @ part for name, part in change.items()}
+            return {name: faces[name] @ array for name, array in change.items()}
 
-        def fall(other):  # of the objective at the nearest point that holds the limits, and its slopes
-            apart = along(faces, {name: np.asarray(part) - self.point[name] for name, part in other.items()})
-            moved = {name: self.point[name] + part for name, part in apart.items()}
-            there, on = self.variables.nearest_and_faces(moved)
+        def loss_and_slopes(trial):  # minus the objective at the nearest point within the limits, and its slopes
+            step = along(faces, {name: np.asarray(array) - self.point[name] for name, array in trial.items()})
+            moved = {name: self.point[name] + array for name, array in step.items()}
+            nearest, projectors = self.variables.nearest_and_faces(moved)
             with jax.disable_jit(False):
-                (value, _), slopes = self._slopes(there, self._held)
-            return -value, along(faces, along(on, {name: -part for name, part in slopes.items()}))
+                (value, _), slopes = self._slopes(nearest, self._round)
+            return -value, along(faces, along(projectors, jax.tree.map(jnp.negative, slopes)))
 
-        loss = jax.custom_vjp(lambda other: fall(other)[0])
-        loss.defvjp(fall, lambda slopes, bar: ({name: bar * part for name, part in slopes.items()},))
-        point, downhill = _arrays(self.point), _arrays(along(faces, {name: -part for name, part in gradient.items()}))
+        loss = jax.custom_vjp(lambda trial: loss_and_slopes(trial)[0])
+        loss.defvjp(loss_and_slopes, lambda slopes, bar: (jax.tree.map(lambda array: bar * array, slopes),))
+        point = jax.tree.map(jnp.asarray, self.point)
+        downhill = jax.tree.map(jnp.asarray, along(faces, jax.tree.map(np.negative, gradient)))
         with jax.disable_jit():
-            given = {"value": -climbed, "grad": downhill, "value_fn": loss}
-            change, state = self._optimiser.update(downhill, self.state, point, **given)
+            line_search = {"value": -maximised, "grad": downhill, "value_fn": loss}
+            change, state = self._optimiser.update(downhill, self.state, point, **line_search)
         self.state = _typed(state)
-        return {name: self.point[name] + part for name, part in along(faces, change).items()}
+        return {name: self.point[name] + array for name, array in along(faces, change).items()}
 
     def step(self, judged: bool) -> None:
-        """Records the present point as an iterate, and goes to the next one."""
+        """Records the current point as an iterate, and moves to the next one."""
         if self._lagrangian is not None and self.iterates and len(self.iterates) % ROUND == 0:
             self._next_round(self._lagrangian)
-        (climbed, (value, terms, paths)), gradient = self._slopes(self.point, self._held)
+        (maximised, (value, terms, paths)), gradient = self._slopes(self.point, self._round)
         gradient = jax.tree.map(np.asarray, gradient)
-        if not np.all([np.isfinite(part).all() for part in (climbed, *gradient.values())]):
+        if not np.all([np.isfinite(array).all() for array in (maximised, *gradient.values())]):
             raise InputError(
                 f"ascend: the motion of iterate {len(self.iterates)} or its gradient cannot be followed on the "
                 f"{self.objective.source} source: take smaller steps, another start or the other source"
             )
         faces = self.variables.faces(self.point, gradient)
-        length = np.sqrt(sum(float(np.sum((faces[name] @ part) ** 2)) for name, part in gradient.items()))
+        norm = np.sqrt(sum(float(np.sum((faces[name] @ slopes) ** 2)) for name, slopes in gradient.items()))
         share = self._judged_share() if judged else np.nan
-        found = {name: float(part) for name, part in terms.items()}
+        terms = {name: float(term) for name, term in terms.items()}
         cam = self.variables.cam_vector(self.point)
-        self.iterates.append(Iterate(float(value), found, length, share, cam, self.point["train"]))
-        self.point = self.variables.nearest(self._move(climbed, gradient, faces))
-        if self._held is not None:
-            self._held = self._held._replace(start=paths.end)
+        self.iterates.append(Iterate(float(value), terms, norm, share, cam, self.point["train"]))
+        self.point = self.variables.nearest(self._move(maximised, gradient, faces))
+        if self._round is not None:
+            self._round = self._round._replace(start=paths.end)
 
     def _next_round(self, lagrangian: PathLagrangian) -> None:
-        """Moves what the Lagrangian holds. The transformation begins anew: what it knows is of another function."""
-        assert self._held is not None
-        (_, (_, _, paths)), _ = self._slopes(self.point, self._held)
-        lift = self.variables.cam.lift(self.variables.cam_vector(self.point))
-        self._held = lagrangian.next(self.variables.parameters(self.point), lift, self._held, paths)
-        self._begin_anew()
+        """Updates the Lagrangian and restarts the transformation, whose state belongs to another function."""
+        assert self._round is not None
+        (_, (_, _, paths)), _ = self._slopes(self.point, self._round)
+        self._round = lagrangian.next(self.variables.lift(self.point), self._round, paths)
+        self._restart()
 
     def _judged_share(self) -> float:
-        """The largest share of a limit that the settled motion uses by event-exact; infinite for a broken shape."""
-        scene = self.variables.train.scene_with(self.point["train"])
-        lift = self.variables.cam.lift(self.variables.cam_vector(self.point))
+        """The largest used share of a limit of the settled event-exact motion; infinite if the shape breaks a limit."""
+        scene, lift = self.variables.train.scene_with(self.point["train"]), self.variables.lift(self.point)
         if broken_by_shape(lift, scene.design):
             return np.inf
         return float(Judge(scene, sorted(self.objective.speeds_rpm))(lift).share.max(initial=0.0))
 
     def history(self) -> AscentHistory:
-        """All iterates until now, with the best and the nearest of them."""
+        """All iterates so far, with the best and the nearest of them."""
         about = {"scene": self.objective.scene.name, "path": self.objective.source, "maximise": self.objective.maximise}
         steps = notable(self.iterates)
         data = dataset_of(self.iterates, self.variables.train.names).assign_attrs(about, **steps)
         cams = {}
         for name, step in steps.items():
-            one = self.iterates[step]
-            cams[name] = self.variables.cam.lift(one.cam), self.variables.train.scene_with(one.train)
+            iterate = self.iterates[step]
+            cams[name] = self.variables.cam.lift(iterate.cam), self.variables.train.scene_with(iterate.train)
         return AscentHistory(data, *cams["nearest"], *cams.get("best", (None, None)))
 
     def save(self, path: Path) -> None:
-        """Writes the ascent, from which `load` goes on to the last digit."""
-        iterates, state = [vars(one) for one in self.iterates], jax.tree.leaves((self.state, self._held))
+        """Writes the state of the ascent, from which `load` continues it to the last digit."""
+        iterates, state = [vars(iterate) for iterate in self.iterates], jax.tree.leaves((self.state, self._round))
         content = {"iterates": iterates, "point": self.point, "state": state}
         write_text(path, json.dumps(content, default=lambda array: np.asarray(array).tolist()))
 
     def load(self, path: Path) -> None:
-        """Takes over what `save` wrote of the same ascent."""
+        """Restores what `save` wrote of the same ascent."""
         stored = json.loads(path.read_text(encoding="utf-8"))
-        leaves, tree = jax.tree.flatten((self.state, self._held))
-        known = zip(leaves, stored["state"], strict=True)
-        values = [jnp.asarray(value, dtype=leaf.dtype).reshape(leaf.shape) for leaf, value in known]
-        self.state, self._held = jax.tree.unflatten(tree, values)
-        self.point = {name: np.array(part, dtype=float) for name, part in stored["point"].items()}
-        arrays = [{name: np.array(one[name], dtype=float) for name in ("cam", "train")} for one in stored["iterates"]]
-        self.iterates = [Iterate(**one | own) for one, own in zip(stored["iterates"], arrays, strict=True)]
+        leaves, tree = jax.tree.flatten((self.state, self._round))
+        pairs = zip(leaves, stored["state"], strict=True)
+        values = [jnp.asarray(value, dtype=leaf.dtype).reshape(leaf.shape) for leaf, value in pairs]
+        self.state, self._round = jax.tree.unflatten(tree, values)
+        self.point = {name: np.array(array, dtype=float) for name, array in stored["point"].items()}
+        rows = stored["iterates"]
+        arrays = [{name: np.array(row[name], dtype=float) for name in ("cam", "train")} for row in rows]
+        self.iterates = [Iterate(**row | vectors) for row, vectors in zip(rows, arrays, strict=True)]
 
 
 def calmest(scene: Scene, knot_deg: float) -> Lift:
@@ -250,7 +253,7 @@ def calmest(scene: Scene, knot_deg: float) -> Lift:
 
 
 def _check_constraints(objective: Objective, start, form: str, train, metric: bool) -> None:
-    """Refuses what goes with no constraints, and what goes with none but a free cam."""
+    """Raises InputError for a start, form, train or metric that does not go with the others or the constraints."""
     if isinstance(start, str) and start != "calmest":
         raise InputError(f"ascend: start {start!r}: expected a cam, as camopt.polydyne(scene) gives, or 'calmest'")
     if isinstance(start, str) and form != FREE:
@@ -265,9 +268,5 @@ def _check_constraints(objective: Objective, start, form: str, train, metric: bo
 
 
 def _typed(state: Any) -> Any:
-    """The state with fixed types, so that the second step does not compile again."""
+    """The state with fixed types, so that the second step is not compiled again."""
     return jax.tree.map(lambda leaf: jnp.asarray(leaf, dtype=jnp.asarray(leaf).dtype), state)
-
-
-def _arrays(point: Mapping[str, Any]) -> dict[str, jax.Array]:
-    return {name: jnp.asarray(part) for name, part in point.items()}

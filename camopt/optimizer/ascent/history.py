@@ -1,4 +1,4 @@
-"""What an ascent was: every iterate as a labelled dataset, the best cam and the nearest one, and a figure."""
+"""The outcome of an ascent: every iterate as a labelled dataset, the best and the nearest cam, and a figure."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -20,13 +20,13 @@ from camopt.scene.units import MM
 from camopt.storage import write_csv, write_text
 
 NEAREST = "nearest.json"
-"""File of the nearest cam where none holds every limit."""
+"""File of the nearest cam, written if no cam holds every limit."""
 
 
 @dataclass(frozen=True)
 class Iterate:
-    """One point of an ascent: the objective's value and terms, the length of its gradient along the limits, the largest
-    share of a limit on the motion by event-exact (NaN where it was not judged), and the variables."""
+    """One point of an ascent: the objective's value and terms, the norm of its gradient along the limits, the largest
+    used share of a limit of the event-exact motion (NaN if the point was not judged), and the variables."""
 
     value: float
     terms: Mapping[str, float]
@@ -37,12 +37,12 @@ class Iterate:
 
     @property
     def judged(self) -> bool:
-        """Whether event-exact was asked."""
+        """Whether the motion was simulated by event-exact."""
         return not np.isnan(self.share)
 
     @property
     def holds(self) -> bool:
-        """Whether every limit is held by event-exact; False where it was not asked."""
+        """Whether the event-exact motion holds every limit; False if the point was not judged."""
         return self.share <= 1.0
 
     def __str__(self) -> str:
@@ -54,12 +54,12 @@ class Iterate:
 class AscentHistory:
     """The iterates of an ascent, and the best of them.
 
-    `dataset` has by `step`: `objective`, its terms (the area ratio, the metrics' means, and by constraint the worst of
-    what it limits), `gradient_norm`, `judged`, `holds`, `largest_share`, and the variables `cam` and, where numbers of
-    the train vary, `train`. `best` is the cam of the largest objective among those that hold every limit by event-exact
-    at the objective's speeds, None where none does; `nearest` the judged cam whose largest used share of a limit is
-    least. `best_scene` and `nearest_scene` have the factors of these cams, and the dataset's attributes `best` and
-    `nearest` are their steps.
+    `dataset` has by `step`: `objective`, its terms (the area ratio, the metrics' means, and for each constraint the
+    worst value of its path), `gradient_norm`, `judged`, `holds`, `largest_share`, and the variables `cam` and, where
+    numbers of the train vary, `train`. `best` is the cam of the largest objective among those whose event-exact motion
+    holds every limit at the objective's speeds, None if there is none; `nearest` is the judged cam whose largest used
+    share of a limit is smallest. `best_scene` and `nearest_scene` are the scenes with the factors of these cams, and
+    the dataset's attributes `best` and `nearest` are their steps.
     """
 
     dataset: xr.Dataset
@@ -73,7 +73,7 @@ class AscentHistory:
 
     @property
     def confirmed(self) -> bool:
-        """Whether a cam holds every limit by event-exact at the objective's speeds."""
+        """Whether the event-exact motion of a cam holds every limit at the objective's speeds."""
         return self.best is not None
 
     def plot(self) -> Figure:
@@ -83,24 +83,24 @@ class AscentHistory:
         return course(*(data[name].values for name in names), best=data.attrs.get("best"), title=title)
 
     def lines(self) -> list[str]:
-        """What came out, in sentences."""
+        """The outcome in sentences."""
         about, judged = self.dataset.attrs, int(self["judged"].sum())
         step = about.get("best", about["nearest"])
-        one = self.dataset.isel(step=step)
-        there = f"step {step}, {float(one['area_ratio']):.4f}"
-        none = f"none of the {judged} judged cams holds all limits; the nearest is that of {there}"
-        said = f"{there}, holds every limit" if self.confirmed else none
+        iterate = self.dataset.isel(step=step)
+        cam = f"step {step}, {float(iterate['area_ratio']):.4f}"
+        none = f"none of the {judged} judged cams holds all limits; the nearest is that of {cam}"
+        outcome = f"{cam}, holds every limit" if self.confirmed else none
         return [
             f"{about['scene']}, {about['path']} path, {self.dataset.sizes['step'] - 1} steps: area ratio "
-            f"{float(self['area_ratio'][0]):.4f} at the start; {said} (event-exact; largest used share "
-            f"{float(one['largest_share']):.3g})"
+            f"{float(self['area_ratio'][0]):.4f} at the start; {outcome} (event-exact; largest used share "
+            f"{float(iterate['largest_share']):.3g})"
         ]
 
     def write(self, folder: Path) -> None:
-        """Writes `design.json` of the best cam, or `nearest.json` of the nearest where none holds every limit, with its
-        `scene.toml`, `history.csv` and the figure into a folder."""
+        """Writes `design.json` of the best cam or, if none holds every limit, `nearest.json` of the nearest one, with
+        its `scene.toml`, `history.csv` and the figure, into a folder."""
         cam, scene = self.best or self.nearest, self.best_scene or self.nearest_scene
-        (folder / NEAREST).unlink(missing_ok=True)  # of the ascent that this one goes on from
+        (folder / NEAREST).unlink(missing_ok=True)  # left by the ascent that this one continues
         path = folder / ("design.json" if self.confirmed else NEAREST)
         write_design(path, cam, scene.required_design.max_lift_mm * MM)
         write_text(folder / "scene.toml", scene_toml(scene))
@@ -116,24 +116,24 @@ class AscentHistory:
 
 
 def notable(iterates: Sequence[Iterate]) -> dict[str, int]:
-    """The numbers of the iterates "nearest" and, where one holds every limit, "best": see `AscentHistory`."""
-    judged = [i for i, one in enumerate(iterates) if one.judged]
+    """The indices of the iterates "nearest" and, if one holds every limit, "best"; see `AscentHistory`."""
+    judged = [i for i, iterate in enumerate(iterates) if iterate.judged]
     nearest = {"nearest": min(judged, key=lambda i: iterates[i].share)}
     holding = [i for i in judged if iterates[i].holds]
     return nearest | ({"best": max(holding, key=lambda i: iterates[i].value)} if holding else {})
 
 
 def dataset_of(iterates: Sequence[Iterate], train: Sequence[str]) -> xr.Dataset:
-    """The iterates by step, with units."""
-    columns: dict[str, Any] = {"objective": [one.value for one in iterates]}
-    columns |= {name: [one.terms[name] for one in iterates] for name in iterates[0].terms}
-    columns |= {"gradient_norm": [one.gradient_norm for one in iterates], "judged": [one.judged for one in iterates]}
-    columns |= {"holds": [one.holds for one in iterates], "largest_share": [one.share for one in iterates]}
+    """The dataset of the iterates by step, with units."""
+    columns: dict[str, Any] = {"objective": [i.value for i in iterates]}
+    columns |= {name: [i.terms[name] for i in iterates] for name in iterates[0].terms}
+    columns |= {"gradient_norm": [i.gradient_norm for i in iterates], "judged": [i.judged for i in iterates]}
+    columns |= {"holds": [i.holds for i in iterates], "largest_share": [i.share for i in iterates]}
     data = xr.Dataset({name: ("step", values) for name, values in columns.items()}, {"step": np.arange(len(iterates))})
     for name in iterates[0].terms:
         if name in QUANTITIES:
             data[name].attrs |= {"units": QUANTITIES[name].unit, "long_name": f"mean {QUANTITIES[name].label}"}
-    data["cam"] = ("step", "coefficient"), np.array([one.cam for one in iterates])
+    data["cam"] = ("step", "coefficient"), np.array([i.cam for i in iterates])
     if train:
-        data["train"] = xr.DataArray([one.train for one in iterates], {"factor": list(train)}, ("step", "factor"))
+        data["train"] = xr.DataArray([i.train for i in iterates], {"factor": list(train)}, ("step", "factor"))
     return data

@@ -1,8 +1,8 @@
-"""What an ascent moves: a free cam's coefficients or a family's own parameters, and factors on numbers of the train.
+"""The variables of an ascent: a free cam's coefficients or a family's parameters, and factors on numbers of the train.
 
-Both kinds are arrays by name, "cam" (m) and "train" (k). Of a free cam they are its coefficients z [mm/deg^2]; of a
-family, factors on its own parameters, with the design conditions as they are. Every point of an ascent holds the
-design's limits on the shape: it is the nearest one that does.
+A point consists of two arrays by name, "cam" (m) and "train" (k). For a free cam, "cam" holds its coefficients z
+[mm/deg^2]; for a family, factors on its own parameters, with the design conditions unchanged. Every point of an ascent
+is the nearest one that holds the design's limits on the shape.
 """
 
 from collections.abc import Mapping
@@ -18,7 +18,7 @@ from camopt.cam.families.free import free_cam_of
 from camopt.cam.families.record import family_named
 from camopt.cam.lift import Lift
 from camopt.cam.linear_limits import LinearLimit, linear_limits
-from camopt.optimizer.ascent.projection import Empty, Polyhedron, ShapeLimits
+from camopt.optimizer.ascent.projection import Polyhedron, ShapeLimits
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.scene.design import ROUNDING, Design
 from camopt.scene.errors import InputError
@@ -34,13 +34,13 @@ NOSE_ANGLES = 41
 MOST_ROUNDS = 30
 DRAWING_STEP = 0.25 * DEG
 ROOM = 1e-4
-"""Part of a limit of the drawing that an ascent leaves: between two angles lies a few 1e-5 of it at most."""
+"""Margin to a limit of the drawing, over its size: between two samples it is exceeded by a few 1e-5 at most."""
 Names = str | tuple[str, ...]
 
 
 @dataclass(frozen=True)
 class TrainVariables:
-    """Factors on numbers of a scene: `bounds` by NAME.KEY, or by several of these that share one factor."""
+    """Factors on numbers of a scene, with their `bounds` by NAME.KEY, or by several of these that share one factor."""
 
     scene: Scene
     bounds: Mapping[Names, tuple[float, float]]
@@ -48,19 +48,19 @@ class TrainVariables:
     def __post_init__(self) -> None:
         for names, (low, high) in self.bounds.items():
             if not 0.0 < low <= 1.0 <= high:
-                raise InputError(f"train {names}: factors from {low:g} to {high:g}: bounds about 1 are needed")
-        numbers = [number for tied in self._tied for number in tied.numbers]  # unknown names are answered now
+                raise InputError(f"train {names}: factors from {low:g} to {high:g}: the bounds must enclose 1")
+        numbers = [number for tied in self._tied for number in tied.numbers]  # raises for unknown names
         if twice := [number.named(self.scene) for number in set(numbers) if numbers.count(number) > 1]:
             raise InputError(f"train: {min(twice)} has two factors: name it once")
-        own = build_train(self.scene).parameters
-        for tied in self._tied:  # the arrays have to follow every factor in a straight line
+        nominal = build_train(self.scene).parameters
+        for tied in self._tied:  # the arrays must be affine in every factor
             more, most = (build_train(tied.scaled(self.scene, factor)).parameters for factor in (1.5, 2.0))
-            if not all(np.allclose(2.0 * more[n], own[n] + most[n], rtol=1e-9, atol=0.0) for n in own):
-                raise InputError(f"train: {excerpt(tied.name)} is no number of the train that may vary")
+            if not all(np.allclose(2.0 * more[n], nominal[n] + most[n], rtol=1e-9, atol=0.0) for n in nominal):
+                raise InputError(f"train: {excerpt(tied.name)} changes the train nonlinearly: choose another number")
 
     @property
     def names(self) -> list[str]:
-        """What each factor is called."""
+        """The names of the factors."""
         return [tied.name for tied in self._tied]
 
     @property
@@ -70,28 +70,28 @@ class TrainVariables:
 
     @cached_property
     def _tied(self) -> list[Tied]:
-        """The numbers of each factor."""
-        several = [[names] if isinstance(names, str) else list(names) for names in self.bounds]
-        return [Tied(" = ".join(names), tuple(n for name in names for n in self._numbers(name))) for names in several]
+        """The numbers that each factor multiplies."""
+        groups = [[names] if isinstance(names, str) else list(names) for names in self.bounds]
+        return [Tied(" = ".join(names), tuple(n for name in names for n in self._numbers(name))) for names in groups]
 
     def _numbers(self, name: str) -> list[SceneNumber]:
-        """The numbers that a name means; raises InputError where it means none."""
+        """The numbers that a name stands for; raises InputError if there are none."""
         numbers = [number for number in matching(self.scene, name) if number.of(self.scene) is not None]
         if not numbers:
             raise no_such_number(self.scene, name, "train")
         return numbers
 
     def arrays(self, scene: Scene) -> dict[str, np.ndarray]:
-        """The arrays of a train by name, each with a first axis (1 + k): its own numbers, and how they change with each
+        """The arrays of a train by name, each with a first axis (1 + k): its own numbers, then their change by each
         factor."""
-        own = build_train(scene).parameters
-        moved = [build_train(tied.scaled(scene, 2.0)).parameters for tied in self._tied]
-        return {name: np.stack([array, *(one[name] - array for one in moved)]) for name, array in own.items()}
+        nominal = build_train(scene).parameters
+        doubled = [build_train(tied.scaled(scene, 2.0)).parameters for tied in self._tied]
+        return {name: np.stack([array, *(train[name] - array for train in doubled)]) for name, array in nominal.items()}
 
     def applied(self, arrays: Mapping[str, Any], factors: Any) -> dict[str, Any]:
-        """A train's arrays by name, in JAX, with the factors (k) on them; `arrays` as above."""
-        shares = jnp.concatenate([jnp.ones(1), jnp.asarray(factors) - 1.0])
-        return {name: jnp.tensordot(shares, array, 1) for name, array in arrays.items()}
+        """A train's arrays by name, in JAX, with the factors (k) applied; `arrays` are those of the method `arrays`."""
+        weights = jnp.concatenate([jnp.ones(1), jnp.asarray(factors) - 1.0])
+        return {name: jnp.tensordot(weights, array, 1) for name, array in arrays.items()}
 
     def scene_with(self, factors: np.ndarray) -> Scene:
         """The scene with the factors (k) on its numbers."""
@@ -102,19 +102,19 @@ class TrainVariables:
 
 
 class FreeVariables:
-    """The coefficients of the free cam nearest to a given cam, of a free one with its own knots.
+    """The coefficients of the free cam nearest to a given cam; a given free cam keeps its own knots.
 
-    `start` (m) belongs to `cam`. `parameters` of a vector (m) are those of `camopt.differentiable(scene, cam)`, in JAX;
-    `limits` gives the vector nearest to another one whose cam holds the design's limits on the shape, its derivative,
-    and the projectors onto the directions along which these limits still hold.
+    `start` (m) is the vector of `template`. `parameters` of a vector (m) are those of `camopt.differentiable(scene,
+    cam)`, in JAX. `limits` gives the nearest vector whose cam holds the design's limits on the shape, the derivative of
+    that projection, and the projectors onto the directions along which these limits still hold.
     """
 
     def __init__(self, scene: Scene, cam: Lift, knot_deg: float):
-        design, own = scene.required_design, cam.family == FREE
-        self._free = program_cam(design, cam.parameters["knot_deg"] if own else knot_deg)
+        design, is_free = scene.required_design, cam.family == FREE
+        self._free = program_cam(design, cam.parameters["knot_deg"] if is_free else knot_deg)
         shape = ShapeLimits(self._free, design)
-        self.start = shape.nearest(free_cam_of(design, cam)[1] if own else shape.nearest_to(cam))
-        self.limits, self.cam = shape.polyhedron, self.lift(self.start)
+        self.start = shape.nearest(free_cam_of(design, cam)[1] if is_free else shape.nearest_to(cam))
+        self.limits, self.template = shape.polyhedron, self.lift(self.start)
 
     def parameters(self, vector: Any) -> dict[str, Any]:
         return {"z": vector}
@@ -124,37 +124,38 @@ class FreeVariables:
 
 
 class FamilyVariables:
-    """Factors on the own parameters of a family's member, with what `FreeVariables` has; they are their own `limits`.
+    """Factors on the own parameters of a family's member, with the interface of `FreeVariables`; they are their own
+    `limits`.
 
-    The lift laws of other points have these parameters by the names of `camopt.differentiable`, and are no members by
-    name: a family's own function may take others, or fewer.
+    The lift laws of other points have these parameters, under the names of `camopt.differentiable`. They cannot be
+    rebuilt from the family's name: its own function may take other parameters, or fewer.
     """
 
     def __init__(self, scene: Scene, cam: Lift):
         self._cam, self._design = differentiable(scene, cam), scene.required_design
         construction = family_named(cam.family).construction
-        assert construction is not None, "differentiable() asks for it"
+        assert construction is not None, "differentiable() has checked it"
         self._own = {name: self._cam.parameters[name] for name in construction(scene, cam)[0]}
         count = sum(int(np.size(value)) for value in self._own.values())
         if not count:
             raise InputError(f"ascend: {cam.family} has no parameters of its own to vary: take form='free'")
-        self.cam, self.limits, self.start = cam, self, np.ones(count)
+        self.template, self.limits, self.start = cam, self, np.ones(count)
         self.start = self.nearest(self.start)
 
     def parameters(self, vector: Any) -> dict[str, Any]:
-        found, at = dict(self._cam.parameters), 0
+        parameters, first = dict(self._cam.parameters), 0
         for name, value in self._own.items():
-            size = int(np.size(value))
-            found[name] = value * jnp.reshape(vector[at : at + size], np.shape(value))
-            at += size
-        return found
+            last = first + int(np.size(value))
+            parameters[name] = value * jnp.reshape(vector[first:last], np.shape(value))
+            first = last
+        return parameters
 
     def lift(self, vector: np.ndarray) -> Lift:
         parameters = self.parameters(vector)
-        borders, coefficients = (np.asarray(part) for part in self._cam.moving_pieces(parameters))
+        borders, coefficients = map(np.asarray, self._cam.moving_pieces(parameters))
         wide = np.diff(borders) > 0.0
         own = {name: np.asarray(parameters[name]).tolist() for name in self._own}
-        half, family = float(self._cam.half_duration(parameters)), f"{self.cam.family} (ascended)"
+        half, family = float(self._cam.half_duration(parameters)), f"{self.template.family} (ascended)"
         return Lift(np.append(borders[:-1][wide], borders[-1]), coefficients[wide], half, family, own)
 
     def nearest(self, vector: np.ndarray) -> np.ndarray:
@@ -166,12 +167,12 @@ class FamilyVariables:
                 return moved
             try:
                 moved = Polyhedron(slopes, slopes @ moved - excess).nearest(vector)
-            except (Empty, ArithmeticError):
+            except ArithmeticError:
                 break
             if not np.all(np.isfinite(moved)) or np.abs(moved - self.start).max() > 1.0:
                 break
         raise InputError(
-            f"ascend: no member of {self.cam.family} near this one holds the design's limits on the shape: take "
+            f"ascend: no member of {self.template.family} near this one holds the design's limits on the shape: take "
             f"form='free', which varies the free cam nearest to it, or loosen the limits"
         )
 
@@ -184,40 +185,41 @@ class FamilyVariables:
         return Polyhedron(slopes, slopes @ vector - np.minimum(excess, 0.0)).face(vector, direction)
 
     def _excess(self, vector: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """How far each limit is broken, over the limit (r), and its slopes by the variables (r, m)."""
+        """The excess over each limit, relative to it (r), and its slopes by the variables (r, m)."""
         slopes, excess = self._compiled(jnp.asarray(vector))
         return np.asarray(excess), np.asarray(slopes)
 
     @cached_property
     def _compiled(self):
-        def twice(vector):
+        def excess_and_aux(vector):
             excess = shape_excess(self._cam, self.parameters(vector), self._design)
             return excess, excess
 
-        return jax.jit(jax.jacfwd(twice, has_aux=True))
+        return jax.jit(jax.jacfwd(excess_and_aux, has_aux=True))
 
 
 def shape_excess(cam: DifferentiableCam, parameters: Mapping[str, Any], design: Design) -> jax.Array:
-    """How far a cam breaks each limit on its shape, over the limit (r), in JAX; of the nose, over the lowest level."""
-    own = dict(parameters)
-    parts = [cam.peak(own) / (design.max_lift_mm * MM) - 1.0]
+    """The excess of a cam over each limit on its shape, relative to it (r), in JAX; on the nose, the largest
+    acceleration [mm/deg^2]."""
+    p = dict(parameters)
+    excess = [cam.peak(p) / (design.max_lift_mm * MM) - 1.0]
     if design.reach_max_lift:
-        parts.append(1.0 - cam.peak(own) / (design.max_lift_mm * MM))
+        excess.append(1.0 - cam.peak(p) / (design.max_lift_mm * MM))
     if (upper := design.acceleration_max_mm_per_deg2) is not None:
-        parts.append(cam.peak(own, 2) / (upper * MM_PER_DEG2) - 1.0)
+        excess.append(cam.peak(p, 2) / (upper * MM_PER_DEG2) - 1.0)
     if (lower := design.acceleration_min_mm_per_deg2) is not None:
-        parts.append(cam.peak(own, 2, lowest=True) / (lower * MM_PER_DEG2) - 1.0)
+        excess.append(cam.peak(p, 2, lowest=True) / (lower * MM_PER_DEG2) - 1.0)
     for order, key, unit in ((3, "jerk_max_mm_per_deg3", MM_PER_DEG3), (4, "snap_max_mm_per_deg4", MM_PER_DEG4)):
         if (limit := getattr(design, key)) is not None:
-            parts += [s * cam.peak(own, order, lowest=s < 0) / (limit * unit) - 1.0 for s in (1.0, -1.0)]
+            excess += [s * cam.peak(p, order, lowest=s < 0) / (limit * unit) - 1.0 for s in (1.0, -1.0)]
     if design.nose_deg:
         theta = np.linspace(-design.nose_deg, design.nose_deg, NOSE_ANGLES) * DEG
-        parts.append(jnp.max(cam.lift(theta, own, 2)) / MM_PER_DEG2)
-    return jnp.stack(parts + [drawing_excess(cam, own, limit) for limit in linear_limits(design)])
+        excess.append(jnp.max(cam.lift(theta, p, 2)) / MM_PER_DEG2)
+    return jnp.stack(excess + [drawing_excess(cam, p, limit) for limit in linear_limits(design)])
 
 
 def drawing_excess(cam: DifferentiableCam, parameters: Mapping[str, Any], limit: LinearLimit) -> jax.Array:
-    """The same of one limit of the drawing, over its size, at angles so close that `ROOM` covers what lies between."""
+    """The excess over one limit of the drawing, over its size; `ROOM` covers the excess between the samples."""
     level = limit.level
     theta = np.linspace(level.low, level.high, 1 + int(np.ceil((level.high - level.low) / DRAWING_STEP)))
     most = level.taylor(theta, theta)[:, 0] - level.error
@@ -227,9 +229,10 @@ def drawing_excess(cam: DifferentiableCam, parameters: Mapping[str, Any], limit:
 
 
 class Variables:
-    """Everything that an ascent moves: arrays "cam" and, where numbers of the train vary, "train".
+    """All variables of an ascent: the arrays "cam" and "train", the latter empty if no numbers of the train vary.
 
-    With a `metric` (m, m) of a free cam, "cam" is y of the coefficients z = metric @ y, and what is nearest is so in y.
+    With a `metric` (m, m) of a free cam, "cam" holds y of the coefficients z = metric @ y, and distances are measured
+    in y.
     """
 
     def __init__(self, cam: FreeVariables | FamilyVariables, train: TrainVariables, metric: np.ndarray | None = None):
@@ -239,7 +242,7 @@ class Variables:
 
     @property
     def start(self) -> dict[str, np.ndarray]:
-        """Where an ascent begins."""
+        """The point at which an ascent begins."""
         begin = self.cam.start if self._metric is None else np.linalg.solve(self._metric, self.cam.start)
         return {"cam": begin, "train": np.ones(len(self.train.names))}
 
@@ -247,8 +250,12 @@ class Variables:
         """The vector (m) of the cam's variables at a point."""
         return point["cam"] if self._metric is None else self._metric @ point["cam"]
 
+    def lift(self, point: Mapping[str, Any]) -> Lift:
+        """The lift law at a point."""
+        return self.cam.lift(self.cam_vector(point))
+
     def parameters(self, point: Mapping[str, Any]) -> dict[str, Any]:
-        """Those of a bound objective."""
+        """The parameters of a bound objective at a point."""
         return self.cam.parameters(self.cam_vector(point)) | ({"train": point["train"]} if self.train.names else {})
 
     def nearest(self, point: Mapping[str, Any]) -> dict[str, np.ndarray]:
@@ -257,14 +264,14 @@ class Variables:
         return {"cam": self._limits.nearest(np.asarray(point["cam"], dtype=float)), "train": factors}
 
     def faces(self, point: Mapping[str, np.ndarray], gradient: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Projectors onto the directions in which a point may move along its gradient."""
+        """Projectors onto the directions in which a point can move along its gradient."""
         low, high = self.train.limits
         factors, uphill = point["train"], gradient["train"]
         held = ((factors <= low) & (uphill < 0)) | ((factors >= high) & (uphill > 0))
         return {"cam": self._limits.face(point["cam"], gradient["cam"]), "train": np.diag(1.0 - held)}
 
     def nearest_and_faces(self, point: Mapping[str, Any]) -> tuple[dict[str, np.ndarray], dict[str, np.ndarray]]:
-        """`nearest`, and its derivative: projectors onto the faces on which that point lies."""
+        """The result of `nearest`, and its derivative: projectors onto the faces on which that point lies."""
         (low, high), factors = self.train.limits, np.asarray(point["train"], dtype=float)
         cam, face = self._limits.nearest_and_face(np.asarray(point["cam"], dtype=float))
         free = (low <= factors) & (factors <= high)

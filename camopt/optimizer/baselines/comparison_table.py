@@ -1,7 +1,7 @@
-"""The comparison's table and the verdicts behind it: what stands in `comparison.csv`, `cams` and `verdicts`.
+"""The comparison's table and the verdicts behind it: the contents of `comparison.csv`, `cams` and `verdicts`.
 
-Every row is written from a verdict, the design's of verification.json, a baseline's of `verdicts/<name>.json`, so that
-the table can be made again from the folder alone.
+Every row is written from a verdict: the design's in verification.json, or a baseline's in `verdicts/<name>.json`. The
+table can therefore be written again from the folder alone.
 """
 
 import json
@@ -18,9 +18,9 @@ from camopt.scene.units import DEG, MM
 from camopt.storage import write_csv, write_json
 
 NO_JERK = " (no jerk limit)"
-"""Ending of the name of a baseline that was designed without the scene's jerk limit."""
+"""Suffix of the name of a baseline that was designed without the scene's jerk limit."""
 FAILED = "failed"
-"""Verdict of a baseline that the scene has no member of, or that cannot be judged; its sentence stands as `broken`."""
+"""Verdict of a baseline that has no member in the scene, or that cannot be judged; `broken` holds the reason."""
 JERK = "jerk_max_mm_per_deg3"
 MOTION_COLUMNS = ("jump_mm", "contact_force_min_N", "seating_velocity_m_per_s", "impact_velocity_m_per_s")
 COLUMNS = (
@@ -41,31 +41,30 @@ COLUMNS = (
 
 
 def failed(why: str) -> dict:
-    """The verdict of a baseline that there is no cam of, with its sentence."""
+    """The verdict of a baseline without a cam, with the reason."""
     return {"verdict": FAILED, "broken": [why], "speeds": [], "worst_in_band": [], "band": None}
 
 
-def keep(folder: Path, scene: Scene, cams: Mapping[str, Lift], found: Mapping[str, dict]) -> None:
-    """Store baselines and their verdicts by name in the folder's `cams` and `verdicts`."""
-    for part, contents in (("cams", cams), ("verdicts", found)):
+def store(folder: Path, scene: Scene, cams: Mapping[str, Lift], verdicts: Mapping[str, dict]) -> None:
+    """Stores baselines and their verdicts by name in the folder's `cams` and `verdicts`."""
+    for name, contents in (("cams", cams), ("verdicts", verdicts)):
         if contents:
-            (folder / part).mkdir(exist_ok=True)
+            (folder / name).mkdir(exist_ok=True)
     for name, lift in cams.items():
         write_design(folder / "cams" / f"{name}.json", lift, scene.required_design.max_lift_mm * MM)
-    for name, one in found.items():
-        write_json(folder / "verdicts" / f"{name}.json", one)
+    for name, verdict in verdicts.items():
+        write_json(folder / "verdicts" / f"{name}.json", verdict)
 
 
-def kept(folder: Path, scene: Scene) -> tuple[dict[str, Lift], dict[str, dict]]:
+def stored(folder: Path, scene: Scene) -> tuple[dict[str, Lift], dict[str, dict]]:
     """The design and the stored baselines of a run folder, and the verdict of each; raises InputError for a file that
     cannot be understood."""
     cams = {DESIGN: read_design(folder / "design.json", scene)}
-    found = {DESIGN: _read_verdict(folder / "verification.json")}
-    for name, one in verdicts_in(folder).items():
-        found[name] = one
-        if one["verdict"] != FAILED:
+    verdicts = {DESIGN: _read_verdict(folder / "verification.json"), **verdicts_in(folder)}
+    for name, verdict in verdicts.items():
+        if name != DESIGN and verdict["verdict"] != FAILED:
             cams[name] = read_design(folder / "cams" / f"{name}.json", scene)
-    return cams, found
+    return cams, verdicts
 
 
 def verdicts_in(folder: Path) -> dict[str, dict]:
@@ -85,35 +84,34 @@ def _read_verdict(path: Path) -> dict:
     return content
 
 
-def write_table(folder: Path, scene: Scene, cams: Mapping[str, Lift], found: Mapping[str, dict]) -> None:
-    """comparison.csv: the rows of every cam, then one for every verdict without a cam."""
-    rows = [row for name, lift in cams.items() for row in comparison_rows(scene, name, lift, found[name])]
-    for name, one in found.items():
+def write_table(folder: Path, scene: Scene, cams: Mapping[str, Lift], verdicts: Mapping[str, dict]) -> None:
+    """Writes comparison.csv: the rows of every cam, then one row for every verdict without a cam."""
+    rows = [row for name, lift in cams.items() for row in comparison_rows(scene, name, lift, verdicts[name])]
+    for name, verdict in verdicts.items():
         if name not in cams:
             limits = "no-jerk" if name.endswith(NO_JERK) else "all"
-            named = {"cam": name, "limits": limits, "verdict": FAILED, "broken": "; ".join(one["broken"])}
+            named = {"cam": name, "limits": limits, "verdict": FAILED, "broken": "; ".join(verdict["broken"])}
             rows.append(dict.fromkeys(COLUMNS) | named)
     write_csv(folder / "comparison.csv", {key: [row[key] for row in rows] for key in COLUMNS})
 
 
-def comparison_rows(scene: Scene, name: str, lift: Lift, found: dict) -> list[dict]:
-    """One row per judged speed of a cam, the listed ones and the band's worst ones, ascending, from `found`, its
-    verdict as verification.json has it.
+def comparison_rows(scene: Scene, name: str, lift: Lift, verdict: dict) -> list[dict]:
+    """One row per judged speed of a cam, listed or the band's worst, in ascending order; `verdict` is the stored one.
 
-    A cam of the literature that breaks the jerk limit stands in the table without it, where that limit rejects nothing;
-    a design never does.
+    A cam of the literature that breaks the jerk limit belongs to the table without that limit, where it is not rejected
+    for it; a design never does.
     """
     design = scene.required_design
     low, high = (a / MM * DEG**2 for a in lift.extremes(2))
     jerk = steepest_jerk(lift, design) / MM * DEG**3
-    shape = [word for word in found["broken"] if " at " not in word]
+    shape = [word for word in verdict["broken"] if " at " not in word]
     limits = "no-jerk" if JERK in shape and family_of(name) != DESIGN else "all"
     shape = [word for word in shape if word != JERK or limits == "all"]
-    records = {s["speed_rpm"]: s for s in [*(found.get("worst_in_band") or []), *found["speeds"]]}
+    records = {s["speed_rpm"]: s for s in [*(verdict.get("worst_in_band") or []), *verdict["speeds"]]}
     rows = []
     for speed in sorted(records):
         s = records[speed]
-        here = [word for word in found["broken"] if word.endswith(f" at {speed:g} r/min")]
+        broken_at_speed = [word for word in verdict["broken"] if word.endswith(f" at {speed:g} r/min")]
         low_mm, high_mm = s["bounce_range_mm"]
         rows.append(
             {
@@ -128,7 +126,7 @@ def comparison_rows(scene: Scene, name: str, lift: Lift, found: dict) -> list[di
                 "bounce_high_mm": high_mm,
                 **{key: s[key] for key in ("bounce_mm", *MOTION_COLUMNS)},
                 "verdict": "rejected" if shape else s["verdict"],
-                "broken": "; ".join([*shape, *here]),
+                "broken": "; ".join([*shape, *broken_at_speed]),
             }
         )
     return rows

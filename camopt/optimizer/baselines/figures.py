@@ -35,50 +35,50 @@ from camopt.scene.train import Train, build_train
 from camopt.verifier.convergence import WANDERING_REVOLUTIONS, StepRefinement, Tolerances, at_once
 
 FIGURE_SPEEDS = 60
-"""Steps of the figure's own sweep of a band that the verdict was not asked about."""
+"""Number of steps of the figure's own sweep over a band that the verdict did not cover."""
 BEYOND_BAND = 0.1
-"""How far, relative to its width, the figure shows speeds outside the band at least."""
+"""Least range outside the band that the figure shows on each side, relative to the band's width."""
 FURTHEST_BEYOND = 0.5
-"""How far at most, so that the speeds at which the design's jump and bounce begin are seen."""
+"""Largest range above the band that it shows, so that the speeds at which jump and bounce begin are visible."""
 TABLE_STEP_DEG = 0.1
 DRAWN = ("bounce_mm", "jump_mm")
 HALVINGS = 6
-"""Of event-exact's step on the way to the settled motion, as many as a verdict allows by default."""
+"""Permitted halvings of event-exact's step until the motion settles, as many as a verdict allows by default."""
 AS_DESIGNED = "for the train as designed"
-"""What the profile of the cam is called that stands beside one for trains as built."""
+"""Label of the profile of the cam for the train as designed, beside one for trains as built."""
 UNLAWFUL = " (breaks limits on the cam)"
-"""Ending of a name in the figures: what carries it is no cam that these limits allow."""
+"""Suffix of a name in the figures: this cam breaks limits on its shape."""
 
 
 def draw(
     folder: Path,
     scene: Scene,
     cams: dict[str, Lift],
-    found: dict[str, dict],
+    verdicts: dict[str, dict],
     speeds_rpm: Sequence[float],
 ) -> dict[str, Figure]:
-    """The figures of a run folder by name, which are written into its folder `figures`; `found` holds the verdict of
-    each cam, and the valve's motion is drawn at `speeds_rpm`."""
+    """Draws the figures of a run folder, writes them into its folder `figures` and returns them by name; the valve's
+    motion is drawn at `speeds_rpm`. `verdicts` holds one for every cam."""
     design, operation = scene.required_design, scene.required_operation
     figures = folder / "figures"
     figures.mkdir(exist_ok=True)
-    # a word of a verdict that names no speed is a limit on the cam's shape: what is broken at a speed is the motion's
-    lawful = {name: all(" at " in word for word in found[name].get("broken", [])) for name in cams}
+    # an entry of `broken` that names no speed is a limit on the cam's shape; one with a speed is a limit on the motion
+    lawful = {name: all(" at " in word for word in verdicts[name].get("broken", [])) for name in cams}
     named = {name: name if lawful[name] else name + UNLAWFUL for name in cams}
     tables = [(named[name], lift_table(lift, TABLE_STEP_DEG)) for name, lift in cams.items()]
     if (ideal := folder / IDEAL / "design.json").exists():
         tables.append((AS_DESIGNED, lift_table(read_design(ideal, scene), TABLE_STEP_DEG)))
     drawn = {"profiles": profiles(tables, design)}
-    each = (settled_motions(scene, named[name], lift, found[name], speeds_rpm) for name, lift in cams.items())
+    each = (settled_motions(scene, named[name], lift, verdicts[name], speeds_rpm) for name, lift in cams.items())
     if motions := list(chain.from_iterable(each)):
         drawn["valve_motion"] = valve_motion(motions, design)
-    top = _top(scene, found.get(DESIGN, {}))
-    curves = [curve(scene, named[name], lift, found[name], top) for name, lift in cams.items()]
+    top = _top_speed(scene, verdicts.get(DESIGN, {}))
+    curves = [curve(scene, named[name], lift, verdicts[name], top) for name, lift in cams.items()]
     drawn["bounce_against_speed"] = bounce_against_speed(curves, design, operation.band_rpm, operation.speeds_rpm)
     if (folder / "history.jsonl").exists() and (folder / "design.json").exists():
         record = json.loads((folder / "design.json").read_text(encoding="utf-8"))
         bound, no_jump = record["area_ratio_bound"], record["area_ratio_no_jump"]
-        delivered = (record["area_ratio"], found[DESIGN]["verdict"]) if DESIGN in found else None
+        delivered = (record["area_ratio"], verdicts[DESIGN]["verdict"]) if DESIGN in verdicts else None
         steps = [json.loads(line) for line in (folder / "history.jsonl").read_text(encoding="utf-8").splitlines()]
         drawn["convergence"] = convergence(steps, bound, no_jump, design.bounce_max_mm, delivered)
     for name, figure in drawn.items():
@@ -86,11 +86,11 @@ def draw(
     return drawn
 
 
-def settled_motions(scene: Scene, name: str, lift: Lift, found: dict, speeds_rpm: Sequence[float]) -> list[DrawnMotion]:
-    """A settled revolution at each speed [r/min]; one at which the motion is refused is left out."""
-    train, stated = build_train(scene), stated_periodic(found)
+def settled_motions(scene: Scene, name: str, lift: Lift, verdict: dict, rpm: Sequence[float]) -> list[DrawnMotion]:
+    """A settled revolution at each speed [r/min]; speeds at which the motion is refused are left out."""
+    train, stated = build_train(scene), stated_periodic(verdict)
     motions = []
-    for speed in speeds_rpm:
+    for speed in rpm:
         try:
             response = settled_motion(train, lift, scene.cam_speed(speed), stated.get(speed)).response
         except MotionRefused:
@@ -99,19 +99,21 @@ def settled_motions(scene: Scene, name: str, lift: Lift, found: dict, speeds_rpm
     return motions
 
 
-def stated_periodic(found: dict) -> dict[float, bool]:
-    """By speed [r/min], whether the motion has settled, as a verdict states it."""
-    return {s["speed_rpm"]: bool(s["periodic"]) for s in found.get("speeds") or [] if {"speed_rpm", "periodic"} <= {*s}}
+def stated_periodic(verdict: dict) -> dict[float, bool]:
+    """By speed [r/min], whether the motion has settled according to the verdict."""
+    speeds = verdict.get("speeds") or []
+    return {s["speed_rpm"]: bool(s["periodic"]) for s in speeds if {"speed_rpm", "periodic"} <= {*s}}
 
 
 def settled_motion(
     train: Train, lift: Lift, cam_speed: float, stated: bool | None = None, samples: int | None = None
 ) -> Settled:
-    """Two revolutions by event-exact where the motion at `cam_speed` [rad/s] has settled, or has not.
+    """Two revolutions of the settled event-exact motion at `cam_speed` [rad/s], or of one that does not settle.
 
-    `stated` is whether the verdict found it periodic, None where none was asked. A verdict that halves its step may
-    settle after more revolutions than are run here: its search is followed then. What never settles is shown after
-    WANDERING_REVOLUTIONS. `samples` per revolution, event-exact's own where None. Raises MotionRefused.
+    `stated` is whether the verdict found the motion periodic, None if there is no verdict. A verdict that halves its
+    step may settle after more revolutions than are run here: its step refinement is then repeated. A motion that never
+    settles is shown after WANDERING_REVOLUTIONS. `samples` is their number per revolution, event-exact's own where
+    None. Raises MotionRefused.
     """
     many = partial(settled_metrics, most=WANDERING_REVOLUTIONS) if stated is False else settled_metrics
     once = at_once(many, train, lift, cam_speed, state_at_rest(train))
@@ -128,45 +130,46 @@ def settled_motion(
     return replace(first_revolution(prepare(train, lift, cam_speed, *steps), state), periodic=periodic)
 
 
-def _top(scene: Scene, found: dict) -> float:
-    """Highest speed that is drawn [r/min]: somewhat above the band and, where near, above what begins there."""
+def _top_speed(scene: Scene, verdict: dict) -> float:
+    """Highest speed drawn [r/min]: above the band and, if they are near, above the starts of jump and bounce."""
     low, high = scene.required_operation.band_rpm
     more, most = (share * (high - low) for share in (BEYOND_BAND, FURTHEST_BEYOND))
-    return max([high + more, *(s + more for s in _starts(found).values() if s is not None and s + more <= high + most)])
+    starts = [s for s in _starts(verdict).values() if s is not None and s + more <= high + most]
+    return max([high, *starts]) + more
 
 
-def _beside_the_band(scene: Scene, found: dict, top_rpm: float) -> np.ndarray:
-    """Speeds [r/min] that are drawn beside those of the verdict's curve: outside the band, and where something begins.
-    They are of the verdict's own search for these beginnings, so that the curve cannot name another one."""
+def _speeds_beside_the_band(scene: Scene, verdict: dict, top_rpm: float) -> np.ndarray:
+    """Speeds [r/min] that are drawn beside those of the verdict's curve: outside the band, and where jump or bounce
+    starts. They are those of the verdict's own search for these starts, so that the curve agrees with it."""
     low, high = scene.required_operation.band_rpm
     bottom = low - BEYOND_BAND * (high - low)
-    step = max(SEARCH_STEP_RPM, (found.get("band") or {}).get("step_rpm", 0.0))
+    step = max(SEARCH_STEP_RPM, (verdict.get("band") or {}).get("step_rpm", 0.0))
     grid = np.array([bottom, *np.arange(0.5 * low, 1.5 * high, step), top_rpm])
-    begins = np.array([s for s in _starts(found).values() if s is not None])
+    begins = np.array([s for s in _starts(verdict).values() if s is not None])
     speeds = np.concatenate([grid[(grid < low) | (grid > high)], begins - START_RPM, begins])
     return np.unique(speeds[(speeds >= bottom) & (speeds <= top_rpm)])
 
 
-def _starts(found: dict) -> dict[str, float | None]:
-    limits = found.get("limits") or {}
+def _starts(verdict: dict) -> dict[str, float | None]:
+    limits = verdict.get("limits") or {}
     return {metric: limits.get(key) for key, metric in STARTS.items()}
 
 
-def curve(scene: Scene, name: str, lift: Lift, found: dict, top_rpm: float) -> Sweep:
-    """Bounce and jump against speed: over the band the verdict's own curve or, where it has none, event-exact's sweep,
-    refined around the largest bounce and jump; outside it, up to `top_rpm`, event-exact."""
-    band = found.get("band")
+def curve(scene: Scene, name: str, lift: Lift, verdict: dict, top_rpm: float) -> Sweep:
+    """Bounce and jump against speed. Over the band it is the verdict's own curve or, without one, event-exact's sweep,
+    refined around the largest bounce and jump; outside the band, up to `top_rpm`, it is event-exact's."""
+    band = verdict.get("band")
     if band:
         speeds = np.array(band["curves"]["speed_rpm"], dtype=float)
         inside = {key: np.array(band["curves"][key], dtype=float) for key in DRAWN}
         worst = {key: (band["worst"][key]["speed_rpm"], band["worst"][key]["value"]) for key in DRAWN}
-        starts = _starts(found)
+        starts = _starts(verdict)
     else:
         step = np.ptp(scene.required_operation.band_rpm) / FIGURE_SPEEDS
         swept = sweep(SpeedCache(settled_metrics, scene, lift), float(step), DRAWN)
         speeds, inside, worst, starts = swept.speeds_rpm, swept.figures, {}, None
-    beside = np.setdiff1d(_beside_the_band(scene, found, top_rpm), speeds)
-    briefly = band is not None and band.get("refined") is False  # as the verdict's own sweep looked
+    beside = np.setdiff1d(_speeds_beside_the_band(scene, verdict, top_rpm), speeds)
+    briefly = band is not None and band.get("refined") is False  # as in the verdict's own sweep
     many = partial(settled_metrics, most=WANDERING_REVOLUTIONS) if briefly else settled_metrics
     rows = at_speeds(many, scene, lift, beside)
     values = {key: np.concatenate([inside[key], [row[key] for row in rows]]) for key in DRAWN}

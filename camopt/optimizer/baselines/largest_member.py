@@ -1,9 +1,9 @@
-"""Baselines as good as their families allow: the largest area of a family, on request within a limit on bounce.
+"""Baselines as good as their families allow: a family's member of the largest area, also within a limit on bounce.
 
 The outer search is differential evolution (Storn and Price 1997) over the family's free parameters, the inner one a
-linear program in the levels. Differential evolution only asks which of two members is better, so no penalty has to be
-weighed: a member outside the limits on its shape is worse than one that bounces too much, and that one worse than any
-that holds. Motion is judged by event-exact, settled from rest at every speed.
+linear program in the levels. Differential evolution only compares two members, so that no penalty needs a weight: a
+member outside the limits on its shape is worse than one that bounces too much, and that one is worse than any that
+holds. The motion is by event-exact, settled from rest at every speed.
 """
 
 import time
@@ -29,19 +29,19 @@ from camopt.scene.train import build_train
 
 POPULATION, SEED = 32, 0
 NEAR = 0.15
-"""Distance from known members, in parts of the bounds' width, within which half of the first population lies."""
+"""Largest distance from known members, relative to the width of the bounds, of half of the first population."""
 HOPELESS = 6.0
-"""Bounce in multiples of the limit at which the slower speeds are not looked at: such a member only shows the way."""
+"""Bounce, in multiples of the limit, above which slower speeds are left out: such a member only guides the search."""
 FIGURES = ("bounce_mm", "jump_mm", "seating_velocity_m_per_s")
 
 
 @dataclass(frozen=True)
 class Baseline:
-    """The best member of a family that a search found, with the worst figures of its motion over the speeds asked.
+    """The best member of a family that a search found, with the worst metrics of its motion over the speeds.
 
-    `holds`: it keeps the limits on its shape and, where one was given, on bounce; `says` is that in words. Bounce is
-    infinite where the valve never seats or the motion is refused. `evaluations` counts members designed, `judged` the
-    motions looked at (one per speed).
+    `holds` states whether it keeps the limits on its shape and, if one was given, that on bounce; `says` is the same in
+    words. Bounce is infinite if the valve never seats or the motion is refused. `evaluations` counts designed members,
+    `judged` computed motions (one per speed).
     """
 
     family: str
@@ -65,13 +65,14 @@ def largest_area_member(
     evaluations: int = 600,
     progress: bool = False,
 ) -> Baseline:
-    """The member of `family` with the largest area under a scene's limits on the shape and one on bounce.
+    """The member of `family` with the largest area under a scene's limits on the shape and, optionally, one on bounce.
 
-    `family` as on the command line, with the parameters that tell its readings apart (`new-design:start_ratio=0`).
-    `jerk` false leaves the jerk limit out. `bounce_max_mm`: largest bounce at `speeds_rpm` [crankshaft r/min, the
-    scene's listed ones where None]. About `evaluations` members are designed; the same call finds the same cam. Where
-    no member holds, the one with the least bounce, or nearest the limits on the shape, is returned and says so. Raises
-    InputError for an unknown family and a scene it cannot serve.
+    `family` is as on the command line, with the parameters that distinguish its variants (`new-design:start_ratio=0`).
+    With `jerk` false the jerk limit is left out. `bounce_max_mm` is the largest bounce permitted at `speeds_rpm`
+    [crankshaft r/min, the scene's listed ones where None]. About `evaluations` members are designed; the same call
+    finds the same cam. If no member holds, the one with the least bounce, or nearest to the limits on the shape, is
+    returned, and `says` states this. Raises InputError for an unknown family, and for a scene without the necessary
+    parts.
     """
     design, operation = scene.design, scene.operation
     if design is None or operation is None or scene.seat is None:
@@ -100,22 +101,22 @@ def largest_area_member(
 
 
 def family_space(scene: Scene, family: str, jerk: bool) -> Space:
-    """The search space of a family, as of `largest_area_member`, under a scene's limits, the jerk limit only with
+    """The search space of a family, as in `largest_area_member`, under a scene's limits, the jerk limit only with
     `jerk`. Raises InputError for an unknown family, for a parameter that the search chooses, and for a scene whose two
     ramps differ."""
-    name, given = family_and_keywords(family)
+    name, keywords = family_and_keywords(family)
     record = family_named(name)
-    chosen = sorted(p.keyword for p in record.parameters.values() if p.searched and p.keyword in given)
+    chosen = sorted(p.keyword for p in record.parameters.values() if p.searched and p.keyword in keywords)
     if chosen:
         raise InputError(f"baseline {family!r}: the search chooses {', '.join(chosen)}: leave it out")
     if record.space is None:
         return Space([], lambda _: read_cam(family, scene))
-    return record.space(scene, jerk, **given)
+    return record.space(scene, jerk, **keywords)
 
 
 def member_within(space: Space, x: np.ndarray, design: Design) -> tuple[Lift | None, float]:
-    """The member of a vector x (d) with a cost of 0; none with a cost of 3, or from 2 by its excess over the limits on
-    the shape."""
+    """The member of a vector x (d) and a cost of 0 if it holds the limits on the shape; else None, with a cost of 3 if
+    there is no member, or from 2 to 3 by its largest excess."""
     try:
         lift = space.member(x)
     except InputError:
@@ -125,7 +126,7 @@ def member_within(space: Space, x: np.ndarray, design: Design) -> tuple[Lift | N
 
 
 class MemberMotion:
-    """Judges cams of one scene at fixed speeds, each from rest: a cam's figures hang on nothing judged before."""
+    """Computes motions of cams of a scene at fixed speeds, each from rest: metrics do not depend on earlier cams."""
 
     def __init__(self, scene: Scene, speeds_rpm: Sequence[float]):
         self.speeds_rpm = tuple(sorted((float(s) for s in speeds_rpm), reverse=True))  # the highest bounces most
@@ -135,8 +136,8 @@ class MemberMotion:
         self._rest = state_at_rest(self._train)
 
     def worst(self, lift: Lift, enough_mm: float = np.inf) -> dict[str, float]:
-        """Largest figures over the speeds; speeds below one at which bounce exceeds `enough_mm` are left out."""
-        found: dict[str, float] = dict.fromkeys(FIGURES, 0.0)
+        """Largest metrics over the speeds; those below a speed with more bounce than `enough_mm` are left out."""
+        worst: dict[str, float] = dict.fromkeys(FIGURES, 0.0)
         for cam_speed in self._cam_speeds:
             self.judged += 1
             try:
@@ -144,14 +145,14 @@ class MemberMotion:
             except MotionRefused:
                 return dict.fromkeys(FIGURES, np.inf)
             for name in FIGURES:
-                found[name] = max(found[name], float(np.nan_to_num(figures.worst(name), nan=np.inf)))
-            if found["bounce_mm"] > enough_mm:
+                worst[name] = max(worst[name], float(np.nan_to_num(figures.worst(name), nan=np.inf)))
+            if worst["bounce_mm"] > enough_mm:
                 break
-        return found
+        return worst
 
 
 def _best(space: Space, score: Callable[[np.ndarray], float], evaluations: int, bar: tqdm) -> tuple[Lift, int]:
-    """The member of the least score of about `evaluations`, and how many there were."""
+    """The member of the least score of about `evaluations`, and their number."""
     if not space.bounds:
         return space.member(np.zeros(0)), 1
 
@@ -172,7 +173,7 @@ def _best(space: Space, score: Callable[[np.ndarray], float], evaluations: int, 
 
 
 def _score(space: Space, design: Design, motion: MemberMotion, limit: float | None, x: np.ndarray) -> float:
-    """How bad a member is: below 1 what holds, then what bounces more than the limit, then what breaks limits."""
+    """Score: below 1 if it holds, from 1 if it bounces too much, from 2 if it breaks limits on the shape."""
     lift, cost = member_within(space, x, design)
     if lift is None:
         return cost
@@ -184,8 +185,8 @@ def _score(space: Space, design: Design, motion: MemberMotion, limit: float | No
 
 
 def _first_population(space: Space) -> np.ndarray:
-    """Vectors (POPULATION, d): the known ones, as many near them as to make up half, and the rest anywhere."""
-    from scipy.stats import qmc  # which loads longer than a plain comparison takes
+    """Vectors (POPULATION, d): the known ones and others near them, together half of them, and the rest anywhere."""
+    from scipy.stats import qmc  # its import takes longer than a plain comparison
 
     low, high = np.array(space.bounds).T
     unit = qmc.Sobol(len(low), rng=np.random.default_rng(SEED)).random(POPULATION)

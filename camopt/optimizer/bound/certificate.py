@@ -3,7 +3,6 @@
 The bound comes from weak duality against the continuous problem. Let the angle run from -h to h, and let the jerk j be
 the control, so that
 
-
     lift(t) = start(t) + integral over s < t of (t - s)^2 / 2 j(s) ds,      start(t) = height + velocity (t + h).
 
 Add to the area every limit times a multiplier >= 0 (a measure over the angle), and every condition at the closing ramp
@@ -15,7 +14,7 @@ Here J is the jerk limit, and p is a piecewise cubic that follows from the multi
 side bounds the area of every cam whose acceleration is Lipschitz. Good multipliers come from a fine linear
 program; an error in them makes the bound less tight, never wrong. Without a jerk limit the acceleration a is the
 control, p is a piecewise quadratic, and the second step takes the largest p(s) a(s) within the acceleration limits.
-Luenberger (Optimization by Vector Space Methods, 1969, ch. 8) has weak duality in function spaces.
+Luenberger (Optimization by Vector Space Methods, 1969, ch. 8) treats weak duality in function spaces.
 """
 
 from dataclasses import dataclass
@@ -28,7 +27,7 @@ from scipy.interpolate import PPoly
 from camopt.cam.lift import Lift
 from camopt.cam.ramps import scene_ramps
 from camopt.measure.limits import broken_by_shape, duration_words
-from camopt.optimizer.bound.fine_program import DiscretisedControlProblem, equal_grid, limit_terms
+from camopt.optimizer.bound.fine_program import DiscretisedControlProblem, duration_grid, limit_terms
 from camopt.scene.design import Design
 from camopt.scene.errors import InputError
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
@@ -36,7 +35,7 @@ from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 INTERVALS = 1440
 """Least number of intervals of the program that supplies the multipliers."""
 ROUNDING = 1e-12
-"""What is added to every bound, relative to it: well above the round-off in evaluating it."""
+"""Added to every bound on the area ratio: well above the round-off of its evaluation."""
 
 
 Terms = tuple[float, PPoly]
@@ -70,9 +69,9 @@ class Certificate:
         return self.evaluate()
 
     def evaluate(self, further: Terms | None = None) -> float:
-        """The bound from the stored multipliers alone, with those of `further` conditions where they are given.
+        """The bound from the stored multipliers alone, with those of `further` conditions if there are any.
 
-        Raises ValueError where a multiplier that must be >= 0 is negative.
+        Raises ValueError if a multiplier that must be >= 0 is negative.
         """
         _check_signs(self)
         jerk = self.design.jerk_max_mm_per_deg3
@@ -218,12 +217,12 @@ def _largest_by_acceleration(design: Design, p: PPoly) -> float:
 
 
 def area_ratio_bound(design: Design, intervals: int = INTERVALS) -> Certificate:
-    """The certificate of a design, its multipliers from the continuous problem discretised on `intervals` intervals.
+    """The certificate of a design; its multipliers come from the continuous problem on `intervals` intervals.
 
-    The program's control (jerk, or acceleration without a jerk limit) is constant on each interval, its limits hold at
-    the ends. Raises InputError where even that program has no solution.
+    The program's control (jerk, or acceleration without a jerk limit) is constant on each interval, and its limits hold
+    at the ends. Raises InputError if even that program has no solution.
     """
-    grid = equal_grid(design, intervals)
+    grid = duration_grid(design, intervals)
     if not control_is_limited(design):
         zero = np.zeros(len(grid))
         return Certificate(design, grid, zero, zero, zero, zero, np.zeros(3))  # only the lift cap limits: ratio 1
@@ -231,26 +230,28 @@ def area_ratio_bound(design: Design, intervals: int = INTERVALS) -> Certificate:
 
 
 def control_is_limited(design: Design) -> bool:
-    """Whether the jerk, or else the acceleration to both sides, is limited."""
+    """Whether the jerk is limited or, without a jerk limit, the acceleration in both directions."""
     accelerations = (design.acceleration_max_mm_per_deg2, design.acceleration_min_mm_per_deg2)
     return design.jerk_max_mm_per_deg3 is not None or None not in accelerations
 
 
 def area_words(lift: Lift, design: Design) -> list[str]:
-    """Sentences on a cam's duration, where it is not the design's, and on an area ratio beyond one or beyond the bound.
+    """Sentences on a cam's duration, if it is not the design's, and on an area ratio above one or above the bound.
 
     The ratio is that of the design's duration. The certified bound holds for cams that keep the limits and join the
-    ramps exactly, without acceleration; a cam called legal may exceed it only by joining them otherwise.
+    ramps exactly, without acceleration; a cam that keeps the limits can only exceed it if it joins the ramps otherwise.
     """
-    ratio, said = lift.area_ratio_in(design), []
-    if words := duration_words(lift, design):
-        said.append(words)
+    ratio, words = lift.area_ratio_in(design), []
+    if duration := duration_words(lift, design):
+        words.append(duration)
     if ratio > 1:
-        said.append(f"the area ratio of {ratio:.4f} exceeds one: the lift exceeds max_lift_mm = {design.max_lift_mm:g}")
+        words.append(
+            f"the area ratio of {ratio:.4f} exceeds one: the lift exceeds max_lift_mm = {design.max_lift_mm:g}"
+        )
     try:
         bound = area_ratio_bound(design).bound
     except InputError:
-        return said  # limits that no cam keeps bound nothing
+        return words  # contradictory limits give no bound
     if bound < ratio <= 1:
         broken = broken_by_shape(lift, design)
         because = (
@@ -259,5 +260,5 @@ def area_words(lift: Lift, design: Design) -> list[str]:
             else "it keeps the limits, but does not join the ramps as the bound assumes: at their height and velocity "
             "and without acceleration"
         )
-        said.append(f"the area ratio of {ratio:.4f} exceeds the certified bound of {bound:.4f}: {because}")
-    return said
+        words.append(f"the area ratio of {ratio:.4f} exceeds the certified bound of {bound:.4f}: {because}")
+    return words

@@ -1,9 +1,10 @@
 """The fine linear program that supplies the multipliers of a certificate: the continuous problem on equal intervals.
 
-A limit of a drawing says that sum_k w_k lift^(k) <= level. Its multipliers are masses >= 0, each spread evenly over a
-cell of angles, so that each multiplies the limit's mean over the cell, which every cam that keeps the limit keeps too.
-As lift^(k)(t) = start^(k)(t) + integral over s < t of (t - s)^n / n! control(s) ds, the mean over a cell from a to b
-has the kernel ((b - s)_+^(n+1) - (a - s)_+^(n+1)) / ((n + 1)! (b - a)). At one angle the cell is that angle.
+A limit of the drawing has the form sum_k w_k lift^(k) <= level. Its multipliers are masses >= 0, each spread evenly
+over a cell of angles, so that each multiplies the limit's mean over the cell; every cam that keeps the limit keeps this
+mean too. As lift^(k)(t) = start^(k)(t) + integral over s < t of (t - s)^n / n! control(s) ds, the mean over a cell from
+a to b has the kernel ((b - s)_+^(n+1) - (a - s)_+^(n+1)) / ((n + 1)! (b - a)). The cell of a single angle is that
+angle.
 """
 
 from itertools import pairwise
@@ -25,19 +26,19 @@ from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3
 
 
 def bounded_limits(design: Design) -> list[LinearLimit]:
-    """The limits of a drawing that a bound may use: all but those that are held in a chosen way."""
+    """The limits of the drawing that a bound may use: all except those that are one of several ways to hold a key."""
     return [limit for limit in linear_limits(design) if not limit.chosen]
 
 
 def left_out(design: Design) -> list[str]:
-    """The keys of the limits on the shape that the bound leaves out: it holds with them too, only less tightly."""
+    """The keys of the limits on the shape that the bound does not use: it holds with them too, but is less tight."""
     shape = [key for key in ("snap_max_mm_per_deg4", "waves_max") if getattr(design, key)]
     chosen = [limit.key for limit in linear_limits(design) if limit.chosen]
     return list(dict.fromkeys([*shape, *chosen, *radii_held_near(design)]))
 
 
 def cells(limit: LinearLimit, grid: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Begin and end (k) [rad] of the cell of every mass: one angle, or half an interval to both sides of each angle."""
+    """Start and end (k) [rad] of the cell of every mass: one angle, or half an interval to both sides of each angle."""
     low, high = limit.level.low, limit.level.high
     if low == high:
         return np.array([low]), np.array([low])
@@ -85,7 +86,7 @@ def _subtract_means(taylor, borders, begin, end, mass, n: int) -> None:
                 if j <= n:
                     taylor[j, before] -= m * sign * x[before] ** (n - j) / factorial(n - j)
                 continue
-            if q > 0:  # (x^q - y^q) / (x - y), in which nothing cancels
+            if q > 0:  # (x^q - y^q) / (x - y), without cancellation
                 mean = sum(x[before] ** i * y[before] ** (q - 1 - i) for i in range(q))
                 taylor[j, before] -= m * sign * mean / factorial(q)
             taylor[j, inside] -= m * sign * x[inside] ** q / factorial(q) / (b - a)
@@ -99,8 +100,8 @@ def _mean_level(level: PiecewiseLevel, begin: np.ndarray, end: np.ndarray) -> np
     return (total(end) - total(begin)) / (end - begin)
 
 
-def equal_grid(design: Design, intervals: int) -> np.ndarray:
-    """About equal intervals over the duration, with the borders of the nose among them."""
+def duration_grid(design: Design, intervals: int) -> np.ndarray:
+    """Grid of nearly equal intervals over the duration [rad], with the borders of the nose among its angles."""
     half, nose = design.duration_deg / 2, design.nose_deg or 0.0
     step = 2 * half / intervals
     marks = [-half, -nose, nose, half] if nose else [-half, 0.0, half]
@@ -130,7 +131,7 @@ class DiscretisedControlProblem:
         return state * self.nodes + node
 
     def motion(self) -> coo_array:
-        """Rows that are zero where the states at every grid angle follow from those before by their Taylor series."""
+        """Rows that are zero if the states at every grid angle follow from those before by their Taylor series."""
         n, interval = self.nodes - 1, np.arange(self.nodes - 1)
         rows, columns, values = [], [], []
         for state in range(self.order):
@@ -165,9 +166,9 @@ class DiscretisedControlProblem:
         return box
 
     def _limit_rows(self, limit: LinearLimit) -> tuple[coo_array, np.ndarray, float]:
-        """Rows, right sides and the rows' factor for a limit of a drawing, at the grid angles that it covers."""
-        level, one = limit.level, limit.level.low == limit.level.high
-        at = np.array([level.low]) if one else self.grid
+        """Rows, right-hand sides and the rows' factor for a limit of the drawing, at the grid angles that it covers."""
+        level, at_one_angle = limit.level, limit.level.low == limit.level.high
+        at = np.array([level.low]) if at_one_angle else self.grid
         held = np.flatnonzero((at >= level.low - 1e-12) & (at <= level.high + 1e-12))
         node = np.clip(np.searchsorted(self.grid, at[held] + 1e-12) - 1, 0, self.nodes - 2)
         ahead = (at[held] - self.grid[node]) / self.half
@@ -185,24 +186,25 @@ class DiscretisedControlProblem:
         return matrix, factor * upper, factor
 
     def _masses(self, drawing: list[tuple[coo_array, np.ndarray, float]], duals: np.ndarray) -> tuple[np.ndarray, ...]:
-        """Multipliers in SI, per limit at every angle of the grid, or one where the limit has one angle."""
-        found, first = [], 0
+        """Multipliers in SI: for each limit one at every angle of the grid, or only one if the limit has one angle."""
+        masses, first = [], 0
         for limit, (_, level, factor) in zip(bounded_limits(self.design), drawing, strict=True):
-            own = np.maximum(duals[first : first + len(level)], 0.0) * factor * self.unit[0] * self.half
+            mass = np.maximum(duals[first : first + len(level)], 0.0) * factor * self.unit[0] * self.half
             first += len(level)
             if limit.level.low < limit.level.high:
                 inside = (self.grid >= limit.level.low - 1e-12) & (self.grid <= limit.level.high + 1e-12)
-                own, every = np.zeros(self.nodes), own
-                own[inside] = every
-            found.append(own)
-        return tuple(found)
+                masses.append(np.zeros(self.nodes))
+                masses[-1][inside] = mass
+            else:
+                masses.append(mass)
+        return tuple(masses)
 
     def multipliers(self, control_worth: np.ndarray | None = None):
         """Multipliers in SI: of lift cap, acceleration maximum and minimum and nose (k each), of the closing (3), and a
         tuple of those of every limit of `bounded_limits`.
 
-        `control_worth` (k - 1) [m rad] is what a unit of control over each interval is worth besides the area. Raises
-        InputError where the limits have no common cam.
+        `control_worth` (k - 1) [m rad] is what a unit of control over each interval adds beside the area. Raises
+        InputError if no cam holds all limits.
         """
         n = self.nodes
         motion, drawing = self.motion(), [self._limit_rows(limit) for limit in bounded_limits(self.design)]
@@ -217,18 +219,18 @@ class DiscretisedControlProblem:
         rows = vstack([motion, *(rows for rows, _, _ in drawing)])
         low = np.append(zero, np.full(len(limits), -np.inf))
         try:
-            found = minimise(cost, rows, low, np.append(zero, limits), self.bounds(), large=True)
+            optimum = minimise(cost, rows, low, np.append(zero, limits), self.bounds(), large=True)
         except Infeasible:
             raise InputError(conflict(self.design, free_cam(self.design))) from None
-        masses = self._masses(drawing, -found.row_duals[len(zero) :])
-        upper, lower = np.maximum(-found.column_duals, 0.0), np.maximum(found.column_duals, 0.0)
+        masses = self._masses(drawing, -optimum.row_duals[len(zero) :])
+        upper, lower = np.maximum(-optimum.column_duals, 0.0), np.maximum(optimum.column_duals, 0.0)
         nodes = np.arange(n)
         inner = (nodes > 0) & (nodes < n - 1)  # both ends are fixed by the ramps
         lift_cap = np.where(inner, upper[nodes], 0.0) * self.half
         closing = np.zeros(3)
         for state in range(self.order):
             last = self.column(state, n - 1)
-            closing[state] = found.column_duals[last] * self.half ** (state + 1)
+            closing[state] = optimum.column_duals[last] * self.half ** (state + 1)
         if self.order == 2:
             return lift_cap, np.zeros(n), np.zeros(n), np.zeros(n), closing, masses
         acceleration = self.column(2, nodes)

@@ -16,6 +16,7 @@ from camopt.cam.families.free import free_cam
 from camopt.measure.limits import broken_by_shape
 from camopt.optimizer.ascent import ascent as climbing
 from camopt.optimizer.ascent.history import NEAREST
+from camopt.optimizer.ascent.variables import FamilyVariables
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import MM_PER_DEG2
@@ -152,6 +153,10 @@ class TestOwnParameters:
         theta = np.linspace(-1.2, 1.2, 100)
         assert np.abs(again(theta) - best(theta)).max() < 1e-9
         assert best.extremes(2)[1] == pytest.approx(highest, rel=1e-3)
+
+    def test_factors_that_give_no_cam_are_a_sentence(self):
+        with pytest.raises(InputError, match="no member of polydyne near this one holds the design's limits"):
+            FamilyVariables(MOTORI, camopt.polydyne(MOTORI)).nearest(-np.ones(5))
 
     @pytest.mark.long
     def test_a_family_without_a_member_near_is_a_sentence(self):

@@ -67,18 +67,17 @@ def test_its_gradient_is_that_of_differences(begun):
 def test_multipliers_are_what_the_penalty_has_become_and_the_weight_grows_unless_less_is_broken(begun):
     bound, lagrangian, cam, held = begun
     paths = lagrangian.paths(bound.parameters, held)
-    later = lagrangian.next(bound.parameters, cam, held, paths)
+    later = lagrangian.next(cam, held, paths)
     force = np.asarray(paths.force)
-    lowest = np.unravel_index(
-        np.where(np.isfinite(held.multipliers["contact_force_N"]), force, 0).argmin(), force.shape
-    )
+    limited = np.isfinite(held.multipliers["contact_force_N"])
+    lowest = np.unravel_index(np.where(limited, force, 0).argmin(), force.shape)
     worst = float(later.worst) * float(held.force_unit)
     assert worst == pytest.approx(-force[lowest], rel=1e-9)
     assert later.multipliers["contact_force_N"][lowest] == pytest.approx(FIRST_WEIGHT * float(later.worst))
     assert np.all(later.multipliers["seat_gap_mm"] >= 0.0)
     assert float(later.weight) == FIRST_WEIGHT  # no violation was known before
     assert np.all(np.asarray(later.start) == np.asarray(paths.end))
-    again = lagrangian.next(bound.parameters, cam, later, paths)
+    again = lagrangian.next(cam, later, paths)
     assert float(again.weight) == pytest.approx(GROWTH * FIRST_WEIGHT)
 
 
@@ -88,9 +87,8 @@ def test_a_step_of_the_metric_moves_the_rows_by_one_unit(begun):
     metric = lagrangian.metric(lambda vector: {"z": vector}, z, held)
 
     def rows(y):
-        own = {"z": z + metric @ y}
-        found = lagrangian.rows(own, held, lagrangian.paths(own, held))
-        return jnp.concatenate([row[jnp.isfinite(row)] for row in found.values()])
+        rows = lagrangian.rows(held, lagrangian.paths({"z": z + metric @ y}, held))
+        return jnp.concatenate([row[jnp.isfinite(row)] for row in rows.values()])
 
     h = 1e-6
     slopes = np.stack([(rows(h * y) - rows(-h * y)) / (2 * h) for y in np.eye(len(z))], axis=-1)
