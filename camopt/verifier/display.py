@@ -1,4 +1,4 @@
-"""How a verification is shown: as text for a terminal, as a table for a notebook, and as a figure over the speed."""
+"""Presentation of a verification: text for a terminal, a table for a notebook, and a figure over the speed."""
 
 from html import escape
 from typing import TYPE_CHECKING
@@ -33,11 +33,11 @@ TEXT = {
     "seating_velocity_m_per_s": ("seating m/s", 11),
 }
 MOST_LINES = 20
-"""Speeds that the text lists; verification.json has them all."""
+"""Largest number of speeds in the text; verification.json has them all."""
 
 
 def text(record: VerificationRecord, scene: Scene | None) -> str:
-    """The verdict for a terminal, a screen at most: a line for each speed, the worst of the band, and the outcome."""
+    """The verdict for a terminal, at most one screen: a line for each speed, the worst of the band, and the outcome."""
     rows, band, outside = record["speeds"], record["band"], outside_sentence(record.outside)
     heads = (f"{label:>{width}}" for label, width in TEXT.values())
     lines = ["  ".join([*heads, _beside("verdict", "outside nm", rows)])]
@@ -64,17 +64,17 @@ def text(record: VerificationRecord, scene: Scene | None) -> str:
 
 
 def _outside(row: dict) -> str:
-    """How far the valve's motion from rest is from that of another engine at a speed [nm]."""
+    """Difference [nm] of the valve's motion from rest to that of another engine at a speed; empty if none was run."""
     return f"{row['outside']['difference_nm']:.2g}" if "outside" in row else ""
 
 
 def _beside(verdict: str, outside: str, rows: list[dict]) -> str:
-    """A verdict, and beside it what another engine says where it was run."""
+    """The last columns of a line: the verdict and, if another engine was run at any speed, its difference."""
     return f"{verdict:<13}  {outside:>10}" if any("outside" in row for row in rows) else verdict
 
 
 def _line(row: dict, last: str = "") -> str:
-    """One row of `text`: a figure that is null shows as "none", and one that the row does not have as blank."""
+    """One row of `text`: a metric that is null is shown as "none", and one that the row does not have as blank."""
     cells = []
     for name, (_, width) in TEXT.items():
         value = row.get(name, "")
@@ -96,7 +96,7 @@ def html(record: VerificationRecord) -> str:
 
 
 def figure(record: VerificationRecord, scene: Scene, cam: str) -> "Figure":
-    """Bounce and jump against speed: over the band where one was swept, and at the listed speeds otherwise.
+    """Bounce and jump against speed: over the band if one was swept, otherwise at the listed speeds.
 
     The curve has a gap where the valve never seats.
     """

@@ -1,12 +1,12 @@
 """DOP853, order 8 (Hairer, Norsett, Wanner 1993; SciPy's), with every switching of an element located as a root.
 
-Between switchings the motion is smooth; each ends an integration and starts the next one. A contact is apart, pushing,
-or pressed without force; a table is on one of its rows; oil pushes, waits for its valve or is filled; friction sticks
-or slides (`of_dop853` says where each gives way to the next). An integration also ends where a force that is
-given by the cam angle has a corner.
+Between switchings the motion is smooth; each switching ends one integration and starts the next. A contact is apart,
+pushing, or pressed without force; a table is on one of its rows; oil pushes, is without force while its check valve
+shuts, or is refilled; friction sticks or slides (`of_dop853` defines the transitions between these phases). An
+integration also ends at the corners of forces that are given over the cam angle.
 
-The method takes every law of a scene. The steps per revolution decide how often the motion is recorded and how often it
-is searched for switchings. They also decide the relative error permitted, which is the cube of the step [rad].
+The method implements every law of a scene. The steps per revolution determine how often the motion is recorded and
+searched for switchings, and the permitted relative error, which is the cube of the step [rad].
 """
 
 from bisect import bisect_right
@@ -35,10 +35,11 @@ from camopt.verifier.methods.of_dop853 import (
 )
 
 LEAST_ERROR = 1e-12
+"""Smallest permitted relative error."""
 FLOORS = 1e-3, 1.0
-"""Length [m] and velocity [m/s] to which the permitted error relates where the motion itself is smaller."""
+"""Length [m] and velocity [m/s] to which the permitted error relates if the motion itself is smaller."""
 MOST_SWITCHINGS = 20_000
-"""A motion with more switchings than this in one revolution is refused as chatter."""
+"""Largest number of switchings in one revolution; a motion with more is refused as chatter."""
 ROOT = 1e-18
 """Accuracy with which the time of a switching is located [s], besides the rounding of the time itself."""
 
@@ -47,7 +48,7 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     """One revolution as a function of its start state (2n + r: [m], [m/s], memories [m]); any laws.
 
     `cam_speed` [rad/s]. The response has steps_per_revolution + 1 samples and two at every switching, before and after
-    it. Raises MotionRefused for endless switching, or where no step meets the permitted error.
+    it. Raises MotionRefused if there are too many switchings, or if no step meets the permitted error.
     """
     train.require_kinds("DOP853", WRITTEN, "camopt/verifier/methods/of_dop853.py")
     motion = _Motion(train, lift, cam_speed)
@@ -94,7 +95,7 @@ class _Motion:
         self.laws, self.forcing = PieceLaws(train), train.forcing
 
     def stops(self, end: float) -> list[float]:
-        """The times [s] at which an integration ends: the corners of the forces by the cam angle, and `end`."""
+        """Times [s] at which an integration ends: the corners of the forces given over the cam angle, and `end`."""
         corners = {float((angle + np.pi) / self.cam_speed) for f in self.forcing for angle in f.angle}
         return [*sorted(t for t in corners if 0.0 < t < end), end]
 
@@ -105,7 +106,7 @@ class _Motion:
         return d, self.rows @ y[n : 2 * n] + self.driven * lift_rate
 
     def surfaces(self, y: np.ndarray, lift, lift_rate, acting: Acting) -> tuple[np.ndarray, ...]:
-        """What of the elements decides where they switch, in states y (2n + r, m); rows `of_dop853.U` to SLACK."""
+        """The surfaces that determine the switchings, `of_dop853.U` to SLACK, in states y (2n + r, m)."""
         n, (d, rate) = len(self.mass), self.compressions(y, lift, lift_rate)
         elastic = self.laws.force(d, y[2 * n :], acting)
         force = elastic + (self.damping + self.laws.dissipation * elastic) * rate
@@ -122,7 +123,7 @@ class _Motion:
         return lift, slope * self.cam_speed
 
     def given(self, begin: float, end: float) -> tuple[np.ndarray, np.ndarray]:
-        """The given forces on the masses as value at time zero (n) [N] and slope (n) [N/s], between two stops."""
+        """The given forces on the masses between two stops [s]: value at time zero (n) [N] and slope (n) [N/s]."""
         value, slope = self.load.copy(), np.zeros(len(self.load))
         for f in self.forcing:
             i = np.searchsorted(f.angle, 0.5 * (begin + end) * self.cam_speed - np.pi, "right") - 1
@@ -132,7 +133,7 @@ class _Motion:
         return value, slope
 
     def phases(self, y: np.ndarray) -> Phases:
-        """Every phase in a state (2n + r) at -180 degrees."""
+        """The phases of all elements in a state (2n + r) at -180 degrees."""
         cam = self.cam(0.0)
         d, rate = self.compressions(y[:, None], *cam)
         others = self.laws.first_phases(d[:, 0], rate[:, 0], y[2 * len(self.mass) :])
@@ -141,9 +142,9 @@ class _Motion:
         return found | others
 
     def until_switching(self, t: float, y: np.ndarray, phases: Phases, looked: tuple[np.ndarray, float], error: float):
-        """Integrates from t to the first switching or to a stop; `looked` are the times of all samples, and the stop.
+        """Integrate from t to the first switching or to the stop; `looked` holds the times of all samples and the stop.
 
-        Returns times (k), states (k, 2n + r), forces (k, e) and the phase that begins at the end.
+        Returns times (k), states (k, 2n + r) and forces (k, e), and the phase that begins at the end, by its key.
         """
         n, memory, (grid, stop) = len(self.mass), self.memory, looked
         acting = self.laws.acting(phases)
@@ -153,7 +154,7 @@ class _Motion:
             d, _ = self.compressions(y[:, None], *self.cam(t))
             y = np.append(y[: 2 * n], self.laws.followed(d[:, 0], y[2 * n :], phases))
 
-        floors: Any = error * self.floors  # SciPy takes an array here, its stubs do not say so
+        floors: Any = error * self.floors  # SciPy accepts an array here, although its stubs do not
         rate = self.rate_with(acting, load, ramp)
         solver = DOP853(rate, t, y, stop, max_step=grid[-1] / 360, rtol=error, atol=floors)
         times, states, after = [np.array([t])], [y[:, None]], None
@@ -177,9 +178,9 @@ class _Motion:
         return (time, state.T, force.T), {} if after is None else after
 
     def rate_with(self, acting: Acting, load: np.ndarray, ramp: np.ndarray) -> Callable:
-        """The derivative of the state (2n + r) by the time [s], with the laws of a set of phases and given forces.
+        """The time derivative of the state (2n + r) as a function, for the laws of a set of phases and given forces.
 
-        Straight lines are one matrix on the state, the lift, its rate, one and the time; bent laws are added to it.
+        Linear laws form one matrix on state, lift, lift rate, one and time [s]; the forces of curved laws are added.
         """
         n, size, bent, memory = len(self.mass), len(self.floors), self.laws.bent, self.memory
         x, v, z, lift, slope, one, time = (slice(0, n), slice(n, 2 * n), slice(2 * n, size), *range(size, size + 4))
@@ -225,9 +226,9 @@ class _Motion:
     def _first(self, dense, look: np.ndarray, laws: tuple[Acting, list[Switching]], begins: bool):
         """The time of the first switching within a step, and the phase that it begins, by its key.
 
-        The step is examined at the times `look`. Where it has no switching, its end and None are returned. Where a
-        phase begins, round-off may already have put a surface beyond its zero; if it moves on from there, the switching
-        is at the beginning.
+        The step is examined at the times `look`. If it has no switching, its end and None are returned. At the
+        beginning of a phase, round-off may already have moved a surface beyond its zero; if the surface moves further
+        away from zero, the switching is at the beginning.
         """
         acting, watched = laws
         found = self._surfaces_at(look, dense(look), acting)

@@ -19,16 +19,16 @@ from camopt.verifier.outside.filed import FiledCam, FiledTrain, OutsideRefused, 
 from camopt.verifier.outside.forces import LAWS_OF_CONTACT
 
 COARSEST, FINEST = 1e-8, 1e-11
-"""Relative tolerances of the solver, from the first to the last: below, its shortest steps are at round-off."""
+"""First and last relative tolerance of the solver. Below the last one its shortest steps reach round-off."""
 STANDS_NM = 0.3
-"""The valve stands where a tenfold tightening moves it by less than this [nm]."""
+"""The valve's motion has converged if a tenfold smaller tolerance changes it by less than this [nm]."""
 SETTLED = 1e-9
-"""Tolerance of settled motions, whose figures are held against 1e-4 mm."""
+"""Relative tolerance for settled motions, whose metrics are compared to within 1e-4 mm."""
 NM = 1e-9
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Writes the motions at all speeds as JSON; exit code 2 with a sentence for what cannot be expressed."""
+    """Write the motions at all speeds as JSON; exit code 2, with a sentence, if the scene cannot be expressed."""
     args = _parser().parse_args(arguments)
     try:
         train, cam = read_train(args.scene), read_cam(args.design)

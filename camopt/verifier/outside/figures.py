@@ -1,7 +1,7 @@
-"""Bounce, jump, seating velocity and contact forces of recorded revolutions, read by the definitions of docs/model.md.
+"""Bounce, jump, seating velocity and contact forces of recorded revolutions, as defined in docs/model.md.
 
-The reading is the judge's own: between two steps of the solver a motion is the cubic through positions and velocities,
-looked at in a few more places.
+The evaluation is independent of camopt's: between two steps of the solver the motion is the cubic Hermite interpolant
+of positions and velocities, which is evaluated at a few additional points.
 """
 
 import numpy as np
@@ -11,17 +11,17 @@ from camopt.verifier.outside.filed import GROUND, MM, FiledCam, FiledElement, Fi
 from camopt.verifier.outside.forces import NEVER_PULLS, compression, force, lift, touch
 
 BETWEEN = 4
-"""Places at which each step of the solver is looked at."""
+"""Evaluation points per step of the solver."""
 TURN = 2 * np.pi
 
 
 def sampled(motion: FiledMotion, mass: int, speed: float, angles: np.ndarray) -> np.ndarray:
-    """Position (k) [m] of a mass at angles (k) [rad] of a revolution."""
+    """Position (k) [m] of a mass at angles (k) [rad] of one revolution."""
     return hermite(motion.angle, motion.x[:, [mass]], motion.v[:, [mass]] / speed, angles)[0][:, 0]
 
 
 def hermite(angle: np.ndarray, y: np.ndarray, slope: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cubics through values (k, n) and slopes (k, n) at angles (k): values and slopes (m, n) at angles (m)."""
+    """Values and slopes (m, n) at angles `at` (m) of the cubic interpolant of `y` and `slope` (k, n) at angles (k)."""
     i = np.clip(np.searchsorted(angle, at, "right") - 1, 0, len(angle) - 2)
     h = (angle[i + 1] - angle[i])[:, None]
     u = (at - angle[i])[:, None] / h
@@ -32,7 +32,7 @@ def hermite(angle: np.ndarray, y: np.ndarray, slope: np.ndarray, at: np.ndarray)
 
 
 def way_from_cam(train: FiledTrain) -> list[FiledElement]:
-    """The elements from the one that the cam drives to the valve, the shortest way; none leads over the ground."""
+    """The elements on the shortest path from the cam-driven one to the valve; the path does not pass through ground."""
     ways = [(e.b, [e]) for e in train.elements if e.driven and e.b != GROUND]
     while ways:
         mass, path = ways.pop(0)
@@ -47,8 +47,8 @@ def way_from_cam(train: FiledTrain) -> list[FiledElement]:
 def figures(
     train: FiledTrain, cam: FiledCam, speed: float, motions: list[FiledMotion], law: str = NEVER_PULLS
 ) -> list[dict[str, float | None]]:
-    """Figures of every revolution of a record but its last, which only provides a window; a valve that has not touched
-    its seat has no bounce and no seating velocity."""
+    """Metrics of every recorded revolution except the last, into which the window of bounce extends. They have no
+    bounce and no seating velocity if the valve does not touch its seat."""
     if len(motions) < 2:
         raise ValueError("figures need two revolutions or more: the window of bounce runs into the next one")
     angle, x, v, z = _joined(motions, speed)
@@ -60,7 +60,7 @@ def figures(
     forces = [force(e, one, its_rate, np.where, law) for e, one, its_rate in zip(between, d, rate, strict=True)]
     gaps = [touch(e) - one for e, one in zip(between, d, strict=True)]
     memory = [e for e in train.elements if e.has_memory]
-    adjusters = [f"{e.name}-oil" for e in way if e.law == "plunger"]  # oil columns stand beside their plungers
+    adjusters = [f"{e.name}-oil" for e in way if e.law == "plunger"]  # oil columns are parallel to their plungers
     oils = [i for i, e in enumerate(memory) if e.law == "oil" and e.name in adjusters]
     seat = touch(train.seat) - compression(train.seat, x, height)
     record = np.stack([angle, seat, height - sum(e.gap for e in between), z[:, oils].sum(axis=1)])
@@ -81,7 +81,7 @@ def figures(
 
 
 def _joined(motions: list[FiledMotion], speed: float) -> tuple[np.ndarray, ...]:
-    """Angle (k) [rad], going on from revolution to revolution, positions, velocities and memories of all of them."""
+    """Angle (k) [rad], increasing over all revolutions, with positions, velocities and memories at it."""
     parts = []
     for r, m in enumerate(motions):
         share = np.arange(BETWEEN) / BETWEEN
@@ -94,8 +94,8 @@ def _joined(motions: list[FiledMotion], speed: float) -> tuple[np.ndarray, ...]:
 
 
 def _closed(cam: FiledCam, nose: float, record: np.ndarray, speed: float) -> tuple[float | None, float | None]:
-    """Bounce [mm] and seating velocity [m/s] of the revolution whose nose is at the angle `nose`, None where the valve
-    never seats; a record (4, k) holds angle, distance from the seat, lift above the lash and what adjusters leaked."""
+    """Bounce [mm] and seating velocity [m/s] of the revolution whose nose is at the angle `nose`, None if the valve
+    never seats. `record` (4, k) holds angle, distance from the seat, lift above the lash and leakage of adjusters."""
     angle, s, above_lash, leaked = record
     foot = float(cam.start[np.flatnonzero(np.any(cam.coefficients != 0.0, axis=1))[0]])
     own = np.flatnonzero((angle >= nose - np.pi) & (angle < nose + np.pi))
@@ -109,12 +109,12 @@ def _closed(cam: FiledCam, nose: float, record: np.ndarray, speed: float) -> tup
     i = falls[0]
     shorter = max(0.0, float(leaked[i] - np.interp(nose + foot, angle, leaked)))
     last = own[above_lash[own] > shorter].max()
-    begin = min(_zero(angle, s, i), _zero(angle, above_lash - shorter, last))  # of the touch, of the nominal closing
+    begin = min(_zero(angle, s, i), _zero(angle, above_lash - shorter, last))  # touch, nominal closing
     after = window[angle[window] >= begin]
     seating = (s[i] - s[i + 1]) / (angle[i + 1] - angle[i]) * speed
     return max(0.0, float(np.interp(begin, angle, s)), float(s[after].max())) / MM, float(seating)
 
 
 def _zero(angle: np.ndarray, y: np.ndarray, i: int) -> float:
-    """The angle at which y (k) falls through zero, between places i and i + 1."""
+    """The angle between samples i and i + 1 at which y (k) falls through zero, by linear interpolation."""
     return float(angle[i] + y[i] / (y[i] - y[i + 1]) * (angle[i + 1] - angle[i]))

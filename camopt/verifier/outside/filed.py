@@ -1,6 +1,6 @@
-"""Train and cam as the files of a run folder give them, in SI and radians.
+"""Train and cam read from the files of a run folder, in SI units and radians.
 
-Nothing of camopt is read but these two files. What the judge cannot express is refused with a sentence.
+Only these two files of camopt are used. A scene that cannot be expressed here is refused with a sentence.
 """
 
 import json
@@ -21,12 +21,12 @@ KNOWN = {
     "dissipation_s_per_m", "leak_N_s_per_m", "spring_N_per_m", "stroke_mm", "check_travel_mm", "slip_N",
     "damping_N_s_per_m", "preload_N", "gap_mm", "cam_driven", "assumed", "source",
 }  # fmt: skip
-"""Keys of an element that the judge understands."""
+"""Supported keys of an element."""
 KNOWN_OF_A_MASS = {"name", "mass_kg", "damping_N_s_per_m", "force_N", "assumed", "source"}
 
 
 class OutsideRefused(ValueError):
-    """What the judge cannot express, or a file that it cannot read; the text is one sentence."""
+    """A scene that cannot be expressed here, or a file that cannot be read; the message is one sentence."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class FiledElement:
     b: int
     contact: bool
     driven: bool = False
-    stiffness: float = 0.0  # N/m, of a hertz or hunt-crossley contact N/m^exponent
+    stiffness: float = 0.0  # N/m, for a hertz or hunt-crossley contact N/m^exponent
     damping: float = 0.0  # N s/m
     preload: float = 0.0  # N
     gap: float = 0.0  # m
@@ -52,13 +52,13 @@ class FiledElement:
 
     @property
     def has_memory(self) -> bool:
-        """Whether the element has a length of its own that flows or slides."""
+        """Whether the element has an internal length, which changes by leakage or sliding."""
         return self.law in ("oil", "friction")
 
 
 @dataclass(frozen=True)
 class FiledTrain:
-    """The train of a scene file; forces by the cam angle are rows of angle [rad] and force [N] on a mass."""
+    """The train of a scene file; `forcing` holds masses with rows of cam angle [rad] and force [N]."""
 
     mass: tuple[float, ...]
     drag: tuple[float, ...]  # N s/m to ground
@@ -88,7 +88,7 @@ class FiledCam:
 
 
 def read_cam(path: str | Path) -> FiledCam:
-    """The cam of a design file. Raises OutsideRefused where it has no pieces."""
+    """The cam of a design file. Raises OutsideRefused if the file has no polynomial pieces."""
     content = json.loads(Path(path).read_text(encoding="utf-8"))
     if "pieces" not in content:
         raise OutsideRefused(f"{path}: no pieces of a lift: give a design.json of camopt")
@@ -100,7 +100,7 @@ def read_cam(path: str | Path) -> FiledCam:
 
 
 def read_train(path: str | Path) -> FiledTrain:
-    """The train of a scene file. Raises OutsideRefused for what the judge cannot express."""
+    """The train of a scene file. Raises OutsideRefused if the scene cannot be expressed here."""
     scene = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     if "seat" not in scene or "valve" not in scene or "operation" not in scene:
         raise OutsideRefused(f"{path}: the judge from outside needs valve, seat and [operation]")
@@ -131,7 +131,7 @@ def _known(what: str, table: dict[str, Any], keys: set[str]) -> None:
 
 
 def _parts(e: dict[str, Any], index: dict[str, int]) -> list[FiledElement]:
-    """An element as the judge has it: an adjuster is its plunger and its oil, side by side."""
+    """The elements that represent an element of the scene: a plunger and oil in parallel for an adjuster, else one."""
     _known(f"element {e['name']}", e, KNOWN)
     kind, law = e["kind"], e.get("law", "linear")
     if kind not in KINDS or law not in LAWS:
@@ -156,7 +156,7 @@ def _parts(e: dict[str, Any], index: dict[str, int]) -> list[FiledElement]:
 
 
 def _plunger_rows(e: dict[str, Any]) -> tuple[tuple[float, float], ...]:
-    """Force [N] of an adjuster's plunger spring by compression [m]: soft within the stroke, a stop at either end."""
+    """Force [N] over compression [m] of an adjuster's plunger spring: soft within the stroke, stops at both ends."""
     half, stop = e["stroke_mm"] * MM / 2, e["stiffness_N_per_m"]
     least, most = (e["preload_N"] + side * half * e["spring_N_per_m"] for side in (-1, 1))
     return (-half - least / stop, 0.0), (-half, least), (half, most), (half + MM, most + stop * MM)
