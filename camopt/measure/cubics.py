@@ -10,7 +10,7 @@ BISECTIONS = 52
 
 @compiled
 def with_stationary_points(angle, y, step, c):
-    """Angles and values of the samples y and of all stationary points between them, ascending; cubics c (4, k - 1)."""
+    """Ascending angles, and values, of the samples y (k) and all stationary points of the cubics c (4, k - 1)."""
     found, value, count = np.empty(3 * len(y)), np.empty(3 * len(y)), 0
     for i in range(len(y)):
         found[count], value[count] = angle[i], y[i]

@@ -1,7 +1,7 @@
 """The limits of a scene's design: those on the cam's shape and those on the motion.
 
-Limits on the shape are judged from the exact extremes of the cam's polynomial pieces. Of those on the motion, here
-stands what each of them limits, and when a value keeps or breaks it.
+Limits on the shape are judged from the exact extremes of the cam's polynomial pieces. For limits on the motion, this
+file defines which metric each of them limits and when a value keeps or breaks it.
 """
 
 from collections.abc import Iterable, Iterator
@@ -21,25 +21,26 @@ from camopt.scene.shapes import Float
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
 SAMPLED = 1e-6
-"""Relative slack of radii under a roller or pad, whose extremes are looked for between samples."""
+"""Relative slack of radii under a roller or pad, whose extremes are searched for between samples."""
 STEP_ROUNDING = 1e-6
-"""A jump at a border that is no larger than this share of the largest value counts as rounding; a designed step is
-orders larger."""
+"""Largest jump at a border, relative to the largest value, that counts as rounding; a designed step is orders of
+magnitude larger."""
 RAMP_LIFT = 1e-6
-"""Lift above the ramp's height that counts as none [m]: about what a lift table is measured to."""
+"""Lift [m] by which a cam may exceed the ramp's height: about the accuracy of a measured lift table."""
 EVERYWHERE = "the cam, at every angle"
 DECIMALS = 9
-"""Decimals of a limited value that would be zero but for rounding."""
+"""Decimals to which a value that is zero except for rounding is rounded."""
 MOTION_LIMITS = {q.limit: q.name for q in QUANTITIES.values() if q.limit is not None}
-"""The metric that each limit on the motion limits, by the limit's key in the design."""
+"""Limited metric by the limit's key in the design, for limits on the motion."""
 LEAST_LIMIT = 1e-6
-"""The least divisor of a share, in the metric's unit. It stands in for a limit of zero, and is a nanometre in mm."""
+"""Smallest divisor of a share, in the metric's unit, used in place of a limit of zero; for a length in mm it is a
+nanometre."""
 
 
 class MotionLimit(NamedTuple):
-    """The largest value that a metric may have or, where less is worse, the smallest one.
+    """The largest value that a metric may have or, for a metric of which less is worse, the smallest one.
 
-    Limit, values and errors are all in the metric's own unit, which its name states.
+    Limit, values and errors are in the metric's unit, which is part of its name.
     """
 
     metric: str
@@ -51,30 +52,30 @@ class MotionLimit(NamedTuple):
         return QUANTITIES[self.metric].less_is_worse
 
     def keeps(self, found: float, error: float = 0.0) -> bool:
-        """Whether the value `found` keeps the limit even if it is wrong by `error` to the bad side. NaN keeps none."""
+        """Whether the value `found`, made worse by `error`, keeps the limit. NaN does not keep it."""
         return bool(found - error >= self.value if self.least else found + error <= self.value)
 
     def breaks(self, found: float, error: float = 0.0) -> bool:
-        """Whether the value `found` breaks the limit even if it is wrong by `error` to the good side. NaN breaks it."""
+        """Whether the value `found`, made better by `error`, breaks the limit. NaN breaks it."""
         return not self.keeps(found, -error)
 
     def share(self, found: np.ndarray) -> np.ndarray:
-        """How much of the limit each of the values `found` uses, as an array of their shape: one at the limit.
+        """Usage of the limit by each of the values `found`, as an array of their shape: one at the limit.
 
-        It is the value over the limit or, where less is worse, two less that ratio and at least zero, so that in both
-        cases a fifth of the limit is left at 0.8. NaN uses infinitely much.
+        It is the value divided by the limit or, if less is worse, two minus that ratio and at least zero, so that in
+        both cases 0.8 means a margin of a fifth of the limit. NaN has an infinite usage.
         """
         used = found / max(self.value, LEAST_LIMIT)
         return np.nan_to_num(np.maximum(2.0 - used, 0.0) if self.least else used, nan=np.inf)
 
     @property
     def share_slope(self) -> float:
-        """Derivative of the share by the value, per unit of the metric."""
+        """Derivative of the share with respect to the value, per unit of the metric."""
         return (-1.0 if self.least else 1.0) / max(self.value, LEAST_LIMIT)
 
 
 def motion_limits(design: Design | None) -> dict[str, MotionLimit]:
-    """The limits on the motion that a design sets, by their keys in it; none where there is no design."""
+    """The limits on the motion that a design sets, by their keys in it; empty without a design."""
     if design is None:
         return {}
     given = {key: getattr(design, key) for key in MOTION_LIMITS}
@@ -82,39 +83,38 @@ def motion_limits(design: Design | None) -> dict[str, MotionLimit]:
 
 
 def limited_metrics(design: Design | None) -> tuple[str, ...]:
-    """The names of bounce, which always counts, and of the other metrics that a design limits."""
+    """Names of the metrics that a design limits, bounce first, which is always included."""
     return tuple(dict.fromkeys(["bounce_mm", *(limit.metric for limit in motion_limits(design).values())]))
 
 
 def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
-    """The names of the limits that the cam's shape breaks; none where there is no design.
+    """The names of the limits that the cam's shape breaks; empty without a design.
 
-    They are keys of the design, and "continuous_lift" and "continuous_velocity", which no scene has to ask for. Every
-    limit holds at every angle. A step in velocity breaks the limits on the acceleration too, and a step in acceleration
-    that on the jerk; the one exception is the outer end of a ramp to which the scene gives no foot. The limit on the
-    snap counts between the ramps, at whose ends every cam's jerk steps. `_outside` says what is asked of the duration
-    and the ramps. Of a cam that a rounded table gives, those limits are named that no cam within the rounding keeps
-    (`camopt.measure.rounded`).
+    They are keys of the design, and "continuous_lift" and "continuous_velocity", which apply to every scene. A limit
+    applies at every angle. A step in velocity also breaks the limits on the acceleration, and a step in acceleration
+    breaks the limit on the jerk, except at the outer end of a ramp without a foot in the scene. The limit on the snap
+    applies between the ramps only, because every cam's jerk steps at their ends. `_outside` defines the limits on the
+    duration and the ramps. For a cam given by a rounded table, only those limits are named that no cam within the
+    rounding keeps (`camopt.measure.rounded`).
     """
     return [] if design is None else list(shape_excess(lift, design))
 
 
 def shape_excess(lift: Lift, design: Design) -> dict[str, float]:
-    """By how much a cam breaks the limits of `broken_by_shape`, relative to each; 1 for a step and for a limit without
-    a size."""
+    """Relative excess over each of the limits of `broken_by_shape`; 1 for a step and for a limit without a size."""
     over = _largest(row for row in reached_by_shape(lift, design) if row.excess > row.slack)
     rows = rows_of(lift)
     return over if rows is None else {key: over[key] for key in violated_beyond_rounding([*over], rows, design)}
 
 
 def drawing_excess(lift: Lift, design: Design) -> dict[str, float]:
-    """By how much a cam exceeds each limit of the drawing, by key and relative to its size; negative where it keeps
-    it."""
+    """Excess of a cam over each limit of the drawing, by key and relative to the limit's size; negative if it is
+    kept."""
     return _largest(_of_the_drawing(lift, design))
 
 
 def _largest(rows: Iterable["Reached"]) -> dict[str, float]:
-    """The largest excess by key."""
+    """The largest excess of the rows, by key."""
     found: dict[str, float] = {}
     for row in rows:
         found[row.key] = max(row.excess, found.get(row.key, -np.inf))
@@ -122,23 +122,23 @@ def _largest(rows: Iterable["Reached"]) -> dict[str, float]:
 
 
 class Reached(NamedTuple):
-    """What a cam reaches of one limit on its shape; the value is not finite where there is none to show."""
+    """The value that a cam reaches for one limit on its shape; it is not finite if there is no value to show."""
 
     key: str
-    value: float  # in the key's unit, as the limit is
+    value: float  # in the key's unit, like the limit
     limit: float
-    excess: float  # by how much the cam breaks the limit, relative to its size; it is broken beyond the slack
+    excess: float  # over the limit, relative to its size; the limit is broken if it is larger than the slack
     least: bool = False  # whether less is worse
     where: str = EVERYWHERE
     slack: float = ROUNDING
-    label: str = ""  # where a key has several rows
+    label: str = ""  # if a key has several rows
 
 
 def reached_by_shape(lift: Lift, design: Design) -> Iterator[Reached]:
-    """What a cam reaches of every limit on its shape that a design sets, and of being continuous where it is not."""
+    """The rows of all limits on its shape that a design sets, and one for every discontinuity of a cam."""
 
     def of(key: str, value: float, unit: float, where: str = EVERYWHERE, stepped: bool = False) -> Iterator[Reached]:
-        """The row of a limit that the design sets, for a value in SI."""
+        """The row of a limit, if the design sets it, for a value in SI units."""
         if (limit := getattr(design, key)) is not None:
             excess = value / (limit * unit) - 1
             excess = 1.0 if stepped and excess <= ROUNDING else excess
@@ -173,11 +173,10 @@ def reached_by_shape(lift: Lift, design: Design) -> Iterator[Reached]:
 
 
 def _of_the_drawing(lift: Lift, design: Design) -> Iterator[Reached]:
-    """What a cam reaches of the limits of `linear_limits`, each at the flank where it is worse, of durations at a lift
-    and of radii.
+    """The rows of the limits of `linear_limits`, each at the worse flank, of durations at a lift, and of radii.
 
-    A duration at a lift lies between the outermost angles at which the cam has that lift, and is zero where it never
-    does; its excess is relative to the scene's duration.
+    A duration at a lift is the distance of the outermost angles at which the cam has that lift, and zero if there are
+    none; its excess is relative to the scene's duration.
     """
     worst: dict[str, Reached] = {}
     for limit in (limit for limit in linear_limits(design) if not limit.chosen):
@@ -198,7 +197,7 @@ def _of_the_drawing(lift: Lift, design: Design) -> Iterator[Reached]:
 
 
 def _of_a_circle(lift: Lift, design: Design) -> Iterator[Reached]:
-    """What a cam reaches of the radii under a roller or pad; infinitely too little where that cannot follow it."""
+    """The rows of the radii under a roller or pad; a radius is minus infinity if the follower cannot follow the cam."""
     asked, geometry = radii_held_near(design), design.geometry
     if not asked or geometry is None:
         return
@@ -212,10 +211,10 @@ def _of_a_circle(lift: Lift, design: Design) -> Iterator[Reached]:
 
 
 def duration_words(lift: Lift, design: Design) -> str:
-    """A sentence on a cam whose duration differs from the scene's, or an empty text where the two agree.
+    """A sentence on a cam whose duration differs from the scene's, or an empty text if the two agree.
 
-    A shorter cam is legal, and its area ratio is judged with the scene's duration. A longer one breaks "duration_deg";
-    where its lift shows that, the sentence names the angle and the lift there.
+    A shorter cam is legal, and its area ratio is computed with the scene's duration. A longer one breaks
+    "duration_deg"; if its lift shows that, the sentence names the angle and the lift there.
     """
     asked, own = design.duration_deg, 2 * lift.half_duration / DEG
     angle, above, height = _beyond(lift, design)
@@ -235,12 +234,12 @@ def duration_words(lift: Lift, design: Design) -> str:
 
 
 def _outside(lift: Lift, design: Design) -> Iterator[Reached]:
-    """What a cam reaches of the limits on its duration and its velocity where the ramps lie.
+    """The rows of the limits on the duration and on the velocity of the ramps.
 
-    It breaks "duration_deg" where it says itself that it is longer than the scene asks, or where its lift exceeds the
-    ramp's height by more than RAMP_LIFT outside the shorter one of its own duration and the scene's. It breaks
-    "ramp_velocity_mm_per_deg", or the closing side's key, where its velocity exceeds the ramp's by more than
-    RAMP_VELOCITY outside the scene's duration. Lower, shorter and slower ramps are legal.
+    A cam breaks "duration_deg" if its stated duration is longer than the scene's, or if its lift exceeds the ramp's
+    height by more than RAMP_LIFT outside the shorter one of both durations. It breaks "ramp_velocity_mm_per_deg", or
+    the closing side's key, if its velocity exceeds the ramp's by more than RAMP_VELOCITY outside the scene's duration.
+    Lower, shorter and slower ramps are legal.
     """
     sides, asked = [], design.duration_deg / 2 * DEG
     _, above, height = _beyond(lift, design)
@@ -257,8 +256,8 @@ def _outside(lift: Lift, design: Design) -> Iterator[Reached]:
 
 
 def _beyond(lift: Lift, design: Design) -> tuple[float, float, float]:
-    """Where the shorter one of the cam's and the scene's duration ends [deg], the largest lift beyond [mm] and the
-    ramp's height [mm], at the side at which the lift exceeds it more."""
+    """End of the shorter one of the cam's and the scene's duration [deg], largest lift beyond it [mm] and the ramp's
+    height [mm], on the side where the lift exceeds this height more."""
     half, found = min(design.duration_deg / 2 * DEG, lift.half_duration), []
     for sign, (height, _, _) in zip((-1, 1), design.ramps(), strict=True):
         highest = lift.extremes(0, *sorted((sign * half, sign * np.pi)))[1]
@@ -269,7 +268,7 @@ def _beyond(lift: Lift, design: Design) -> tuple[float, float, float]:
 def steps_at(lift: Lift, design: Design, order: int, within: float = np.inf) -> Float[np.ndarray, " k"]:
     """The angles [rad] of the borders of pieces, nearer to the nose than `within`, at which a derivative jumps.
 
-    Where the scene's ramps have no foot, the velocity may jump by that of the ramp as the lift leaves and meets zero.
+    If the scene's ramps have no foot, the velocity may jump by that of the ramp where the lift leaves and reaches zero.
     """
     ends = np.stack([lift.borders[:-1], lift.borders[1:]])
     after, before = lift.of_piece(np.arange(len(lift.coefficients)), ends, order)
@@ -284,6 +283,7 @@ def steps_at(lift: Lift, design: Design, order: int, within: float = np.inf) -> 
 
 
 def steepest_jerk(lift: Lift, design: Design) -> float:
-    """The largest jerk [m/rad^3] of a cam; infinite where velocity or acceleration jumps, but by a table's rounding."""
+    """The largest jerk [m/rad^3] of a cam; infinite if velocity or acceleration jumps, unless the cam is a rounded
+    table."""
     stepped = rows_of(lift) is None and any(len(steps_at(lift, design, order)) for order in (1, 2))
     return np.inf if stepped else float(np.abs(lift.extremes(3)).max())

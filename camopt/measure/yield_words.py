@@ -1,7 +1,7 @@
-"""What drawn trains say of a cam, in sentences: the same for the terminal, the report and a notebook.
+"""Sentences on the yield of a cam over drawn trains, the same for the terminal, the report and a notebook.
 
-They are made of a record, the content of verification.json's "yield" or of yield.json, which may come from an untrusted
-file: what is not there or is no number is left out.
+They are made from a record, the content of "yield" in verification.json or of yield.json. It may come from an untrusted
+file: a value that is missing or not a number is left out.
 """
 
 from collections.abc import Mapping
@@ -10,15 +10,16 @@ from typing import Any
 from camopt.scene.quantities import is_number
 
 CONFIDENCE = 0.95
-"""How often the interval of a share holds the true one."""
+"""Confidence level of the interval of a share."""
 ADVISED = 0.95
-"""The share of trains that is advised where none was asked for."""
+"""Share of trains that is advised if no yield was requested."""
 IDEAL = "ideal"
-"""The folder inside a run's of the largest cam for the train as designed."""
+"""Folder within a run folder that holds the largest cam for the train as designed."""
 HELD, MISSED, ENOUGH, NOT_ASKED = "held", "missed", "enough", "not asked"
-"""How the share stands to what was asked: where nothing was, whether the advised share is held in any case."""
+"""A share compared with the requested yield: reached or missed; without a request, whether the advised share is reached
+or not."""
 LEAST_BLAME = 0.005
-"""A smaller part of the scatter would print as 0 %."""
+"""Smallest share of the scatter that is printed; a smaller one would appear as 0 %."""
 
 
 def standing(record: Mapping[str, Any]) -> str:
@@ -48,7 +49,7 @@ def share_sentence(record: Mapping[str, Any]) -> str:
 
 
 def asked_sentence(record: Mapping[str, Any]) -> str:
-    """What was asked and whether that is confirmed, with the reasons where it is not; empty as above."""
+    """The requested yield and whether it is confirmed, with the reasons if not; empty for a record without a share."""
     stands = standing(record)
     if stands == NOT_ASKED:
         return "no yield was asked for"
@@ -63,7 +64,7 @@ def asked_sentence(record: Mapping[str, Any]) -> str:
 
 
 def spoiling_sentences(record: Mapping[str, Any]) -> list[str]:
-    """Which limit breaks first in how many trains, and which tolerances are to blame."""
+    """Which limit breaks first in how many trains, and which tolerances explain the scatter."""
     sentences = []
     for limit, entry in _mapped(record.get("first_broken")).items():
         trains, by_speed = _mapped(entry).get("trains"), _mapped(_mapped(entry).get("speeds_rpm"))
@@ -81,8 +82,7 @@ def spoiling_sentences(record: Mapping[str, Any]) -> list[str]:
 
 
 def ideal_sentence(record: Mapping[str, Any]) -> str:
-    """What the largest cam for the train as designed would have, and in what share it holds; empty where none stands
-    beside the cam."""
+    """Area ratio and yield of the largest cam for the train as designed; empty if the record has no such cam."""
     ideal = _mapped(record.get("ideal"))
     if not all(is_number(ideal.get(key)) for key in ("area_ratio", "share", "trains")):
         return ""
@@ -94,7 +94,7 @@ def ideal_sentence(record: Mapping[str, Any]) -> str:
 
 
 def advised_sentence(record: Mapping[str, Any]) -> str:
-    """What a cam for trains as built would have, where none was asked for; empty where that was not estimated."""
+    """Estimated area ratio of a cam for trains as built if no yield was requested; empty without an estimate."""
     advised = _mapped(record.get("advised"))
     if not all(is_number(advised.get(key)) for key in ("share", "area_ratio")):
         return ""
@@ -105,13 +105,13 @@ def advised_sentence(record: Mapping[str, Any]) -> str:
 
 
 def estimated_words(record: Mapping[str, Any]) -> str:
-    """The estimate of `advised_sentence` in brackets; empty where there is none."""
+    """The estimate of `advised_sentence` in brackets; empty without an estimate."""
     area_ratio = _mapped(record.get("advised")).get("area_ratio")
     return f" (estimated area ratio {area_ratio:.3f})" if is_number(area_ratio) else ""
 
 
 def counted_trains(trains: float) -> str:
-    """`1 train`, `12 trains`."""
+    """A number with its noun: "1 train", "12 trains"."""
     return f"{trains:g} train{'' if trains == 1 else 's'}"
 
 
