@@ -1,1 +1,2 @@
-"""The compiled kernel of event-exact: it crosses spans by exact propagators and locates every switching inside them."""
+"""The compiled kernel of event-exact: exact propagators advance the state over spans, inside which all switchings are
+located."""

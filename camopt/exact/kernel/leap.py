@@ -1,6 +1,7 @@
-"""Leaps over the base circle: while the cam stands still, a motion is a sum of modes that die out.
+"""Steps over the rest of the base circle, where the lift is constant and a motion is a sum of decaying modes.
 
-Where they are so small that no contact can switch any more, the rest of the base circle is one evaluation.
+Once these are so small that no contact can switch any more, the state at the end of the base circle is evaluated
+directly.
 """
 
 import numpy as np
@@ -13,12 +14,15 @@ from camopt.exact.kernel.tables import Leap, no_leap
 from camopt.programs import njit_no_refcount
 
 REBUILT = 1e-12
-"""Error, relative to each row's largest number, with which the modes must give the equations of motion back."""
+"""Largest error of the equations of motion as reconstructed from the modes, relative to the largest eigenvalue."""
 
 
 def leap_of(train: TrainArrays, rest: np.ndarray) -> Leap:
-    """The leap of a train in the pieces of its positions (n) at rest; none where its modes are not distinct, where one
-    does not die out, or where the train has a memory: while that moves, it settles far more slowly than modes."""
+    """The leap of a train in the pieces that hold at its rest positions (n).
+
+    There is none if the modes are not distinct, if one of them does not decay, or if the train has a memory, which
+    settles far more slowly than the modes.
+    """
     n, status = len(rest), np.empty(len(train.a), dtype=np.int64)
     if len(train.reach):
         return no_leap(n)
@@ -58,7 +62,7 @@ def leap_of(train: TrainArrays, rest: np.ndarray) -> Leap:
 
 @njit_no_refcount
 def no_switch_possible(leap, y, modes, size):
-    """Whether no contact can switch any more while the cam stands still; writes the modes (2r) of y (2n)."""
+    """Whether no contact can switch any more while the lift is constant; writes the modes (2r) of y (2n)."""
     count = len(size)
     apply(leap.to_modes, y, len(y), 2 * count, modes)
     for j in range(count):
@@ -74,7 +78,7 @@ def no_switch_possible(leap, y, modes, size):
 
 @njit_no_refcount
 def modal_step(leap, duration, modes, y):
-    """Writes to y (2n) the state `duration` [s] after the one whose modes (2r) are given, which are changed."""
+    """Write to y (2n) the state `duration` [s] after the one with these modes (2r), which are overwritten."""
     count = leap.rate.shape[1]
     for j in range(count):
         size, turn = np.exp(leap.rate[0, j] * duration), leap.rate[1, j] * duration

@@ -1,4 +1,4 @@
-"""Settling revolution by revolution and measuring what has settled, for many motions of one train in compiled code."""
+"""Settling and measurement of many motions of one train, revolution by revolution, in compiled code."""
 
 from typing import NamedTuple
 
@@ -13,22 +13,22 @@ from camopt.scene import settled
 
 goes_on, goes_back, shrinks = inner(settled.goes_on), inner(settled.goes_back), inner(settled.shrinks)
 SETTLING, PERIODIC, APERIODIC, REFUSED = 0, 1, 2, 3
-"""How far a motion has come: it still settles; it repeats; it did not settle; it cannot be followed."""
+"""Stages of a motion: still settling, periodic, not settled, refused."""
 
 
 class Plan(NamedTuple):
-    """How long motions may settle, and what is measured."""
+    """Tolerances of settling, and numbers of measured revolutions."""
 
     position: float  # m
     velocity: float  # m/s
-    measured: int
-    aperiodic: int  # a whole number of blocks
-    block: int  # revolutions of a wandering motion that are measured together
-    watched: bool  # whether what is measured is long enough to see that the motion settles
+    measured: int  # revolutions of a periodic motion
+    aperiodic: int  # revolutions of an aperiodic motion, a whole number of blocks
+    block: int  # revolutions of an aperiodic motion that are measured together
+    watched: bool  # whether there are enough measured revolutions to confirm that the motion settles
 
 
 class Cams(NamedTuple):
-    """k cams, the pieces of cam j being `first[j]` to `first[j + 1]`."""
+    """k cams; the pieces of cam j are `first[j]` to `first[j + 1]`."""
 
     borders: np.ndarray  # (pieces + k) rad
     pieces: np.ndarray  # (pieces, q) m/rad^k
@@ -40,25 +40,25 @@ class Cams(NamedTuple):
 class SettlingMotions(NamedTuple):
     """m motions of one train: their cams and speeds, their states, and their metrics."""
 
-    cam: np.ndarray  # (m) its number
+    cam: np.ndarray  # (m) number of the cam
     speed: np.ndarray  # (m) rad/s
-    left: np.ndarray  # (m) way left in changes over the last revolution
-    most: np.ndarray  # (m) revolutions to settle, at most
-    state: np.ndarray  # (m, 2n + r) start, then where settling has come to, then the end of the measured revolutions
+    left: np.ndarray  # (m) remaining change until settled, as a multiple of the change over the last revolution
+    most: np.ndarray  # (m) largest number of revolutions to settle
+    state: np.ndarray  # (m, 2n + r) at the start, then while settling, then at the end of the measured revolutions
     stage: np.ndarray  # (m)
-    revolutions: np.ndarray  # (m) run to settle
-    within: np.ndarray  # (m) the last of them that changed the state by less than the tolerances
-    apart: np.ndarray  # (m, 3) distances over a revolution, in the tolerances: largest within them, last but one, last
-    turns: np.ndarray  # (m) measured
-    lowest: np.ndarray  # (m, metrics) over the measured revolutions; NaN where one is NaN
+    revolutions: np.ndarray  # (m) simulated to settle
+    within: np.ndarray  # (m) number of latest consecutive ones whose remaining change is within the tolerances
+    apart: np.ndarray  # (m, 3) changes over a revolution, in the tolerances: largest within them, last but one, last
+    turns: np.ndarray  # (m) measured revolutions
+    lowest: np.ndarray  # (m, metrics) over the measured revolutions; NaN if any of them is NaN
     highest: np.ndarray  # (m, metrics)
 
 
 @compiled
 def run(s, plan, cams, motions, trace, begin):
-    """Runs the motions from `begin` on; the setting s gives the train and its tables.
+    """Simulate the motions from number `begin` on; the setting s holds the train and its tables.
 
-    Stops where room for tables or in the trace is missing; called again, it goes on from the last revolution. Returns
+    Stops if the tables or the trace are full; the next call continues after the last completed revolution. Returns
     (number of the motion, code of `revolve`).
     """
     for i in range(begin, len(motions.cam)):
@@ -78,7 +78,7 @@ def run(s, plan, cams, motions, trace, begin):
 
 @inner
 def wanted(plan, motions, i):
-    """Whether more revolutions of motion i are wanted."""
+    """Whether motion i needs more revolutions."""
     stage = motions.stage[i]
     most = plan.measured if stage == PERIODIC else plan.aperiodic
     return stage == SETTLING or (stage != REFUSED and motions.turns[i] < most)
@@ -96,7 +96,7 @@ def setting_for(s, cams, motions, i):
 
 @inner
 def note(s, plan, motions, i, after):
-    """Takes the state a revolution later; whether the change that is still to come is within the tolerances."""
+    """Move on to the state a revolution later; returns whether the remaining change is within the tolerances."""
     distance, n, apart = 0.0, len(s.train.mass), motions.apart[i]
     for j in range(len(after)):
         unit = plan.velocity if n <= j < 2 * n else plan.position
@@ -110,7 +110,7 @@ def note(s, plan, motions, i, after):
 
 @inner
 def settle(s, plan, motions, trace, i):
-    """Revolutions until the way that is left is short enough, or there have been the most: the code."""
+    """Simulate revolutions until the remaining change is small enough or the limit is reached; returns the code."""
     after, untraced = motions.state[i].copy(), cut(trace, 0, 0)
     while goes_on(motions.revolutions[i], motions.most[i], motions.within[i]):
         code = revolve(s, after, False, untraced, WHOLE)[0]
@@ -126,10 +126,10 @@ def settle(s, plan, motions, trace, i):
 
 @inner
 def measured(s, plan, motions, trace, i):
-    """The metrics of measured revolutions and one more for the last bounce window: the code.
+    """Measure revolutions, followed by one more for the last bounce window; returns the code.
 
-    The revolutions show whether a motion that stands settles, and one that wanders after all; it else goes on settling.
-    Of a motion that stands and is not watched the last revolution ends with the window, at the next opening foot.
+    If the measured revolutions contradict the stage, periodic or not, the motion continues to settle. The last
+    revolution of a periodic motion that is not watched ends with the bounce window, at the next opening foot.
     """
     periodic = motions.stage[i] == PERIODIC
     turns = plan.measured if periodic else plan.block
