@@ -109,12 +109,9 @@ def settle(
     reported as aperiodic and measured over `aperiodic` revolutions instead of `measured`. Raises MotionRefused if the
     motion is unbounded because the step is beyond the method's stability limit.
     """
-    way = _Way(revolve, state, most, position, decay)
-    while True:
-        periodic = way.stands()
-        responses = list(way.measured((measured if periodic else aperiodic) + 1))
-        if measured < MEASURED or not way.goes_on(periodic, len(responses)):
-            return Settled(joined(responses), way.revolutions, periodic, periodic or way.faded)
+    motion = _Settling(revolve, state, most, position, decay)
+    responses, periodic = motion.run(list, measured, aperiodic)
+    return Settled(joined(responses), motion.revolutions, periodic, periodic or motion.faded)
 
 
 def settle_and_measure(
@@ -128,17 +125,17 @@ def settle_and_measure(
     decay: float = np.inf,
 ) -> Measured:
     """Like `settle`, but every revolution is measured immediately, and only it and the next one are held in memory."""
-    way = _Way(revolve, state, most, position, decay)
-    while True:
-        periodic = way.stands()
-        turns = (MEASURED if periodic else aperiodic) + 1
-        rows = [measure_first(one, after, lift) for one, after in pairwise(way.measured(turns))]
-        if not way.goes_on(periodic, len(rows) + 1):
-            figures = Figures({name: np.concatenate([row[name] for row in rows]) for name in rows[0]})
-            return Measured(figures, way.state, way.revolutions, periodic, periodic or way.faded)
+
+    def metrics(responses: Iterator[Response]) -> list[dict[str, np.ndarray]]:
+        return [measure_first(response, after, lift) for response, after in pairwise(responses)]
+
+    motion = _Settling(revolve, state, most, position, decay)
+    rows, periodic = motion.run(metrics, MEASURED, aperiodic)
+    figures = Figures({name: np.concatenate([row[name] for row in rows]) for name in rows[0]})
+    return Measured(figures, motion.state, motion.revolutions, periodic, periodic or motion.faded)
 
 
-class _Way:
+class _Settling:
     """The settling of one motion: its current state, and the differences of its last states a revolution apart."""
 
     def __init__(self, revolve: Revolve, state: State, most: int | None, position: float, decay: float):
@@ -152,31 +149,43 @@ class _Way:
         self._largest = self._start = 0.0  # size of the largest of these changes, and of the one before measuring
         self._distances = 0.0, 0.0  # sizes of the last two changes relative to the tolerances
 
-    def stands(self) -> bool:
+    def run(self, read: Callable[[Iterator[Response]], list], measured: int, aperiodic: int) -> tuple[list, bool]:
+        """Settle and `read` the revolutions to be measured and one more; returns the result and whether it is periodic.
+
+        If the measured revolutions contradict that, settling continues after them.
+        """
+        while True:
+            periodic = self._settle()
+            turns = (measured if periodic else aperiodic) + 1
+            result = read(self._revolutions(turns))
+            if measured < MEASURED or not self._contradicted(periodic, turns):
+                return result, periodic
+
+    def _settle(self) -> bool:
         """Simulate until the remaining change is within the tolerances; False if the motion does not settle."""
         while goes_on(self.revolutions, self._most, self._within):
-            after, self._memories = _turned(self._revolve, self.state)
+            after, self._memories = _next_state(self._revolve, self.state)
             self.revolutions += 1
-            if self._note(after, self._memories):
+            if self._accept(after, self._memories):
                 return True
         if not self._searches:
             return False
         self._searches, self.faded, self._within = False, self._needed <= MOST_REVOLUTIONS, 0
         with suppress(MotionRefused):  # plain revolutions from there decide whether the motion is periodic
-            found = periodic_state(self._revolve, self.state, memories=self._memories)
-            self.state, self.revolutions = found.state, self.revolutions + found.revolutions
+            solution = periodic_state(self._revolve, self.state, memories=self._memories)
+            self.state, self.revolutions = solution.state, self.revolutions + solution.revolutions
         self._most = self.revolutions + min(self._needed, MOST_REVOLUTIONS) - PLAIN_REVOLUTIONS
-        return self.stands()
+        return self._settle()
 
-    def measured(self, turns: int) -> Iterator[Response]:
+    def _revolutions(self, turns: int) -> Iterator[Response]:
         """Simulate and yield the next revolutions, one after the other."""
         self._start = self._distances[1]
         for _ in range(turns):
             response = within_bound(self._revolve(self.state))
-            self._note(end_state(response), len(response.train.memory))
+            self._accept(end_state(response), len(response.train.memory))
             yield response
 
-    def goes_on(self, periodic: bool, turns: int) -> bool:
+    def _contradicted(self, periodic: bool, turns: int) -> bool:
         """Whether the measured revolutions contradict `periodic`, so that the simulation must continue."""
         start = self._start if periodic else 0.0
         settles = shrinks(self._largest, start, *self._distances, self._within - 2)
@@ -184,7 +193,7 @@ class _Way:
         self.revolutions += turns if wrong else 0
         return wrong
 
-    def _note(self, after: State, memories: int) -> bool:
+    def _accept(self, after: State, memories: int) -> bool:
         """Move on to the state a revolution later; returns whether the remaining change is within the tolerances."""
         velocity = SETTLED_VELOCITY * self._position / SETTLED_POSITION
         x, v, z = _split(np.abs(after - self.state), memories)
@@ -196,7 +205,7 @@ class _Way:
         return within
 
 
-def _turned(revolve: Revolve, state: State) -> tuple[State, int]:
+def _next_state(revolve: Revolve, state: State) -> tuple[State, int]:
     """The state a revolution later, checked for bounds, and the number of memories at its end.
 
     The number is that of the train, which is an attribute of a method with `advance`, and part of the response
