@@ -42,7 +42,7 @@ class EventExact:
     def __init__(self, train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int | None = None):
         self.train, self.lift, self.cam_speed = train, lift, cam_speed
         self.period = 2 * np.pi / cam_speed
-        self.step, self._per_sample = _step(train, self.period, steps_per_revolution)
+        self.step, self._per_sample = _step_between_samples(train, self.period, steps_per_revolution)
         self._cam = cam_arrays(Inputs(train.forcing, lift.borders), lift, cam_speed)
 
     def __call__(self, state: State) -> Response:
@@ -129,12 +129,12 @@ def step_on_borders(train: Train, cam_speed: float, spacing: float) -> tuple[flo
     return spacing / cam_speed / (-(-steps // at_once) * at_once), at_once
 
 
-def _step(train: Train, period: float, steps_per_revolution: int | None) -> tuple[float, int]:
+def _step_between_samples(train: Train, period: float, steps_per_revolution: int | None) -> tuple[float, int]:
     """(step [s], steps per sample): the default step or a finer one, so that a whole number fits between samples."""
     default = free_step(train, 2 * np.pi / period)
     if steps_per_revolution is None:
         return default, 1
-    wanted = max(1, int(np.ceil(period / steps_per_revolution / default * (1 - 1e-12))))
-    finer = -(-wanted // MOST_AT_ONCE)  # additional samples, if one span does not reach the next sample
-    per_sample = -(-wanted // finer)
+    steps = max(1, int(np.ceil(period / steps_per_revolution / default * (1 - 1e-12))))
+    finer = -(-steps // MOST_AT_ONCE)  # additional samples, if one span does not reach the next sample
+    per_sample = -(-steps // finer)
     return period / steps_per_revolution / (finer * per_sample), per_sample

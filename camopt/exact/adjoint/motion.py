@@ -99,7 +99,7 @@ class TracedMotion:
         self.end = np.array(start, dtype=float)
         with propagators(train, step, lift.coefficients.shape[1], at_once).lent() as lent:
             self.setting, trace = run(lent, cam, lift, self.end, revolutions)
-            self.trace = Trace(*(part.copy() for part in trace))
+            self.trace = Trace(*(array.copy() for array in trace))
 
     def gradient(
         self, metrics: Sequence[str], revolution: int = 0, cotangent: Float[np.ndarray, " l"] | None = None
@@ -130,7 +130,7 @@ class TracedMotion:
         room, seeds = self._room(len(together)), self._seeds(OBSERVATIONS * len(metrics))
         for j, rows in enumerate(together):
             evaluate(self.setting, self.trace, seeds, numbers[rows], weights[rows], revolution, values[rows])
-            sweep(self.setting, self.trace, seeds, Bars(*(part[j] for part in room)))
+            sweep(self.setting, self.trace, seeds, Bars(*(array[j] for array in room)))
         return values, self._slopes(room)
 
     def values(
@@ -185,7 +185,7 @@ class TracedMotion:
             room.start[:] = ends
         for j in range(count):
             collect(self.setting, self.trace, seeds, *instants, packed[j])
-            sweep(self.setting, self.trace, seeds, Bars(*(part[j] for part in room)))
+            sweep(self.setting, self.trace, seeds, Bars(*(array[j] for array in room)))
         return self._slopes(room)
 
     def _instants(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

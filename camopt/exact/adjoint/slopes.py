@@ -96,16 +96,16 @@ def by_numbers(train: Train, by_law: np.ndarray) -> dict[str, np.ndarray]:
 def _slopes(train: Train) -> tuple[np.ndarray, dict[str, np.ndarray]]:
     """(one-hot element of every form (f, e), derivatives of the forms (f, 4, ...) by each parameter of the element)."""
     numbers = numbers_of(train)
-    parts = parts_of(train, numbers)
-    pieces = [e for e, element in enumerate(parts) for _ in element.pieces]
-    watches = [e for e, element in enumerate(parts) for piece in element.pieces for _ in piece.watches]
-    owner = np.eye(len(parts))[[*pieces, *pieces, *watches]]
+    elements = parts_of(train, numbers)
+    pieces = [e for e, element in enumerate(elements) for _ in element.pieces]
+    watches = [e for e, element in enumerate(elements) for piece in element.pieces for _ in piece.watches]
+    owner = np.eye(len(elements))[[*pieces, *pieces, *watches]]
     derivatives = {}
     for field in fields(Numbers)[: None if train.laws is not None or train.forcing else 3]:
         value = getattr(numbers, field.name)
         shape = value.shape[1:]
         steps = np.eye(int(np.prod(shape))).reshape(-1, *shape)
         moved = (replace(numbers, **{field.name: value + 1j * STEP * step}) for step in steps)
-        rows = [np.imag(forms_of(parts_of(train, one))) / STEP for one in moved]
+        rows = [np.imag(forms_of(parts_of(train, stepped))) / STEP for stepped in moved]
         derivatives[field.name] = np.stack(rows, axis=-1).reshape(len(owner), 4, *shape)
     return owner, derivatives

@@ -74,9 +74,9 @@ def lift_point_back(lift_bar, rate_bar, offset, cam_speed, q, by_piece):
 
 
 @njit_no_refcount
-def switch_back(s, trace, seeds, k, bars, seen):
-    """Carry the cotangent bars.start from after the switching that ends segment k to before it. `seen` (2n + r + 2) is
-    a work array for the cotangents of state, lift and lift velocity."""
+def switch_back(s, trace, seeds, k, bars, state_bar):
+    """Carry the cotangent bars.start from after the switching that ends segment k to before it. `state_bar`
+    (2n + r + 2) is a work array for the cotangents of state, lift and lift velocity."""
     train, sizes, slot, bar = s.train, s.tables.sizes, trace.slot[k], bars.start
     e, w = s.tables.element[slot, trace.watch[k]], s.tables.watch[slot, trace.watch[k]]
     by_force, by_flow = train.kick[w, 0], train.kick[w, 1]
@@ -95,14 +95,14 @@ def switch_back(s, trace, seeds, k, bars, seen):
         pull += by_flow * bar[2 * n + train.memory[e]]
     if pull == 0.0:
         return
-    seen[:] = 0.0
-    form_back(train, e, train.law[w], pull, seen)
+    state_bar[:] = 0.0
+    form_back(train, e, train.law[w], pull, state_bar)
     for i in range(sizes.state):
-        bar[i] += seen[i]
+        bar[i] += state_bar[i]
     if train.cam_driven[e]:
         end = trace.offset[k] + trace.length[k] * s.step * s.cam.speed
         piece = bars.coefficients[trace.piece[k]]
-        lift_point_back(seen[sizes.state], seen[sizes.state + 1], end, s.cam.speed, sizes.lift, piece)
+        lift_point_back(state_bar[sizes.state], state_bar[sizes.state + 1], end, s.cam.speed, sizes.lift, piece)
     d, speed = compression(train, e, s.step, y)
     where = d, speed, memory_of(train, e, y)
     law_back(train, e, w, train.law[w], where, pull, bars.law, bars.gap)
@@ -191,21 +191,21 @@ def sweep(s, trace, seeds, bars):
         slot, piece, i = trace.slot[k], bars.coefficients[trace.piece[k]], seeds.head[k]
         start[:] = 0.0
         while i >= 0:
-            seen, length = seeds.bar[i], seeds.length[i]
-            if seen[n2] != 0.0 or seen[n2 + 1] != 0.0:
-                lift_point_back(seen[n2], seen[n2 + 1], trace.offset[k] + length * per_step, cam_speed, q, piece)
+            seed, length = seeds.bar[i], seeds.length[i]
+            if seed[n2] != 0.0 or seed[n2 + 1] != 0.0:
+                lift_point_back(seed[n2], seed[n2 + 1], trace.offset[k] + length * per_step, cam_speed, q, piece)
             if length == trace.length[k]:
                 for j in range(n2):
-                    bar[j] += seen[j]
+                    bar[j] += seed[j]
             elif length == 0.0:
                 for j in range(n2):
-                    start[j] += seen[j]
+                    start[j] += seed[j]
             else:
-                carry_back(s.tables, slot, h, length, seen[:n2], out, work)
+                carry_back(s.tables, slot, h, length, seed[:n2], out, work)
                 for j in range(width):
                     start[j] += out[j]
                 if mechanical:
-                    parameters_back(s, trace, k, length, seen[:n2], 0.0, bars, work)
+                    parameters_back(s, trace, k, length, seed[:n2], 0.0, bars, work)
             i = seeds.following[i]
         if mechanical:
             parameters_back(s, trace, k, trace.length[k], bar, seeds.integral[k], bars, work)

@@ -71,8 +71,8 @@ def chords(kind: int, stiffness, preload, own_number: float, rows: np.ndarray, c
 
 def knots(rows: np.ndarray, count: int) -> np.ndarray:
     """Compressions [m] of the ends of about `count` chords of equal error for a stiffness table, including its rows."""
-    d, parts = rows[:, 0], chords_per_row(rows, count)
-    inner = [d[i] + (d[i + 1] - d[i]) * np.arange(n) / n for i, n in enumerate(parts)]
+    d, counts = rows[:, 0], chords_per_row(rows, count)
+    inner = [d[i] + (d[i + 1] - d[i]) * np.arange(n) / n for i, n in enumerate(counts)]
     return np.concatenate([*inner, d[-1:]])
 
 
@@ -107,10 +107,10 @@ def with_chords(train: Train, count: int = CHORDS) -> Train:
         if kind in CURVED:
             rows = chords(kind, laws.coefficient[e], train.preload[e], laws.own_number[e], rows, count)
         tables.append(rows)
-    own = np.array([len(rows) for rows in tables])
+    row_counts = np.array([len(rows) for rows in tables])
     kinds = np.where(np.isin(laws.kind, CURVED), TABLE, laws.kind)
-    table = np.stack([lengthened(rows, own.max(), last_slope(rows)) for rows in tables])
-    return replace(train, laws=replace(laws, kind=kinds, table=table, rows=own))
+    table = np.stack([lengthened(rows, row_counts.max(), last_slope(rows)) for rows in tables])
+    return replace(train, laws=replace(laws, kind=kinds, table=table, rows=row_counts))
 
 
 def rest_of(train: Train) -> np.ndarray:

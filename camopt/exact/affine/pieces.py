@@ -93,8 +93,8 @@ def _element(train: Train, numbers: Numbers, e: int) -> Parts:
         return oil(k, numbers.leak[e], numbers.travel[e])
     if kind == FRICTION:
         return friction(k, numbers.slip[e])
-    own = 1 if train.laws is None else train.laws.rows[e]
-    straight, borders, mean = lines(kind, k, numbers.preload[e], own_number, numbers.table[e, :own])
+    row_count = 1 if train.laws is None else train.laws.rows[e]
+    straight, borders, mean = lines(kind, k, numbers.preload[e], own_number, numbers.table[e, :row_count])
     damping = numbers.damping[e] + numbers.dissipation[e] * mean
     return (contact if train.contact[e] else spring)(straight, borders, damping)
 

@@ -60,11 +60,11 @@ class CamArrays(NamedTuple):
 @kept_with_train
 def train_arrays(train: Train) -> TrainArrays:
     """The train's arrays for the kernel. Raises InputError if there are more than MOST_COMBINATIONS of pieces."""
-    parts, e = parts_of(train, numbers_of(train)), len(train.a)
-    pieces = [piece for element in parts for piece in element.pieces]
+    elements, e = parts_of(train, numbers_of(train)), len(train.a)
+    pieces = [piece for element in elements for piece in element.pieces]
     watches = [watch for piece in pieces for watch in piece.watches]
-    first, watched = _starts([p.pieces for p in parts]), _starts([p.watches for p in pieces])
-    forms, memory = forms_of(parts), np.full(e, -1)
+    first, watched = _starts([p.pieces for p in elements]), _starts([p.watches for p in pieces])
+    forms, memory = forms_of(elements), np.full(e, -1)
     memory[list(train.memory)] = np.arange(len(train.memory))
     return TrainArrays(
         mass=train.mass,
@@ -81,10 +81,10 @@ def train_arrays(train: Train) -> TrainArrays:
         gap=train.gap,
         memory=memory,
         adjusters=2 * len(train.mass) + memory[list(train.adjusters)].astype(np.int64),
-        reach=np.array([parts[e].reach for e in train.memory]).reshape(-1, 2),
-        place=_places(parts),
+        reach=np.array([elements[e].reach for e in train.memory]).reshape(-1, 2),
+        place=_places(elements),
         first=first,
-        touch=first[:-1] + [p.touch for p in parts],
+        touch=first[:-1] + [p.touch for p in elements],
         state=np.array([p.state for p in pieces]),
         law=forms,
         watched=2 * len(pieces) + watched,
@@ -98,10 +98,10 @@ def _starts(groups: list) -> np.ndarray:
     return np.cumsum([0, *(len(group) for group in groups)])
 
 
-def _places(parts: list[Parts]) -> np.ndarray:
+def _places(elements: list[Parts]) -> np.ndarray:
     """Place values (e) of the mixed-radix number of a combination of pieces."""
     places, total = [], 1
-    for element in parts:
+    for element in elements:
         places.append(total)
         total *= len(element.pieces)
     if total > MOST_COMBINATIONS:

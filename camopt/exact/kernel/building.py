@@ -131,9 +131,9 @@ def seat_row(train, sizes, row):
     if seat < 0:
         return
     constant, slope = touch_line(train, seat)
-    one = np.empty(sizes.state + 3 + sizes.forces)
-    form_row(train, seat, np.array([-constant / slope, -1.0, 0.0, 0.0]), one)
-    by_state(one, 1.0, sizes, row)
+    si_row = np.empty(sizes.state + 3 + sizes.forces)
+    form_row(train, seat, np.array([-constant / slope, -1.0, 0.0, 0.0]), si_row)
+    by_state(si_row, 1.0, sizes, row)
 
 
 @inner
@@ -142,11 +142,11 @@ def write_looks(rows, system, steps, count, at, out):
     both = np.empty((2 * count, len(system)))
     both[:count] = rows[:count]
     product(rows[:count], system, both[count:])
-    seen = np.empty_like(both)
+    values = np.empty_like(both)
     for i in range(len(steps)):
-        product(both, steps[i], seen)
+        product(both, steps[i], values)
         for w in range(2 * count):
-            out[:, at + 2 * count * i + w] = seen[w]
+            out[:, at + 2 * count * i + w] = values[w]
 
 
 @inner
@@ -205,15 +205,15 @@ def write_integral(train, tables, slot):
     rows[:] = 0.0
     if seat < 0 or tables.states[slot, seat] != SEPARATED:
         return
-    one, slope = np.zeros(c), touch_line(train, seat)[1]
+    per_step, slope = np.zeros(c), touch_line(train, seat)[1]
     for w in range(tables.count[slot]):
         if tables.element[slot, w] == seat:
             for k in range(TERMS + 1):
-                one += tables.series[slot, w, :, k] / ((k + 1) * slope)
+                per_step += tables.series[slot, w, :, k] / ((k + 1) * slope)
     for i in range(len(rows) - 1):
         for j in range(c):
             total = 0.0
             for r in range(c - 1):
-                total += tables.steps[slot, i, j, r] * one[r]
+                total += tables.steps[slot, i, j, r] * per_step[r]
             rows[i + 1, j] = rows[i, j] + total
-        rows[i + 1, c - 1] += one[c - 1]
+        rows[i + 1, c - 1] += per_step[c - 1]

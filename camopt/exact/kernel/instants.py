@@ -153,13 +153,13 @@ def largest(s, trace, e, status, sign, low, high):
             series_at(s, trace, k, i, watch, w, there)
             t, top, slope, inside = crest(w, sign, max(begin - i, 0.0), min(end - i, 1.0))
             here = trace.angle[k] + (i + t) * per_step
-            other = here - angle > per_step
+            distinct = here - angle > per_step
             if top > value:
-                if crested and other:
+                if crested and distinct:
                     second = max(second, value)
                 value, where, length, steep, angle = top, k, i + t, slope, here
-                crested = inside or (crested and not other)
-            elif inside and other:
+                crested = inside or (crested and not distinct)
+            elif inside and distinct:
                 second = max(second, top)
     if where >= 0 and abs(length - trace.length[where]) < 1e-12:
         length = trace.length[where]

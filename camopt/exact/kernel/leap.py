@@ -38,9 +38,9 @@ def leap_of(train: TrainArrays, rest: np.ndarray) -> Leap:
     error = np.abs((vectors * rates) @ inverse - a / scale[:, None] * scale).max()
     if np.real(rates).max() >= 0.0 or not error < REBUILT * np.abs(rates).max():
         return no_leap(n)
-    kept = np.flatnonzero(np.imag(rates) >= 0.0)
-    twice = np.where(np.imag(rates)[kept] > 0.0, 2.0, 1.0)
-    inverse, vectors = inverse[kept] / scale, vectors[:, kept] * scale[:, None] * twice
+    chosen = np.flatnonzero(np.imag(rates) >= 0.0)
+    twice = np.where(np.imag(rates)[chosen] > 0.0, 2.0, 1.0)
+    inverse, vectors = inverse[chosen] / scale, vectors[:, chosen] * scale[:, None] * twice
     equilibrium = equilibrium * scale
     to_modes = np.column_stack([inverse, -inverse @ equilibrium])
     pieces = train.first[:-1] + status
@@ -49,15 +49,15 @@ def leap_of(train: TrainArrays, rest: np.ndarray) -> Leap:
     for row, (e, w) in zip(rows, watched, strict=True):
         form_row(train, e, train.law[w], row)
     rows = rows[:, [*range(2 * n), -1]]
-    parts = (
+    arrays = (
         np.array([int(status @ train.place)]),
         np.concatenate([np.real(to_modes), np.imag(to_modes)]).T,
         np.concatenate([np.real(vectors).T, -np.imag(vectors).T, equilibrium[None]]),
-        np.stack([np.real(rates), np.imag(rates)])[:, kept],
+        np.stack([np.real(rates), np.imag(rates)])[:, chosen],
         np.abs(rows[:, :-1] @ vectors),
         rows[:, :-1] @ equilibrium + rows[:, -1],
     )
-    return Leap(*(np.ascontiguousarray(part) for part in parts))
+    return Leap(*(np.ascontiguousarray(array) for array in arrays))
 
 
 @njit_no_refcount
@@ -68,10 +68,10 @@ def no_switch_possible(leap, y, modes, size):
     for j in range(count):
         size[j] = np.sqrt(modes[j] * modes[j] + modes[count + j] * modes[count + j])
     for w in range(len(leap.level)):
-        left = leap.level[w]
+        margin = leap.level[w]
         for j in range(count):
-            left -= leap.sway[w, j] * size[j]
-        if left <= 0.0:
+            margin -= leap.sway[w, j] * size[j]
+        if margin <= 0.0:
             return False
     return True
 

@@ -79,27 +79,27 @@ class Propagators:
     @property
     def size(self) -> int:
         """Memory of the written combinations [bytes]."""
-        return int(self.tables.built[0]) * sum(part[0].nbytes for part in self.tables[1:-2])
+        return int(self.tables.built[0]) * sum(array[0].nbytes for array in self.tables[1:-2])
 
     def trace(self, revolutions: int) -> Trace:
         """A trace buffer for a number of revolutions. All motions of a thread share it, so that it is overwritten by
         the next one: a new buffer costs as much as a short motion, because the system has to clear it."""
         self._segments = max(self._segments, FIRST_SEGMENTS * revolutions)
-        width, kept = self.tables.steps.shape[3], vars(_ROOM).get("trace", NO_TRACE)
+        width, buffer = self.tables.steps.shape[3], vars(_ROOM).get("trace", NO_TRACE)
         looks = self.tables.span.shape[2] - width
-        if len(kept.length) < self._segments or (kept.y.shape[1], kept.looks.shape[1]) != (width, looks):
-            kept = _ROOM.trace = empty_trace(self._segments, width, looks)
-        return kept
+        if len(buffer.length) < self._segments or (buffer.y.shape[1], buffer.looks.shape[1]) != (width, looks):
+            buffer = _ROOM.trace = empty_trace(self._segments, width, looks)
+        return buffer
 
     def grow(self, code: int) -> None:
         """Enlarge what is full by a `code` of `camopt.exact.kernel.revolution`: the tables or the trace buffer."""
         if code != TABLES_FULL:
             self._segments *= GROWTH
             return
-        built, *parts, leap, sizes = self.tables
-        longer = [np.empty((GROWTH * len(part), *part.shape[1:]), part.dtype) for part in parts]
-        for new, part in zip(longer, parts, strict=True):
-            new[: len(part)] = part
+        built, *arrays, leap, sizes = self.tables
+        longer = [np.empty((GROWTH * len(array), *array.shape[1:]), array.dtype) for array in arrays]
+        for new, array in zip(longer, arrays, strict=True):
+            new[: len(array)] = array
         self.tables = Tables._make([built, *longer, leap, sizes])
 
 
@@ -119,13 +119,13 @@ class Lending:
     def lent(self) -> Iterator[Propagators]:
         """Tables for exclusive use within the context; those of an earlier motion if any are free."""
         try:
-            one = self._free.pop()
+            tables = self._free.pop()
         except IndexError:
-            one = Propagators(*self._of)
+            tables = Propagators(*self._of)
         try:
-            yield one
+            yield tables
         finally:
-            self._free.append(one)
+            self._free.append(tables)
 
 
 _kept: OrderedDict[tuple, Lending] = OrderedDict()

@@ -47,11 +47,11 @@ def begin_segment(trace, k, angle, offset, slot, piece, y, looks):
     """Write row k of a trace, except for the end of its segment."""
     trace.angle[k], trace.offset[k] = angle, offset
     trace.slot[k], trace.piece[k] = slot, piece
-    row, seen = trace.y[k], trace.looks[k]
+    row, looks_row = trace.y[k], trace.looks[k]
     for i in range(len(y)):
         row[i] = y[i]
-    for i in range(min(len(looks), len(seen))):
-        seen[i] = looks[i]
+    for i in range(min(len(looks), len(looks_row))):
+        looks_row[i] = looks[i]
 
 
 @njit_no_refcount

@@ -32,23 +32,23 @@ def excess_lift(s, trace, turn):
     lash, steps, begin = 0.0, s.tables.steps.shape[1] - 1, s.tables.sizes.state
     for e in s.train.cam_side:
         lash += s.train.gap[e]
-    best, seen, u = -np.inf, np.empty(2 * (steps + 1)), np.empty(s.tables.sizes.lift)
+    best, distances, u = -np.inf, np.empty(2 * (steps + 1)), np.empty(s.tables.sizes.lift)
     for k in range(len(trace.length)):
         if abs(0.5 * (trace.angle[k] + trace.angle[k + 1]) - 2 * np.pi * turn) > np.pi:
             continue
         y = trace.y[k]
-        apply(s.tables.distance[trace.slot[k]], y, len(y), 2 * (steps + 1), seen)
+        apply(s.tables.distance[trace.slot[k]], y, len(y), 2 * (steps + 1), distances)
         for j in range(len(u)):
             u[j] = y[begin + j]
         whole = min(int(trace.length[k]), steps)
-        parts = whole + 1 if trace.length[k] - whole > 0.0 else whole
-        for i in range(parts):
+        spans = whole + 1 if trace.length[k] - whole > 0.0 else whole
+        for i in range(spans):
             width = 1.0 if i < whole else trace.length[k] - whole
             if i < whole:
-                f, m = seen[2 * i + 2], seen[2 * i + 3]
+                f, m = distances[2 * i + 2], distances[2 * i + 3]
             else:
                 f, m = seat_distance(s, trace.y[k + 1])
-            cubic = seen[2 * i], seen[2 * i + 1] * width, f, m * width
+            cubic = distances[2 * i], distances[2 * i + 1] * width, f, m * width
             best = max(best, excess(cubic, lifted(u, float(i), width, lash), best))
     return best / MM
 

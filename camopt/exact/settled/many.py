@@ -82,7 +82,7 @@ def settled_metrics(
         metric_numbers(train, METRICS)  # raises InputError for an unsuitable train
     speeds = np.asarray(cam_speeds, dtype=float)
     cams = {forcing: _cams(lifts, forcing) for forcing in {train.forcing for train in trains}}
-    metrics = _nothing(len(trains), len(lifts), speeds, trains[0].state_size)
+    metrics = _empty_metrics(len(trains), len(lifts), speeds, trains[0].state_size)
     metrics.states[:] = np.array([rest_of(train) for train in trains])[:, None, None] if starts is None else starts
     units = tolerance * settled.SETTLED_POSITION, tolerance * settled.SETTLED_VELOCITY
     plan = stages.Plan(*units, measured, aperiodic, settled.APERIODIC, measured >= settled.MEASURED)
@@ -120,7 +120,7 @@ class Job(NamedTuple):
         metrics.revolutions[at], metrics.states[at] = m.revolutions, m.state
 
 
-def _nothing(t: int, c: int, speeds: np.ndarray, width: int) -> SettledMetrics:
+def _empty_metrics(t: int, c: int, speeds: np.ndarray, width: int) -> SettledMetrics:
     """Metrics of t trains and c cams, not yet filled; `width` is the size of a state."""
     shape = t, c, len(speeds)
     low, high = ({name: np.empty(shape) for name in NAMES} for _ in range(2))
@@ -131,13 +131,13 @@ def _nothing(t: int, c: int, speeds: np.ndarray, width: int) -> SettledMetrics:
 def _cams(lifts: Sequence[Lift], forcing: tuple[Forcing, ...]) -> stages.Cams:
     """The concatenated pieces of all cams, whose lift is compressed to few pieces, with the forces over the cam
     angle."""
-    few = [compress_lift(lift) for lift in lifts]
-    inputs = [Inputs(forcing, borders) for borders, _ in few]
-    pieces = [cut.pieces(coefficients) for cut, (_, coefficients) in zip(inputs, few, strict=True)]
+    compressed = [compress_lift(lift) for lift in lifts]
+    inputs = [Inputs(forcing, borders) for borders, _ in compressed]
+    pieces = [cut.pieces(coefficients) for cut, (_, coefficients) in zip(inputs, compressed, strict=True)]
     return stages.Cams(
         np.concatenate([cut.borders for cut in inputs]),
         np.concatenate(pieces),
-        np.cumsum([0, *(len(part) for part in pieces)]),
+        np.cumsum([0, *(len(rows) for rows in pieces)]),
         np.array([lift.half_duration for lift in lifts]),
         np.array([lift.opening_foot for lift in lifts]),
     )
@@ -153,26 +153,26 @@ def _jobs(
     (decay, most), (tables_of, parts) = settling, cut
     steps = np.array([free_step(train, speed) for speed in speeds])
     decays = np.full(len(speeds), decay) if decay is not None else slowest_rate(train) * 2 * np.pi / speeds
-    left, needed = (np.array([f(d) for d in decays]) for f in (settled.way_left, settled.revolutions_needed))
+    remaining, needed = (np.array([f(d) for d in decays]) for f in (settled.way_left, settled.revolutions_needed))
     longest = np.where(needed > settled.PLAIN_REVOLUTIONS, np.minimum(needed, settled.MOST_REVOLUTIONS), most)
     cam, speed = np.indices(starts.shape[:2]).reshape(2, -1)
     for step in np.unique(steps):
-        tables, mine = tables_of(train, float(step), WIDTH, AT_ONCE), np.flatnonzero(steps[speed] == step)
-        for part in (mine[i::parts] for i in range(min(parts, len(mine)))):
-            c, s = cam[part], speed[part]
+        tables, same_step = tables_of(train, float(step), WIDTH, AT_ONCE), np.flatnonzero(steps[speed] == step)
+        for chosen in (same_step[i::parts] for i in range(min(parts, len(same_step)))):
+            c, s = cam[chosen], speed[chosen]
             motions = stages.SettlingMotions(
                 cam=c,
                 speed=speeds[s],
-                left=left[s],
+                remaining=remaining[s],
                 most=longest[s],
                 state=starts[c, s],
-                stage=np.full(len(part), stages.SETTLING),
-                revolutions=np.zeros(len(part), dtype=np.int64),
-                within=np.zeros(len(part), dtype=np.int64),
-                apart=np.zeros((len(part), 3)),
-                turns=np.zeros(len(part), dtype=np.int64),
-                lowest=np.empty((len(part), len(NAMES))),
-                highest=np.empty((len(part), len(NAMES))),
+                stage=np.full(len(chosen), stages.SETTLING),
+                revolutions=np.zeros(len(chosen), dtype=np.int64),
+                within=np.zeros(len(chosen), dtype=np.int64),
+                apart=np.zeros((len(chosen), 3)),
+                turns=np.zeros(len(chosen), dtype=np.int64),
+                lowest=np.empty((len(chosen), len(NAMES))),
+                highest=np.empty((len(chosen), len(NAMES))),
             )
             yield Job(t, tables, c, s, motions)
 

@@ -42,7 +42,7 @@ class SettlingMotions(NamedTuple):
 
     cam: np.ndarray  # (m) number of the cam
     speed: np.ndarray  # (m) rad/s
-    left: np.ndarray  # (m) remaining change until settled, as a multiple of the change over the last revolution
+    remaining: np.ndarray  # (m) remaining change until settled, as a multiple of the change over the last revolution
     most: np.ndarray  # (m) largest number of revolutions to settle
     state: np.ndarray  # (m, 2n + r) at the start, then while settling, then at the end of the measured revolutions
     stage: np.ndarray  # (m)
@@ -62,11 +62,11 @@ def run(s, plan, cams, motions, trace, begin):
     (number of the motion, code of `revolve`).
     """
     for i in range(begin, len(motions.cam)):
-        one = setting_for(s, cams, motions, i)
-        while wanted(plan, motions, i):
-            code = settle(one, plan, motions, trace, i) if motions.stage[i] == SETTLING else DONE
+        setting = setting_for(s, cams, motions, i)
+        while needs_more(plan, motions, i):
+            code = settle(setting, plan, motions, trace, i) if motions.stage[i] == SETTLING else DONE
             if code == DONE:
-                code = measured(one, plan, motions, trace, i)
+                code = measured(setting, plan, motions, trace, i)
             if code < 0:
                 motions.stage[i] = REFUSED
             elif code != DONE:
@@ -77,7 +77,7 @@ def run(s, plan, cams, motions, trace, begin):
 
 
 @inner
-def wanted(plan, motions, i):
+def needs_more(plan, motions, i):
     """Whether motion i needs more revolutions."""
     stage = motions.stage[i]
     most = plan.measured if stage == PERIODIC else plan.aperiodic
@@ -95,13 +95,13 @@ def setting_for(s, cams, motions, i):
 
 
 @inner
-def note(s, plan, motions, i, after):
+def accept(s, plan, motions, i, after):
     """Move on to the state a revolution later; returns whether the remaining change is within the tolerances."""
     distance, n, apart = 0.0, len(s.train.mass), motions.apart[i]
     for j in range(len(after)):
         unit = plan.velocity if n <= j < 2 * n else plan.position
         distance = max(distance, abs(after[j] - motions.state[i, j]) / unit)
-    within = motions.left[i] * distance < 1.0
+    within = motions.remaining[i] * distance < 1.0
     motions.state[i] = after
     motions.within[i] = motions.within[i] + 1 if within else 0
     apart[0], apart[1], apart[2] = (max(apart[0], distance) if within else 0.0), apart[2], distance
@@ -117,7 +117,7 @@ def settle(s, plan, motions, trace, i):
         if code != DONE:
             return code
         motions.revolutions[i] += 1
-        if note(s, plan, motions, i, after):
+        if accept(s, plan, motions, i, after):
             motions.stage[i] = PERIODIC
             return DONE
     motions.stage[i] = APERIODIC
@@ -140,7 +140,7 @@ def measured(s, plan, motions, trace, i):
         return code
     apart, start = motions.apart[i], motions.apart[i, 2] if periodic else 0.0
     for turn in range(turns + (last == WHOLE)):
-        note(s, plan, motions, i, trace.y[starts[turn + 1], : len(state)])
+        accept(s, plan, motions, i, trace.y[starts[turn + 1], : len(state)])
     settles = shrinks(apart[0], start, apart[1], apart[2], motions.within[i] - 2)
     late = motions.revolutions[i] + motions.turns[i] - motions.most[i]
     if plan.watched and (not settles if periodic else goes_back(settles, late, motions.within[i])):
