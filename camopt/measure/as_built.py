@@ -74,7 +74,7 @@ def trains_as_built(scene: Scene, count: int, *, seed: int = 0, first: int = 0) 
 def draws_of_trains(scene: Scene, count: int, *, seed: int = 0) -> dict[str, np.ndarray]:
     """The draws (t, k) of the first `count` trains by tolerance, as in `TrainAsBuilt.draws` of one train."""
     drawn = [_draws(scene, seed, i) for i in range(count)]
-    return {label: np.array([one[label] for one in drawn]) for label in drawn[0]}
+    return {label: np.array([draws[label] for draws in drawn]) for label in drawn[0]}
 
 
 def _draws(scene: Scene, seed: int, i: int) -> dict[str, np.ndarray]:
@@ -114,8 +114,8 @@ def grinding_error(lobe: tuple[float, float, float], seed: Seed, peak: float, ha
     ramps, or over the period of its highest harmonic if that is longer, so that the base circle has no error.
     """
     borders, pieces, waves = _waves(lobe, harmonics)
-    parts = drawn_waves(seed, harmonics)
-    return Lift(borders, pieces @ (peak / np.abs(waves @ parts).max() * parts), lobe[1])
+    coefficients = drawn_waves(seed, harmonics)
+    return Lift(borders, pieces @ (peak / np.abs(waves @ coefficients).max() * coefficients), lobe[1])
 
 
 @lru_cache(maxsize=1)

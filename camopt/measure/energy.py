@@ -31,7 +31,7 @@ class Elastic:
 
     def __init__(self, train: Train):
         self.train, self.curves = train, {}
-        self.laws = laws = _linear(train) if train.laws is None else train.laws
+        self.laws = laws = _linear_laws(train) if train.laws is None else train.laws
         kind = laws.kind
         self.oil, self.friction = (np.flatnonzero(kind == k).tolist() for k in (OIL, FRICTION))
         for e in laws.with_table:
@@ -55,10 +55,10 @@ class Elastic:
         for e, law in laws.of_contacts:
             energy[:, e] = law.stored(np.maximum(0.0, d[:, e] + law.depth(t.preload[e])))
         for j, e in enumerate(t.memory):
-            energy[:, e] = 0.5 * self.kept(d[:, e], memory[:, j], e) ** 2 / t.stiffness[e]
+            energy[:, e] = 0.5 * self.memory_force(d[:, e], memory[:, j], e) ** 2 / t.stiffness[e]
         return energy
 
-    def kept(self, d: np.ndarray, z: np.ndarray, e: int) -> np.ndarray:
+    def memory_force(self, d: np.ndarray, z: np.ndarray, e: int) -> np.ndarray:
         """Force [N] of an element with a memory z [m]."""
         t, laws = self.train, self.laws
         if e in self.oil:
@@ -115,10 +115,10 @@ def energy(response: Response, lift: Lift) -> Energy:
     t, time, elastic = response.train, response.time, Elastic(response.train)
     start = np.flatnonzero(np.diff(time) > 0)
     h = np.diff(time)[start]
-    given = np.zeros_like(response.x)  # forces on the masses over the cam angle [N]
+    angle_forces = np.zeros_like(response.x)  # forces on the masses over the cam angle [N]
     for forcing in t.forcing:
-        given[:, forcing.on] += forcing.at(response.angle)
-    acceleration = (t.mass_force + given - t.mass_damping * response.v - response.force @ t.incidence) / t.mass
+        angle_forces[:, forcing.on] += forcing.at(response.angle)
+    acceleration = (t.mass_force + angle_forces - t.mass_damping * response.v - response.force @ t.incidence) / t.mass
     totals = np.zeros((3, len(t.a))), np.zeros((2, len(t.mass)))
     for node, weight in zip(NODES, WEIGHTS, strict=True):
         x, v = _quintic(response.x, response.v, acceleration, start, h, node)
@@ -126,9 +126,9 @@ def energy(response: Response, lift: Lift) -> Energy:
         lift_rate = lift(angle, 1) * response.cam_speed
         by_element, by_mass = _powers(elastic, x, v, lift(angle), lift_rate)
         if t.forcing:  # linear between samples, which include its corners
-            by_mass[0] += (given[start] + node * (given[start + 1] - given[start])) * v
+            by_mass[0] += (angle_forces[start] + node * (angle_forces[start + 1] - angle_forces[start])) * v
         for e in elastic.oil:
-            by_element[1, :, e] += _leaking(response, elastic, (start, h, node), t.compression(x, lift(angle)), e)
+            by_element[1, :, e] += _leakage_power(response, elastic, (start, h, node), t.compression(x, lift(angle)), e)
         totals[0][:] += weight * np.einsum("i,qie->qe", h, by_element)
         totals[1][:] += weight * np.einsum("i,qin->qn", h, by_mass)
     kinetic = 0.5 * response.v**2 @ t.mass
@@ -155,7 +155,7 @@ def _powers(law: Elastic, x, v, rise, rise_rate) -> tuple[Float[np.ndarray, "3 m
     return np.stack([by_cam, damped, left]), np.stack([t.mass_force * v, t.mass_damping * v**2])
 
 
-def _leaking(response: Response, law: Elastic, place: tuple, d: np.ndarray, e: int) -> Float[np.ndarray, " m"]:
+def _leakage_power(response: Response, law: Elastic, place: tuple, d: np.ndarray, e: int) -> Float[np.ndarray, " m"]:
     """Power [W] that the oil of element e loses at a place (intervals `start`, their h [s], share).
 
     `d` (m, e) are the compressions there.
@@ -167,7 +167,7 @@ def _leaking(response: Response, law: Elastic, place: tuple, d: np.ndarray, e: i
     rise, first, last = z[start + 1] - z[start], h * f[start] / leak, h * f[start + 1] / leak
     between = z[start] + u * (first + u * (3 * rise - 2 * first - last + u * (first + last - 2 * rise)))
     pushes = (f[start] > 0.0) | (f[start + 1] > 0.0)
-    return np.where(pushes, law.kept(d[:, e], between, e), 0.0) ** 2 / leak
+    return np.where(pushes, law.memory_force(d[:, e], between, e), 0.0) ** 2 / leak
 
 
 def _quintic(x, v, a, start, h, u: float) -> tuple[Float[np.ndarray, "m n"], Float[np.ndarray, "m n"]]:
@@ -184,7 +184,7 @@ def _quintic(x, v, a, start, h, u: float) -> tuple[Float[np.ndarray, "m n"], Flo
     return position, velocity / h
 
 
-def _linear(train: Train) -> Laws:
+def _linear_laws(train: Train) -> Laws:
     """The laws of a train without explicit laws: all elements are linear."""
     zero = np.zeros(len(train.a))
     kind, rows, table = zero.astype(int), np.ones(len(zero), int), np.zeros((len(zero), 1, 2))

@@ -51,21 +51,21 @@ class MotionLimit(NamedTuple):
         """Whether this is the smallest value that the metric may have."""
         return QUANTITIES[self.metric].less_is_worse
 
-    def keeps(self, found: float, error: float = 0.0) -> bool:
-        """Whether the value `found`, made worse by `error`, keeps the limit. NaN does not keep it."""
-        return bool(found - error >= self.value if self.least else found + error <= self.value)
+    def keeps(self, value: float, error: float = 0.0) -> bool:
+        """Whether a value, made worse by `error`, keeps the limit. NaN does not keep it."""
+        return bool(value - error >= self.value if self.least else value + error <= self.value)
 
-    def breaks(self, found: float, error: float = 0.0) -> bool:
-        """Whether the value `found`, made better by `error`, breaks the limit. NaN breaks it."""
-        return not self.keeps(found, -error)
+    def breaks(self, value: float, error: float = 0.0) -> bool:
+        """Whether a value, made better by `error`, breaks the limit. NaN breaks it."""
+        return not self.keeps(value, -error)
 
-    def share(self, found: np.ndarray) -> np.ndarray:
-        """Usage of the limit by each of the values `found`, as an array of their shape: one at the limit.
+    def share(self, values: np.ndarray) -> np.ndarray:
+        """Usage of the limit by each of the values, as an array of their shape: one at the limit.
 
         It is the value divided by the limit or, if less is worse, two minus that ratio and at least zero, so that in
         both cases 0.8 means a margin of a fifth of the limit. NaN has an infinite usage.
         """
-        used = found / max(self.value, LEAST_LIMIT)
+        used = values / max(self.value, LEAST_LIMIT)
         return np.nan_to_num(np.maximum(2.0 - used, 0.0) if self.least else used, nan=np.inf)
 
     @property
@@ -78,8 +78,8 @@ def motion_limits(design: Design | None) -> dict[str, MotionLimit]:
     """The limits on the motion that a design sets, by their keys in it; empty without a design."""
     if design is None:
         return {}
-    given = {key: getattr(design, key) for key in MOTION_LIMITS}
-    return {key: MotionLimit(MOTION_LIMITS[key], value) for key, value in given.items() if value is not None}
+    values = {key: getattr(design, key) for key in MOTION_LIMITS}
+    return {key: MotionLimit(MOTION_LIMITS[key], value) for key, value in values.items() if value is not None}
 
 
 def limited_metrics(design: Design | None) -> tuple[str, ...]:
@@ -93,7 +93,7 @@ def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
     They are keys of the design, and "continuous_lift" and "continuous_velocity", which apply to every scene. A limit
     applies at every angle. A step in velocity also breaks the limits on the acceleration, and a step in acceleration
     breaks the limit on the jerk, except at the outer end of a ramp without a foot in the scene. The limit on the snap
-    applies between the ramps only, because every cam's jerk steps at their ends. `_outside` defines the limits on the
+    applies between the ramps only, because every cam's jerk steps at their ends. `_ramp_rows` defines the limits on the
     duration and the ramps. For a cam given by a rounded table, only those limits are named that no cam within the
     rounding keeps (`camopt.measure.rounded`).
     """
@@ -110,18 +110,18 @@ def shape_excess(lift: Lift, design: Design) -> dict[str, float]:
 def drawing_excess(lift: Lift, design: Design) -> dict[str, float]:
     """Excess of a cam over each limit of the drawing, by key and relative to the limit's size; negative if it is
     kept."""
-    return _largest(_of_the_drawing(lift, design))
+    return _largest(_drawing_rows(lift, design))
 
 
-def _largest(rows: Iterable["Reached"]) -> dict[str, float]:
+def _largest(rows: Iterable["LimitRow"]) -> dict[str, float]:
     """The largest excess of the rows, by key."""
-    found: dict[str, float] = {}
+    largest: dict[str, float] = {}
     for row in rows:
-        found[row.key] = max(row.excess, found.get(row.key, -np.inf))
-    return found
+        largest[row.key] = max(row.excess, largest.get(row.key, -np.inf))
+    return largest
 
 
-class Reached(NamedTuple):
+class LimitRow(NamedTuple):
     """The value that a cam reaches for one limit on its shape; it is not finite if there is no value to show."""
 
     key: str
@@ -134,26 +134,26 @@ class Reached(NamedTuple):
     label: str = ""  # if a key has several rows
 
 
-def reached_by_shape(lift: Lift, design: Design) -> Iterator[Reached]:
+def reached_by_shape(lift: Lift, design: Design) -> Iterator[LimitRow]:
     """The rows of all limits on its shape that a design sets, and one for every discontinuity of a cam."""
 
-    def of(key: str, value: float, unit: float, where: str = EVERYWHERE, stepped: bool = False) -> Iterator[Reached]:
+    def of(key: str, value: float, unit: float, where: str = EVERYWHERE, stepped: bool = False) -> Iterator[LimitRow]:
         """The row of a limit, if the design sets it, for a value in SI units."""
         if (limit := getattr(design, key)) is not None:
             excess = value / (limit * unit) - 1
             excess = 1.0 if stepped and excess <= ROUNDING else excess
-            yield Reached(key, value / unit, limit, excess, limit < 0, where)
+            yield LimitRow(key, value / unit, limit, excess, limit < 0, where)
 
     half, top = lift.half_duration, design.max_lift_mm * MM
-    yield from _outside(lift, design)
+    yield from _ramp_rows(lift, design)
     yield from of("max_lift_mm", lift.max_lift, MM, "the nose")
     if design.reach_max_lift:
         short = (2 * top - lift.max_lift) / top - 1
-        yield Reached("reach_max_lift", lift.max_lift / MM, design.max_lift_mm, short, True, "the nose", REACH)
+        yield LimitRow("reach_max_lift", lift.max_lift / MM, design.max_lift_mm, short, True, "the nose", REACH)
     torn, kink, bend = (len(steps_at(lift, design, order)) > 0 for order in range(3))
     kink = kink or torn
     for key in ["continuous_lift"] * torn + ["continuous_velocity"] * kink:
-        yield Reached(key, np.inf, 0.0, 1.0)
+        yield LimitRow(key, np.inf, 0.0, 1.0)
     lowest, highest = lift.extremes(2)
     yield from of("acceleration_max_mm_per_deg2", highest, MM_PER_DEG2, stepped=kink)
     yield from of("acceleration_min_mm_per_deg2", lowest, MM_PER_DEG2, stepped=kink)
@@ -166,24 +166,24 @@ def reached_by_shape(lift: Lift, design: Design) -> Iterator[Reached]:
         most = lift.extremes(2, -nose, nose)[1]
         positive = 1.0 if most > ROUNDING * max(-lowest, highest) else 0.0
         shown, where = round(most / MM_PER_DEG2, DECIMALS) + 0.0, f"within {design.nose_deg:g} deg of the nose"
-        yield Reached("nose_deg", shown, 0.0, positive, where=where)
+        yield LimitRow("nose_deg", shown, 0.0, positive, where=where)
     if design.waves_max is not None:
         yield from of("waves_max", float(len(sign_changes(lift))), 1.0, "between the ramps")
-    yield from _of_the_drawing(lift, design)
+    yield from _drawing_rows(lift, design)
 
 
-def _of_the_drawing(lift: Lift, design: Design) -> Iterator[Reached]:
+def _drawing_rows(lift: Lift, design: Design) -> Iterator[LimitRow]:
     """The rows of the limits of `linear_limits`, each at the worse flank, of durations at a lift, and of radii.
 
     A duration at a lift is the distance of the outermost angles at which the cam has that lift, and zero if there are
     none; its excess is relative to the scene's duration.
     """
-    worst: dict[str, Reached] = {}
+    worst: dict[str, LimitRow] = {}
     for limit in (limit for limit in linear_limits(design) if not limit.chosen):
         over, least = limit.excess(lift), limit.rate < 0
         at = limit.name.partition(" at ")[2]
         where = f"at {at}" if limit.key == "lift_at" and at else EVERYWHERE
-        row = Reached(limit.key, limit.value + limit.rate * over, limit.value, over / limit.size, least, where)
+        row = LimitRow(limit.key, limit.value + limit.rate * over, limit.value, over / limit.size, least, where)
         if limit.name not in worst or row.excess > worst[limit.name].excess:
             worst[limit.name] = row
     yield from worst.values()
@@ -192,22 +192,22 @@ def _of_the_drawing(lift: Lift, design: Design) -> Iterator[Reached]:
         long, label = (closing - opening) / DEG, f"duration at {height:g} mm"
         for limit, sign in ((least_deg, -1), (most_deg, 1)):
             excess = sign * (long - limit) / design.duration_deg
-            yield Reached("duration_at", long, limit, excess, sign < 0, "the crossings", label=label)
-    yield from _of_a_circle(lift, design)
+            yield LimitRow("duration_at", long, limit, excess, sign < 0, "the crossings", label=label)
+    yield from _radius_rows(lift, design)
 
 
-def _of_a_circle(lift: Lift, design: Design) -> Iterator[Reached]:
+def _radius_rows(lift: Lift, design: Design) -> Iterator[LimitRow]:
     """The rows of the radii under a roller or pad; a radius is minus infinity if the follower cannot follow the cam."""
-    asked, geometry = radii_held_near(design), design.geometry
-    if not asked or geometry is None:
+    keys, geometry = radii_held_near(design), design.geometry
+    if not keys or geometry is None:
         return
     radii: dict[str, float | None] = dict.fromkeys(RADII, -np.inf)
     with suppress(InputError):
         radii = dict(zip(RADII, smallest_radii(lift, geometry), strict=True))
-    for key in asked:
+    for key in keys:
         limit, size = getattr(design, key), radii[key]
         size = np.inf if size is None else size
-        yield Reached(key, size / MM, limit, 1 - size / (limit * MM) - SAMPLED, True)
+        yield LimitRow(key, size / MM, limit, 1 - size / (limit * MM) - SAMPLED, True)
 
 
 def duration_words(lift: Lift, design: Design) -> str:
@@ -216,24 +216,24 @@ def duration_words(lift: Lift, design: Design) -> str:
     A shorter cam is legal, and its area ratio is computed with the scene's duration. A longer one breaks
     "duration_deg"; if its lift shows that, the sentence names the angle and the lift there.
     """
-    asked, own = design.duration_deg, 2 * lift.half_duration / DEG
-    angle, above, height = _beyond(lift, design)
+    scene_deg, cam_deg = design.duration_deg, 2 * lift.half_duration / DEG
+    angle, above, height = _lift_beyond(lift, design)
     if above > height + RAMP_LIFT / MM:
         return (
-            f"the cam is longer than the {asked:g} deg of the scene: the lift beyond {angle:g} deg reaches "
+            f"the cam is longer than the {scene_deg:g} deg of the scene: the lift beyond {angle:g} deg reaches "
             f"{above:.4g} mm, and {height:g} mm is the ramp's height, which it may exceed by {RAMP_LIFT / MM:g} mm"
         )
-    if own > asked * (1 + ROUNDING):
-        return f"the cam's stated duration of {own:.6g} deg is longer than the {asked:g} deg of the scene"
-    if own < asked * (1 - ROUNDING):
+    if cam_deg > scene_deg * (1 + ROUNDING):
+        return f"the cam's stated duration of {cam_deg:.6g} deg is longer than the {scene_deg:g} deg of the scene"
+    if cam_deg < scene_deg * (1 - ROUNDING):
         return (
-            f"the cam's duration of {own:.6g} deg is shorter than the {asked:g} deg of the scene, with which its area "
-            f"ratio is judged"
+            f"the cam's duration of {cam_deg:.6g} deg is shorter than the {scene_deg:g} deg of the scene, with which "
+            f"its area ratio is judged"
         )
     return ""
 
 
-def _outside(lift: Lift, design: Design) -> Iterator[Reached]:
+def _ramp_rows(lift: Lift, design: Design) -> Iterator[LimitRow]:
     """The rows of the limits on the duration and on the velocity of the ramps.
 
     A cam breaks "duration_deg" if its stated duration is longer than the scene's, or if its lift exceeds the ramp's
@@ -241,28 +241,28 @@ def _outside(lift: Lift, design: Design) -> Iterator[Reached]:
     the closing side's key, if its velocity exceeds the ramp's by more than RAMP_VELOCITY outside the scene's duration.
     Lower, shorter and slower ramps are legal.
     """
-    sides, asked = [], design.duration_deg / 2 * DEG
-    _, above, height = _beyond(lift, design)
-    longer = lift.half_duration > asked * (1 + ROUNDING) or above > height + RAMP_LIFT / MM
+    sides, half = [], design.duration_deg / 2 * DEG
+    _, above, height = _lift_beyond(lift, design)
+    longer = lift.half_duration > half * (1 + ROUNDING) or above > height + RAMP_LIFT / MM
     for sign, (_, velocity, side) in zip((-1, 1), design.ramps(), strict=True):
-        rate = float(np.abs(lift.extremes(1, *sorted((sign * asked, sign * np.pi)))).max())
+        rate = float(np.abs(lift.extremes(1, *sorted((sign * half, sign * np.pi)))).max())
         key = "closing_" * (side == "closing" and design.closing_ramp_velocity_mm_per_deg is not None)
         over = 1.0 if rate > velocity * MM_PER_DEG * (1 + RAMP_VELOCITY) else 0.0
-        row = Reached(f"{key}ramp_velocity_mm_per_deg", rate / MM_PER_DEG, velocity, over, where=f"the {side} ramp")
+        row = LimitRow(f"{key}ramp_velocity_mm_per_deg", rate / MM_PER_DEG, velocity, over, where=f"the {side} ramp")
         sides.append(row._replace(label=f"{side} ramp velocity"))
-    own = 2 * lift.half_duration / DEG
-    yield Reached("duration_deg", own, design.duration_deg, 1.0 if longer else 0.0, where="between the ramps")
+    cam_deg = 2 * lift.half_duration / DEG
+    yield LimitRow("duration_deg", cam_deg, design.duration_deg, 1.0 if longer else 0.0, where="between the ramps")
     yield from sides
 
 
-def _beyond(lift: Lift, design: Design) -> tuple[float, float, float]:
+def _lift_beyond(lift: Lift, design: Design) -> tuple[float, float, float]:
     """End of the shorter one of the cam's and the scene's duration [deg], largest lift beyond it [mm] and the ramp's
     height [mm], on the side where the lift exceeds this height more."""
-    half, found = min(design.duration_deg / 2 * DEG, lift.half_duration), []
+    half, at_sides = min(design.duration_deg / 2 * DEG, lift.half_duration), []
     for sign, (height, _, _) in zip((-1, 1), design.ramps(), strict=True):
         highest = lift.extremes(0, *sorted((sign * half, sign * np.pi)))[1]
-        found.append((sign * half / DEG, highest / MM, height))
-    return max(found, key=lambda row: row[1] - row[2])
+        at_sides.append((sign * half / DEG, highest / MM, height))
+    return max(at_sides, key=lambda row: row[1] - row[2])
 
 
 def steps_at(lift: Lift, design: Design, order: int, within: float = np.inf) -> Float[np.ndarray, " k"]:

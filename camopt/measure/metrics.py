@@ -38,14 +38,14 @@ def measure(response: Response, lift: Lift) -> dict[str, Float[np.ndarray, " rev
     return {name: np.array([row[name] for row in rows]) for name in QUANTITIES}
 
 
-def measure_first(one: Response, after: Response, lift: Lift) -> dict[str, Float[np.ndarray, " 1"]]:
-    """The metrics of the revolution `one`, as by `measure` on the record of `one` and the next revolution `after`.
+def measure_first(response: Response, after: Response, lift: Lift) -> dict[str, Float[np.ndarray, " 1"]]:
+    """The metrics of a revolution, as by `measure` on the record of the revolution and the next one, `after`.
 
     That record is not built; of `after` only the bounce window is used.
     """
     window = slice(np.searchsorted(after.angle, lift.opening_foot, "right") + BEYOND)
     after = replace(after, **{name: getattr(after, name)[window] for name in SERIES})
-    return {name: np.array([value]) for name, value in _Curves((one, after), lift).revolution(0.0).items()}
+    return {name: np.array([value]) for name, value in _Curves((response, after), lift).revolution(0.0).items()}
 
 
 class _Curves:
@@ -91,16 +91,16 @@ class _Curves:
         forces = [_force_extremes(self.angle, f, *event) for f in self.forces.T]
         spans = self.seat.positive_spans(start, end)
         return {
-            **self._closed(nose),
+            **self._closing(nose),
             "jump_mm": max(0.0, *(gap.maximum(*event) for gap in gaps)) / MM,
             "jump_deg": max(float(np.sum(s[:, 1] - s[:, 0])) for s in open_spans) / DEG,
             "contact_force_min_N": min(low for low, _ in forces),
             "contact_force_max_N": max(high for _, high in forces),
             "dynamic_area_mm_deg": float(np.sum(self.seat.integral(spans[:, 0], spans[:, 1]))) / (MM * DEG),
-            "excess_lift_mm": self._excess(start, end) / MM,
+            "excess_lift_mm": self._excess_lift(start, end) / MM,
         }
 
-    def _closed(self, nose: float) -> dict[str, float]:
+    def _closing(self, nose: float) -> dict[str, float]:
         """Bounce, seating and impact velocity."""
         names = "bounce_mm", "seating_velocity_m_per_s", "impact_velocity_m_per_s"
         inside = np.flatnonzero((self.seat.angle >= nose - np.pi) & (self.seat.angle <= nose + np.pi))
@@ -125,7 +125,7 @@ class _Curves:
         before, after = np.interp([nose + self.lift.opening_foot, touch], self.angle, self.shortening)
         return self.lift.closing_angle(self.lash + max(0.0, after - before))
 
-    def _excess(self, start: float, end: float) -> float:
+    def _excess_lift(self, start: float, end: float) -> float:
         """Largest s - max(0, lift - lash) [m], taken separately where the lift is above and below the lash."""
         at = self._within(start, end)
         angle, s, cam = self.angle[at], self.s[at], self.cam[at]

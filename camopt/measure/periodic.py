@@ -115,7 +115,7 @@ def _anderson(cycle: _Cycle, y: State) -> tuple[State, State]:
     for _ in range(MOST_ACCELERATED):
         if _size(best[1] - best[0]) < ACCURACY:
             break
-        new = _mixed(np.array(states), np.array(images))
+        new = _combined(np.array(states), np.array(images))
         try:
             image = cycle(new)
         except MotionRefused:
@@ -128,7 +128,7 @@ def _anderson(cycle: _Cycle, y: State) -> tuple[State, State]:
     return best
 
 
-def _mixed(states: Float[np.ndarray, "m state"], images: Float[np.ndarray, "m state"]) -> State:
+def _combined(states: Float[np.ndarray, "m state"], images: Float[np.ndarray, "m state"]) -> State:
     """The combination of the last m images whose change over a revolution is, to first order, the smallest."""
     change = images - states
     differences = np.diff(change, axis=0).T

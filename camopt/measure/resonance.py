@@ -63,7 +63,7 @@ def resonances(scene: Scene, lift: Lift, step_rpm: float) -> tuple[list[Resonanc
     low, high = (per_rpm * s for s in scene.required_operation.band_rpm)
     height = 2 * np.abs(np.fft.rfft(lift(np.linspace(-np.pi, np.pi, SAMPLES, endpoint=False)))) / SAMPLES
     share = float(np.clip((lift.closing_angle(train.lash) - lift.opening_foot) / (2 * np.pi), 0.0, 1.0))
-    found = []
+    candidates = []
     for lifted, seated in _pairs(train, lift):
         ends = np.array([f for f, _ in (*lifted, *seated)])
         angular, ratio = share * np.mean(lifted, axis=0) + (1 - share) * np.mean(seated, axis=0)
@@ -72,11 +72,11 @@ def resonances(scene: Scene, lift: Lift, step_rpm: float) -> tuple[list[Resonanc
             speed, amplitude = angular / n / per_rpm, height[n] / (2 * ratio)
             if ratio * speed < step_rpm and amplitude > SMALLEST:
                 between = ends.min() / n / per_rpm, ends.max() / n / per_rpm
-                found.append(
+                candidates.append(
                     Resonance(speed, *between, ratio * speed, n, float(angular / (2 * np.pi)), float(amplitude))
                 )
-    found.sort(key=lambda r: -r.amplitude_m)
-    return sorted(found[:MOST_RESONANCES], key=lambda r: r.speed_rpm), max(0, len(found) - MOST_RESONANCES)
+    candidates.sort(key=lambda r: -r.amplitude_m)
+    return sorted(candidates[:MOST_RESONANCES], key=lambda r: r.speed_rpm), max(0, len(candidates) - MOST_RESONANCES)
 
 
 def _pairs(train: Train, lift: Lift) -> list[tuple[list[tuple[float, float]], list[tuple[float, float]]]]:
@@ -96,13 +96,13 @@ def _pairs(train: Train, lift: Lift) -> list[tuple[list[tuple[float, float]], li
     ]
 
 
-def _nearest(shape: np.ndarray, others: tuple[np.ndarray, np.ndarray, np.ndarray], mass: np.ndarray):
-    """Angular frequency [rad/s] and damping ratio of the mode among `others` that is most similar to `shape` (n).
+def _nearest(shape: np.ndarray, modes: tuple[np.ndarray, np.ndarray, np.ndarray], mass: np.ndarray):
+    """Angular frequency [rad/s] and damping ratio of the mode that is most similar to `shape` (n).
 
-    `others` are frequencies (k), damping ratios (k) and shapes (k, n). The measure is the modal assurance criterion
+    `modes` are frequencies (k), damping ratios (k) and shapes (k, n). The measure is the modal assurance criterion
     (Allemang and Brown, A correlation coefficient for modal vector analysis, 1982), weighted with the masses (n).
     """
-    angular, ratio, shapes = others
+    angular, ratio, shapes = modes
     alike = (shapes @ (mass * shape)) ** 2 / ((shapes**2) @ mass)
     i = int(np.argmax(alike))
     return float(angular[i]), float(ratio[i])

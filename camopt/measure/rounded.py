@@ -47,15 +47,15 @@ class RoundedRows:
     def means(self, order: int) -> Iterator[tuple[float, np.ndarray, float]]:
         """For steps that double up to `WIDEST`: the angle that a mean spans [rad], the mean starting at each row, and
         the largest error of the means."""
-        every = 1
-        while every * self.step <= WIDEST * (1 + 1e-9):
-            yield order * every * self.step, *self.mean(order, every)
-            every *= 2
+        stride = 1
+        while stride * self.step <= WIDEST * (1 + 1e-9):
+            yield order * stride * self.step, *self.mean(order, stride)
+            stride *= 2
 
-    def mean(self, order: int, every: int) -> tuple[np.ndarray, float]:
-        """The mean of a derivative over `order` steps of `every` rows, starting at each row, and its largest error."""
-        width = every * self.step
-        terms = [(-1) ** (order - j) * comb(order, j) * np.roll(self.height, -j * every) for j in range(order + 1)]
+    def mean(self, order: int, stride: int) -> tuple[np.ndarray, float]:
+        """The mean of a derivative over `order` steps of `stride` rows, starting at each row, and its largest error."""
+        width = stride * self.step
+        terms = [(-1) ** (order - j) * comb(order, j) * np.roll(self.height, -j * stride) for j in range(order + 1)]
         return np.sum(terms, axis=0) / width**order, 2**order * self.error / width**order
 
     def resolution(self, order: int) -> float:
@@ -72,7 +72,7 @@ class RoundedRows:
                 return True
         return False
 
-    def told(self, how: str, acceleration: float, jerk: float) -> str:
+    def precision(self, how: str, acceleration: float, jerk: float) -> str:
         """A sentence with the errors of acceleration [m/rad^2] and jerk [m/rad^3] as means, which are used as `how`
         says."""
         return (
@@ -105,11 +105,11 @@ def violated_beyond_rounding(broken: list[str], rows: RoundedRows, design: Desig
     return [
         key
         for key in broken
-        if (_drawing_broken(rows, design, key) if key in drawn else _broken(rows, design, key, half))
+        if (_linear_limit_violated(rows, design, key) if key in drawn else _violated(rows, design, key, half))
     ]
 
 
-def _broken(rows: RoundedRows, design: Design, key: str, half: float) -> bool:
+def _violated(rows: RoundedRows, design: Design, key: str, half: float) -> bool:
     """Whether a limit is certainly broken; true for limits that the rounding of a table does not affect."""
     value = getattr(design, key, None)
     if key in ORDERS and value is not None:
@@ -135,7 +135,7 @@ def _broken(rows: RoundedRows, design: Design, key: str, half: float) -> bool:
     return True
 
 
-def _drawing_broken(rows: RoundedRows, design: Design, key: str) -> bool:
+def _linear_limit_violated(rows: RoundedRows, design: Design, key: str) -> bool:
     """Whether a limit linear in the lift is certainly broken: the mean of its weighted sum exceeds the level."""
     *_, (_, bends, _) = rows.means(2)
     bend = 2 * float(np.abs(bends).max())  # a factor of 2, since the largest acceleration may exceed the means
@@ -161,12 +161,12 @@ def rounding_sentence(lift: Lift) -> str:
     if rows is None:
         return ""
     how = "the limits on the shape are judged by means over a few degrees"
-    return f"{rows.told(how, *map(rows.resolution, (2, 3)))}; what a table does between its rows, no table tells"
+    return f"{rows.precision(how, *map(rows.resolution, (2, 3)))}; what a table does between its rows, no table tells"
 
 
 MEANS = 4
 """Number of times that the moving average is applied: once for every derivative that a scene can limit."""
-TOLD = 0.05
+LARGEST_JERK_ERROR = 0.05
 """Largest error of the averaged jerk caused by the rows' error, relative to the largest jerk."""
 
 
@@ -191,7 +191,7 @@ def moving_average(lift: Lift) -> tuple[Lift, str]:
     law = Lift(*centred(pieces, 0.0), lift.half_duration, lift.family, lift.parameters)
     width = window * rows.step
     how = f"acceleration, jerk, waves and contact are given by means over {MEANS * width / DEG:.2g} deg"
-    return law, rows.told(how, rows.mean(2, window)[1], rows.mean(3, window)[1])
+    return law, rows.precision(how, rows.mean(2, window)[1], rows.mean(3, window)[1])
 
 
 def _window(rows: RoundedRows) -> int:
@@ -199,6 +199,6 @@ def _window(rows: RoundedRows) -> int:
     window = 1
     for window in range(1, int(WIDEST / rows.step) + 1, 2):
         jerk, error = rows.mean(3, window)
-        if error <= TOLD * np.abs(jerk).max():
+        if error <= LARGEST_JERK_ERROR * np.abs(jerk).max():
             break
     return window

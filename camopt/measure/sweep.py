@@ -194,16 +194,16 @@ def reserve_sentences(starts: Mapping, design: Mapping, band_rpm: tuple[float, f
     for key, name in STARTS.items():
         if key not in starts:
             continue
-        given = design.get(QUANTITIES[name].limit)
-        limit, word, at = given if is_number(given) else STARTS_MM, name.removesuffix("_mm").capitalize(), starts[key]
+        limit_mm, at = design.get(QUANTITIES[name].limit), starts[key]
+        limit, word = limit_mm if is_number(limit_mm) else STARTS_MM, name.removesuffix("_mm").capitalize()
         if is_number(at):
-            sentences.append(f"{word} exceeds {limit:g} mm from {at:.5g} r/min on, {_beside(at, *band_rpm)}.")
+            sentences.append(f"{word} exceeds {limit:g} mm from {at:.5g} r/min on, {_position_in_band(at, *band_rpm)}.")
         else:
             sentences.append(f"{word} does not exceed {limit:g} mm below 1.5 times the band's top.")
     return sentences
 
 
-def _beside(at_rpm: float, low_rpm: float, high_rpm: float) -> str:
+def _position_in_band(at_rpm: float, low_rpm: float, high_rpm: float) -> str:
     if at_rpm < low_rpm:
         return "below the band"
     return f"{100 * (at_rpm / high_rpm - 1):.1f} % above the band" if at_rpm > high_rpm else "within the band"

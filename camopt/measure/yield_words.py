@@ -35,7 +35,7 @@ def share_sentence(record: Mapping[str, Any]) -> str:
     """How many trains hold at which speeds, and the share with its interval; empty for a record without a share."""
     if not standing(record):
         return ""
-    speeds = [s for s in _listed(record.get("speeds_rpm")) if is_number(s)]
+    speeds = [s for s in _as_list(record.get("speeds_rpm")) if is_number(s)]
     if len(speeds) > 1:
         at = f" at {len(speeds)} speeds from {speeds[0]:g} to {speeds[-1]:g} r/min"
     else:
@@ -57,33 +57,33 @@ def asked_sentence(record: Mapping[str, Any]) -> str:
         return f"no yield was asked for, and {100 * ADVISED:g} % hold in any case"
     if not stands:
         return ""
-    asked, reasons = f"yield of {100 * record['wanted']:g} %", list(map(str, _listed(record.get("reasons"))))
+    requested, reasons = f"yield of {100 * record['wanted']:g} %", list(map(str, _as_list(record.get("reasons"))))
     if stands == HELD:
-        return f"{asked}: confirmed"
-    return f"{asked}: not confirmed{', because ' if reasons else ''}{' and '.join(reasons)}"
+        return f"{requested}: confirmed"
+    return f"{requested}: not confirmed{', because ' if reasons else ''}{' and '.join(reasons)}"
 
 
 def spoiling_sentences(record: Mapping[str, Any]) -> list[str]:
     """Which limit breaks first in how many trains, and which tolerances explain the scatter."""
     sentences = []
-    for limit, entry in _mapped(record.get("first_broken")).items():
-        trains, by_speed = _mapped(entry).get("trains"), _mapped(_mapped(entry).get("speeds_rpm"))
+    for limit, entry in _as_mapping(record.get("first_broken")).items():
+        trains, by_speed = _as_mapping(entry).get("trains"), _as_mapping(_as_mapping(entry).get("speeds_rpm"))
         counts = {speed: count for speed, count in by_speed.items() if is_number(count)}
         if is_number(trains) and counts:
             often = max(counts, key=lambda speed: counts[speed])
             sentences.append(f"breaks first: {limit} in {counted_trains(trains)}, most often at {often} r/min")
-    to_blame = {label: part for label, part in _mapped(record.get("blame")).items() if is_number(part)}
+    to_blame = {label: share for label, share in _as_mapping(record.get("blame")).items() if is_number(share)}
     if any(to_blame.values()):
-        parts = [f"{label} {100 * part:.0f} %" for label, part in to_blame.items() if part >= LEAST_BLAME]
+        shares = [f"{label} {100 * share:.0f} %" for label, share in to_blame.items() if share >= LEAST_BLAME]
         rest = record.get("unexplained")
-        words = f"to blame (squared rank correlations with the worst used limit): {', '.join(parts)}"
+        words = f"to blame (squared rank correlations with the worst used limit): {', '.join(shares)}"
         sentences.append(words + (f"; {100 * rest:.0f} % unexplained" if is_number(rest) else ""))
     return sentences
 
 
 def ideal_sentence(record: Mapping[str, Any]) -> str:
     """Area ratio and yield of the largest cam for the train as designed; empty if the record has no such cam."""
-    ideal = _mapped(record.get("ideal"))
+    ideal = _as_mapping(record.get("ideal"))
     if not all(is_number(ideal.get(key)) for key in ("area_ratio", "share", "trains")):
         return ""
     held = f"{100 * ideal['share']:.3g} % of {ideal['trains']:g} trains"
@@ -95,7 +95,7 @@ def ideal_sentence(record: Mapping[str, Any]) -> str:
 
 def advised_sentence(record: Mapping[str, Any]) -> str:
     """Estimated area ratio of a cam for trains as built if no yield was requested; empty without an estimate."""
-    advised = _mapped(record.get("advised"))
+    advised = _as_mapping(record.get("advised"))
     if not all(is_number(advised.get(key)) for key in ("share", "area_ratio")):
         return ""
     return (
@@ -106,7 +106,7 @@ def advised_sentence(record: Mapping[str, Any]) -> str:
 
 def estimated_words(record: Mapping[str, Any]) -> str:
     """The estimate of `advised_sentence` in brackets; empty without an estimate."""
-    area_ratio = _mapped(record.get("advised")).get("area_ratio")
+    area_ratio = _as_mapping(record.get("advised")).get("area_ratio")
     return f" (estimated area ratio {area_ratio:.3f})" if is_number(area_ratio) else ""
 
 
@@ -115,9 +115,9 @@ def counted_trains(trains: float) -> str:
     return f"{trains:g} train{'' if trains == 1 else 's'}"
 
 
-def _mapped(value: Any) -> Mapping:
+def _as_mapping(value: Any) -> Mapping:
     return value if isinstance(value, Mapping) else {}
 
 
-def _listed(value: Any) -> list:
+def _as_list(value: Any) -> list:
     return value if isinstance(value, list) else []

@@ -26,7 +26,7 @@ EARLY = 1e-2
 """Probability, two-sided, that one early test decides although the share equals the wanted one."""
 TIE = 1e-12
 """Difference below which two shares are equal."""
-SURELY = 1e-15
+EDGE = 1e-15
 """Distance from zero and one of the shares between which the ends of an interval are searched."""
 
 
@@ -44,7 +44,7 @@ class Looks:
         """Whether sampling ends if `holding` out of `trains`, one of the plan's numbers, keep every limit."""
         if trains >= self.trains[-1]:
             return True
-        below, above = self._borders(trains)
+        below, above = self._decision_bounds(trains)
         return holding <= below or holding >= above
 
     def interval(self, holding: int, trains: int) -> tuple[float, float]:
@@ -52,14 +52,14 @@ class Looks:
         share, tail = holding / trains, (1.0 - CONFIDENCE) / 2
 
         def where(side: int) -> float:
-            return float(cast(float, brentq(lambda p: self._tails(share, p)[side] - tail, SURELY, 1.0 - SURELY)))
+            return float(cast(float, brentq(lambda p: self._tails(share, p)[side] - tail, EDGE, 1.0 - EDGE)))
 
         return 0.0 if holding == 0 else where(1), 1.0 if holding == trains else where(0)
 
     def coverage(self, p: float) -> float:
         """Probability that the interval contains the true share p."""
         ended = [(np.arange(len(mass)) / trains, mass) for trains, mass in self.ended(p)]
-        shares, mass = (np.concatenate(parts) for parts in zip(*ended, strict=True))
+        shares, mass = (np.concatenate(arrays) for arrays in zip(*ended, strict=True))
         order = np.argsort(shares, kind="stable")
         shares, mass = shares[order], mass[order]
         first, last = np.searchsorted(shares, shares - TIE), np.searchsorted(shares, shares + TIE, "right")
@@ -73,15 +73,15 @@ class Looks:
         going, before = np.ones(1), 0
         for trains in self.trains:
             more = trains - before
-            going = np.convolve(going, _chances(more, p))
+            going = np.convolve(going, _binomial_probabilities(more, p))
             stops = np.ones(trains + 1, dtype=bool)
             if trains < self.trains[-1]:
-                below, above = self._borders(trains)
+                below, above = self._decision_bounds(trains)
                 stops = (np.arange(trains + 1) <= below) | (np.arange(trains + 1) >= above)
             yield trains, np.where(stops, going, 0.0)
             going, before = np.where(stops, 0.0, going), trains
 
-    def _borders(self, trains: int) -> tuple[int, int]:
+    def _decision_bounds(self, trains: int) -> tuple[int, int]:
         """Largest and smallest number of holding trains at which an early test decides that the share is below, or
         above, the wanted one."""
         holding = np.arange(trains + 1)
@@ -148,12 +148,12 @@ def counted(used: UsedLimits) -> dict[str, dict]:
 
     The limit that a train breaks first is the one that it exceeds most at the lowest speed at which it exceeds any.
     """
-    found: dict[str, Counter[float]] = defaultdict(Counter)
+    by_limit: dict[str, Counter[float]] = defaultdict(Counter)
     for train in used.used:
         if len(broken := np.flatnonzero(train.max(axis=0) > 1.0)):
             limit = used.limits[int(np.argmax(train[:, broken[0]]))]
-            found[limit][float(used.speeds_rpm[broken[0]])] += 1
-    order = sorted(found.items(), key=lambda item: -item[1].total())
+            by_limit[limit][float(used.speeds_rpm[broken[0]])] += 1
+    order = sorted(by_limit.items(), key=lambda item: -item[1].total())
     return {
         limit: {"trains": speeds.total(), "speeds_rpm": {f"{speed:g}": speeds[speed] for speed in sorted(speeds)}}
         for limit, speeds in order
@@ -170,11 +170,11 @@ def rank_correlation_shares(draws: dict[str, np.ndarray], worst: np.ndarray) -> 
     t = len(worst)
     if t < 3 or np.all(worst == worst[0]):
         return dict.fromkeys(draws, 0.0)
-    found = {}
+    shares = {}
     for label, drawn in draws.items():
         rho = [np.corrcoef(_ranks(column), _ranks(worst))[0, 1] for column in drawn.T]
-        found[label] = max(0.0, float(np.sum(np.square(rho)) - len(rho) / (t - 1)))
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
+        shares[label] = max(0.0, float(np.sum(np.square(rho)) - len(rho) / (t - 1)))
+    return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
 
 def yield_record(used: UsedLimits, share: Share, seed: int, to_blame: dict[str, float]) -> dict:
@@ -199,7 +199,7 @@ def _ranks(values: np.ndarray) -> np.ndarray:
     return (np.cumsum(count) - (count - 1) / 2)[place]
 
 
-def _chances(trains: int, p: float) -> np.ndarray:
+def _binomial_probabilities(trains: int, p: float) -> np.ndarray:
     """Binomial probabilities (n + 1) that 0 to n of n trains hold, each with probability p, by logarithms of
     factorials: `scipy.stats` takes long to load."""
     k = np.arange(trains + 1)
