@@ -122,12 +122,12 @@ def verify(
     if not isinstance(lift, Lift):
         raise InputError(f"verify: {lift!r} in place of a cam: expected one, as camopt.read_cam or a family gives it")
     effort = effort_of(accuracy)
-    every = methods_for(build_train(scene))[: 2 if accuracy == DRAFT else None]
-    names = every if methods == "all" else (methods,)
+    available = methods_for(build_train(scene))[: 2 if accuracy == DRAFT else None]
+    names = available if methods == "all" else (methods,)
     verdict = verdict_on(scene, lift, speeds_rpm, names, effort.band_step_rpm, effort.tolerances, progress=progress)
     verdict = replace(verdict, asked=accuracy)
     if not outside:
         return verdict
     entries = from_outside(scene, lift, [s.speed_rpm for s in verdict.speeds])
-    agreed = verdict.verdict if all(one["agrees"] for one in entries) else "not converged"
+    agreed = verdict.verdict if all(entry["agrees"] for entry in entries) else "not converged"
     return replace(verdict, outside=entries, verdict=agreed)

@@ -117,18 +117,19 @@ class SpeedVerdict:
 
 
 def judge_speed(case: Case, speed_rpm: float) -> SpeedVerdict:
-    """The verdict on a case at one speed [r/min]; a limit that is broken far beyond its errors ends it early."""
+    """The verdict on a case at one speed [r/min]. If a limit is violated far beyond all errors, no step is halved
+    further."""
     first = case.first
     refinements = {name: case.refinement(name, speed_rpm, certain=name == first) for name in case.methods}
     try:
-        # two steps have an error estimate
+        # an error estimate needs two steps
         coarse = case.many_from_rest(speed_rpm) if case.many else refinements[first].answer(2)
-        early = plainly_broken(case, speed_rpm, coarse)
+        early = one_step_rejection(case, speed_rpm, coarse)
     except MotionRefused:
         early = None
     if early is not None:
         return early
-    answers = {name: one.answer() for name, one in refinements.items()}
+    answers = {name: refinement.answer() for name, refinement in refinements.items()}
     try:
         near = neighbours(case, speed_rpm, answers[first])
     except MotionRefused:
@@ -151,36 +152,36 @@ def verdict_from_answers(
     verdict = "rejected" if broken else "sensitive" if straddled else "confirmed"
     if not agree:
         verdict, broken = "not converged", ()
-    every = {name: np.array([own, *(f.range(name) for f in near)]) for name, own in first.range.items()}
-    ranges = {name: (float(values.min()), float(values.max())) for name, values in every.items()}
+    all_ends = {name: np.array([ends, *(f.range(name) for f in near)]) for name, ends in first.range.items()}
+    ranges = {name: (float(values.min()), float(values.max())) for name, values in all_ends.items()}
     return SpeedVerdict(speed_rpm, verdict, broken, straddled, ranges, answers, decided_after)
 
 
-def plainly_broken(
-    case: Case, speed_rpm: float, look: Converged, near: list[Figures] | None = None
+def one_step_rejection(
+    case: Case, speed_rpm: float, answer: Converged, near: list[Figures] | None = None
 ) -> SpeedVerdict | None:
     """A rejection for which the first two methods need not have converged, or None.
 
     Both methods must exceed one limit by FAR times the sum of the first one's error estimate and their difference, and
-    must agree on whether the valve seats; the motions of the neighbourhood must exceed it as well. `look` is the first
-    method's answer. The second method is run at its first step only, with at most WANDERING_REVOLUTIONS to settle,
+    must agree on whether the valve seats; the motions of the neighbourhood must exceed it as well. `answer` is that of
+    the first method. The second method is run at its first step only, with at most WANDERING_REVOLUTIONS to settle,
     since a motion far beyond its limits seldom settles. `near` holds the metrics of the neighbourhood if they have been
     computed already. Raises MotionRefused if a motion of the neighbourhood is refused.
     """
-    if len(case.methods) < 2 or not violates_by_margin(case.scene, [look.worst], look.error):
+    if len(case.methods) < 2 or not violates_by_margin(case.scene, [answer.worst], answer.error):
         return None
     first, second = list(case.methods)[:2]
-    other = case.refinement(second, speed_rpm, most=WANDERING_REVOLUTIONS).answer(1)
-    error = {name: own + apart(look.worst[name], other.worst[name]) for name, own in look.error.items()}
-    if np.isnan(look.worst["bounce_mm"]) != np.isnan(other.worst["bounce_mm"]) or not violates_by_margin(
-        case.scene, [look.worst, other.worst], error
+    check = case.refinement(second, speed_rpm, most=WANDERING_REVOLUTIONS).answer(1)
+    error = {name: estimate + apart(answer.worst[name], check.worst[name]) for name, estimate in answer.error.items()}
+    if np.isnan(answer.worst["bounce_mm"]) != np.isnan(check.worst["bounce_mm"]) or not violates_by_margin(
+        case.scene, [answer.worst, check.worst], error
     ):
         return None
-    near = neighbours(case, speed_rpm, look) if near is None else near
-    every = [look.worst, other.worst, *({name: f.worst(name) for name in error} for f in near)]
-    if not violates_by_margin(case.scene, every, error):
+    near = neighbours(case, speed_rpm, answer) if near is None else near
+    metrics = [answer.worst, check.worst, *({name: f.worst(name) for name in error} for f in near)]
+    if not violates_by_margin(case.scene, metrics, error):
         return None
-    answers = {first: replace(look, error=error), second: other}
+    answers = {first: replace(answer, error=error), second: check}
     return verdict_from_answers(case, speed_rpm, answers, near, agree=True, decided_after=ONE_STEP)
 
 

@@ -145,7 +145,7 @@ class StepRefinement:
 
     def _begin_again(self) -> None:
         self._runs: list[Figures] = []
-        self._unmoved_steps: list[bool] = []
+        self._unchanged_steps: list[bool] = []
         self._state, self._last, self._faded = self._start, None, False
         self._revolutions, self._measured = 0, 0
 
@@ -157,7 +157,7 @@ class StepRefinement:
             return True
         certain = self._tolerances.certain and self.periodic
         exact = not certain or _errors(self._runs)["bounce_mm"] <= self._allowed["bounce_mm"]
-        return self._unmoved_enough() and exact
+        return self._unchanged_enough() and exact
 
     @property
     def periodic(self) -> bool:
@@ -170,16 +170,16 @@ class StepRefinement:
         self._steps = (self._first << self._taken) + self._taken
         self._taken += 1
         try:
-            done = self._run(self._prepare(train, lift, cam_speed, self._steps), lift)
+            settled = self._run(self._prepare(train, lift, cam_speed, self._steps), lift)
         except MotionRefused:
             self._begin_again()
             return
-        self._revolutions += self._measured + done.revolutions
-        self._measured, self._faded = done.figures.revolutions + 1, self._faded or done.faded
-        self._last, self._state = done, done.state
-        self._runs.append(done.figures)
+        self._revolutions += self._measured + settled.revolutions
+        self._measured, self._faded = settled.figures.revolutions + 1, self._faded or settled.faded
+        self._last, self._state = settled, settled.state
+        self._runs.append(settled.figures)
         if len(self._runs) > 1:
-            self._unmoved_steps.append(_unmoved(self._runs[-2], self._runs[-1], self._allowed, done.periodic))
+            self._unchanged_steps.append(_unchanged(self._runs[-2], self._runs[-1], self._allowed, settled.periodic))
 
     def answer(self, steps: int | None = None) -> Converged:
         """Refine until the metrics have converged, or at most `steps` times if given, and return the answer."""
@@ -190,7 +190,7 @@ class StepRefinement:
             return Converged(self._steps, False, spread, errors, 0, False, None)
         figures = self._runs[-1] if self.periodic or not self._tolerances.certain else self._ranged()
         spread, errors = {name: figures.range(name) for name in QUANTITIES}, _errors(self._runs)
-        converged = self._faded and self._unmoved_enough()
+        converged = self._faded and self._unchanged_enough()
         return Converged(self._steps, converged, spread, errors, self._revolutions, self.periodic, self._state)
 
     def _run(self, revolve: Revolve, lift: Lift) -> Measured:
@@ -211,8 +211,8 @@ class StepRefinement:
         revolve = self._prepare(train, lift, cam_speed, self._steps)
         return settle_and_measure(revolve, self._state, lift, 0, aperiodic=RANGED).figures
 
-    def _unmoved_enough(self) -> bool:
-        last = self._unmoved_steps[-self._tolerances.stands :]
+    def _unchanged_enough(self) -> bool:
+        last = self._unchanged_steps[-self._tolerances.stands :]
         return self._steps >= self._enough and len(last) == self._tolerances.stands and all(last)
 
 
@@ -245,14 +245,14 @@ def _errors(runs: list[Figures]) -> dict[str, float]:
     return errors
 
 
-def apart(one: float, other: float) -> float:
+def apart(a: float, b: float) -> float:
     """Difference of two values of a metric: zero if both are NaN (the valve does not seat), infinite if only one is."""
-    if np.isnan(one) or np.isnan(other):
-        return 0.0 if np.isnan(one) and np.isnan(other) else np.inf
-    return abs(one - other)
+    if np.isnan(a) or np.isnan(b):
+        return 0.0 if np.isnan(a) and np.isnan(b) else np.inf
+    return abs(a - b)
 
 
-def _unmoved(before: Figures, after: Figures, allowed: dict[str, float], periodic: bool) -> bool:
+def _unchanged(before: Figures, after: Figures, allowed: dict[str, float], periodic: bool) -> bool:
     """Whether halving the step changed no deciding metric beyond its tolerance.
 
     If the valve does not seat at either step, the metrics have no values and count as unchanged.

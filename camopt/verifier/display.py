@@ -40,8 +40,8 @@ def text(record: VerificationRecord, scene: Scene | None) -> str:
     """The verdict for a terminal, at most one screen: a line for each speed, the worst of the band, and the outcome."""
     rows, band, outside = record["speeds"], record["band"], outside_sentence(record.outside)
     heads = (f"{label:>{width}}" for label, width in TEXT.values())
-    lines = ["  ".join([*heads, _beside("verdict", "outside nm", rows)])]
-    lines += [_line(row, _beside(row["verdict"], _outside(row), rows)) for row in rows[:MOST_LINES]]
+    lines = ["  ".join([*heads, _last_columns("verdict", "outside nm", rows)])]
+    lines += [_line(row, _last_columns(row["verdict"], _outside_nm(row), rows)) for row in rows[:MOST_LINES]]
     if len(rows) > MOST_LINES:
         lines.append(f"and {len(rows) - MOST_LINES} more speeds")
     if band is not None:
@@ -50,8 +50,8 @@ def text(record: VerificationRecord, scene: Scene | None) -> str:
         beyond = [f"{row['speed_rpm']:g}" for row in rows if not low <= row["speed_rpm"] <= high]
         over = f"{low:g} to {high:g} r/min" + (f" and at {', '.join(beyond)} r/min" if beyond else "")
         lines.append(f"worst over {over}, neighbouring speeds, lifts and states included, each at its speed")
-        lines.append(_line({name: one and one.value for name, one in worst.items()}))
-        lines.append(_line({name: one and one.speed_rpm for name, one in worst.items()}, "r/min"))
+        lines.append(_line({name: entry and entry.value for name, entry in worst.items()}))
+        lines.append(_line({name: entry and entry.speed_rpm for name, entry in worst.items()}, "r/min"))
     reason = f". {record['reason']}" if record["reason"] else ""
     lines.append(record["accuracy"]["statement"])
     lines += [f"{record['shape_says']}."] if "shape_says" in record else []
@@ -63,12 +63,12 @@ def text(record: VerificationRecord, scene: Scene | None) -> str:
     return "\n".join(lines)
 
 
-def _outside(row: dict) -> str:
+def _outside_nm(row: dict) -> str:
     """Difference [nm] of the valve's motion from rest to that of another engine at a speed; empty if none was run."""
     return f"{row['outside']['difference_nm']:.2g}" if "outside" in row else ""
 
 
-def _beside(verdict: str, outside: str, rows: list[dict]) -> str:
+def _last_columns(verdict: str, outside: str, rows: list[dict]) -> str:
     """The last columns of a line: the verdict and, if another engine was run at any speed, its difference."""
     return f"{verdict:<13}  {outside:>10}" if any("outside" in row for row in rows) else verdict
 
@@ -90,7 +90,7 @@ def html(record: VerificationRecord) -> str:
     rows = record.judged
     table = DataFrame({label: [row[name] for row in rows] for name, label in COLUMNS.items()})
     if record.outside:
-        table["from outside, off by [nm]"] = [_outside(row) for row in rows]
+        table["from outside, off by [nm]"] = [_outside_nm(row) for row in rows]
     shown = table.to_html(index=False, float_format="{:.4g}".format, na_rep="never seats")
     return f"<p><b>{escape(record['verdict'])}</b> {escape(record['reason'])}</p>{shown}"
 

@@ -36,7 +36,7 @@ NM = 1e-9
 JUMPS_MM = 0.05
 """Jump [mm] beyond which the motion is chaotic within a revolution or two, so that only the first one is compared."""
 REVOLUTIONS = 2
-PATIENCE_S = 300.0
+TIMEOUT_S = 300.0
 """Longest time that Exudyn may take for one speed [s]; a few seconds are usual."""
 SAMPLES = 720
 """Number of equal intervals of a revolution at whose ends the valve's position is compared."""
@@ -67,12 +67,12 @@ def outside_motions(scene: Scene, lift: Lift, speeds_rpm: Sequence[float], *opti
         write_design(files[1], lift, scene.required_design.max_lift_mm * MM)
         arguments = ["--speeds", *(repr(float(s)) for s in speeds_rpm), "--out", files[2], *options]
         command = [sys.executable, "-m", "camopt.verifier.outside", *files[:2], *arguments]
-        patience_s = PATIENCE_S * len(speeds_rpm)
+        timeout_s = TIMEOUT_S * len(speeds_rpm)
         try:
-            ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=patience_s)
+            ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=timeout_s)
         except subprocess.TimeoutExpired:
             raise InputError(
-                f"the judge from outside has no answer after {patience_s:g} s: ask for fewer speeds, or leave "
+                f"the judge from outside has no answer after {timeout_s:g} s: ask for fewer speeds, or leave "
                 f"--outside away where contacts chatter"
             ) from None
         if ended.returncode == 2:

@@ -77,8 +77,8 @@ class VerificationRecord(dict[str, Any]):
         if not values:
             return None
         sign = -1.0 if name in LESS_IS_WORSE else 1.0
-        unknown = next((one for one in values if one.value is None), None)
-        return unknown or max(values, key=lambda one: sign * (one.value or 0.0))
+        unknown = next((entry for entry in values if entry.value is None), None)
+        return unknown or max(values, key=lambda entry: sign * (entry.value or 0.0))
 
     def _values(self, name: str) -> Iterator[Worst]:
         band = self.get("band") or {}
@@ -98,12 +98,12 @@ class VerificationRecord(dict[str, Any]):
         """
         if not entries:
             return self
-        at = {one["speed_rpm"]: dict(one) for one in entries}
+        at = {comparison["speed_rpm"]: dict(comparison) for comparison in entries}
         speeds = [
             entry | ({"outside": at[entry["speed_rpm"]]} if entry.get("speed_rpm") in at else {})
             for entry in self.get("speeds") or []
         ]
-        apart = not all(one["agrees"] for one in entries)
+        apart = not all(comparison["agrees"] for comparison in entries)
         outcome = {"verdict": "not converged", "reason": outside_sentence(entries)} if apart else {}
         return VerificationRecord(self | {"speeds": speeds} | outcome)
 
@@ -150,7 +150,7 @@ def accuracy_record(speeds: Sequence[dict], requested_um: float, requested: str 
     else:
         none = [rpm for rpm, s in by_speed.items() if not all(map(is_number, s["bounce_range_mm"]))]
         short = [rpm for rpm, error in errors.items() if rpm not in none and (error is None or error > requested_um)]
-        ranges = [_range(by_speed[rpm]) for rpm in short]
+        ranges = [_bounce_text(by_speed[rpm]) for rpm in short]
         words += f"; not reached: bounce is known to a range only, {', '.join(ranges)}" if ranges else ""
         at = ", ".join(f"{rpm:g}" for rpm in none)
         words += f"; there is no bounce at {at} r/min, where the valve does not seat" if none else ""
@@ -167,7 +167,7 @@ def accuracy_record(speeds: Sequence[dict], requested_um: float, requested: str 
     }
 
 
-def _range(speed: dict) -> str:
+def _bounce_text(speed: dict) -> str:
     """The bounce at one speed as text: value and error for a periodic motion, the range for an aperiodic one."""
     (low, high), error = speed["bounce_range_mm"], bounce_error_um(speed) or np.inf
     value = f"{high:.4f} mm +- {error:.2g} um" if speed["periodic"] else f"{low:.4f} to {high:.4f} mm"
@@ -178,15 +178,15 @@ def outside_sentence(entries: Sequence[Mapping]) -> str:
     """Whether the other engine agrees, from the entries of outside.json, as one sentence; empty without entries."""
     if not entries:
         return ""
-    engine, apart = entries[0]["engine"], [one for one in entries if not one["agrees"]]
+    engine, apart = entries[0]["engine"], [entry for entry in entries if not entry["agrees"]]
     if apart:
-        worst = max(apart, key=lambda one: one["difference_nm"] / one["stated_nm"])
-        at = ", ".join(f"{one['speed_rpm']:g}" for one in apart)
+        worst = max(apart, key=lambda entry: entry["difference_nm"] / entry["stated_nm"])
+        at = ", ".join(f"{entry['speed_rpm']:g}" for entry in apart)
         return (
             f"{engine} disagrees at {at} r/min: the valve from rest is {worst['difference_nm']:.3g} nm apart at "
             f"{worst['speed_rpm']:g} r/min, where the stated errors explain {worst['stated_nm']:.3g} nm."
         )
-    largest = max(one["difference_nm"] for one in entries)
+    largest = max(entry["difference_nm"] for entry in entries)
     speeds = f"{len(entries)} speed{'s' * (len(entries) != 1)}"
     return f"{engine} agrees within {largest:.2g} nm at {speeds}, by the valve's motion from rest."
 
@@ -200,11 +200,11 @@ def outside_entry(speed_rpm: float, engine: str, revolutions: int, difference_nm
 def outside_entries(text: str) -> list[dict]:
     """The entries of an outside.json, parsed from its untrusted text. Raises ValueError if they are malformed."""
     data, keys = json.loads(text), OUTSIDE[:-1]
-    if not isinstance(data, list) or not all(isinstance(one, dict) and set(keys) <= set(one) for one in data):
+    if not isinstance(data, list) or not all(isinstance(entry, dict) and set(keys) <= set(entry) for entry in data):
         raise ValueError(f"expected a list of objects with {', '.join(sorted(keys))}")
-    if not all(isinstance(one[key], (int, float)) for one in data for key in keys if key != "engine"):
+    if not all(isinstance(entry[key], (int, float)) for entry in data for key in keys if key != "engine"):
         raise ValueError("expected numbers beside the engine")
-    return [outside_entry(*(one[key] for key in keys)) for one in data]
+    return [outside_entry(*(entry[key] for key in keys)) for entry in data]
 
 
 def method_record(answer: Converged) -> dict:
@@ -246,7 +246,7 @@ def band_record(band: Band) -> dict:
         "worst_bounce_mm": worst["bounce_mm"]["value"],
         "worst_speed_rpm": worst["bounce_mm"]["speed_rpm"],
         "worst": worst,
-        "resonances": [{key: getattr(one, key) for key in of_resonance} for one in band.resonances],
+        "resonances": [{key: getattr(resonance, key) for key in of_resonance} for resonance in band.resonances],
         "resonances_left_out": band.resonances_left_out,
         "curves": {
             "speed_rpm": band.speeds_rpm.tolist(),

@@ -26,7 +26,7 @@ from camopt.verifier.at_speed import (
     agreement,
     judge_speed,
     neighbours,
-    plainly_broken,
+    one_step_rejection,
     verdict_from_answers,
     violates_by_margin,
 )
@@ -39,7 +39,7 @@ WORKERS = 2
 Verdicts = tuple[SpeedVerdict, ...]
 
 
-def at_every(judge: Callable[[Case, float], SpeedVerdict], case: Case, speeds_rpm: Iterable[float]) -> Verdicts:
+def judge_all(judge: Callable[[Case, float], SpeedVerdict], case: Case, speeds_rpm: Iterable[float]) -> Verdicts:
     """The verdicts at crankshaft speeds [r/min], computed WORKERS at a time."""
     speeds, hidden = [float(speed) for speed in speeds_rpm], None if case.progress else True
     with ThreadPoolExecutor(WORKERS) as pool:
@@ -58,21 +58,21 @@ def event_alone(case: Case, speed_rpm: float) -> SpeedVerdict:
     """
     assert case.many is not None, "`can_spot_check` says so"
     try:
-        look = case.many_from_rest(speed_rpm)
-        many = case.many if look.periodic else partial(case.many, most=WANDERING_REVOLUTIONS)
-        near = neighbours(case, speed_rpm, look, many)
+        answer = case.many_from_rest(speed_rpm)
+        many = case.many if answer.periodic else partial(case.many, most=WANDERING_REVOLUTIONS)
+        near = neighbours(case, speed_rpm, answer, many)
     except MotionRefused:
         return judge_speed(case, speed_rpm)
     decay = decay_per_revolution(case.train, case.scene.cam_speed(speed_rpm))
-    if not look.periodic and revolutions_needed(decay) > MOST_REVOLUTIONS:
+    if not answer.periodic and revolutions_needed(decay) > MOST_REVOLUTIONS:
         return judge_speed(case, speed_rpm)
-    error, allowed = dict(look.error), case.tolerances.absolute
-    for name in error if look.periodic else ():
-        distance = max(apart(near[i].worst(name), look.worst[name]) for i in OTHER_STARTS)
-        if name in allowed and distance > allowed[name] + RELATIVE * np.nan_to_num(abs(look.worst[name])):
+    error, allowed = dict(answer.error), case.tolerances.absolute
+    for name in error if answer.periodic else ():
+        distance = max(apart(near[i].worst(name), answer.worst[name]) for i in OTHER_STARTS)
+        if name in allowed and distance > allowed[name] + RELATIVE * np.nan_to_num(abs(answer.worst[name])):
             return judge_speed(case, speed_rpm)
         error[name] = max(error[name], MARGIN * distance)
-    answers = {case.first: replace(look, error=error, converged=True)}
+    answers = {case.first: replace(answer, error=error, converged=True)}
     verdict = verdict_from_answers(case, speed_rpm, answers, near, agree=True, decided_after=ALONE)
     return replace(verdict, near=tuple(near))
 
@@ -82,15 +82,15 @@ def with_all_methods(case: Case, alone: SpeedVerdict) -> SpeedVerdict:
     if alone.decided_after != ALONE:
         return alone
     speed_rpm, near = alone.speed_rpm, list(alone.near)
-    first, look = case.first, alone.first
-    early = plainly_broken(case, speed_rpm, look, near)
+    first, answer = case.first, alone.first
+    early = one_step_rejection(case, speed_rpm, answer, near)
     if early is not None:
         return early
-    others = {name: case.refinement(name, speed_rpm).answer() for name in case.methods if name != first}
-    agree = agreement([look, *others.values()], case.tolerances)
-    away = {name: max(apart(look.worst[name], o.worst[name]) for o in others.values()) for name in look.error}
-    error = {name: max(own, away[name]) for name, own in look.error.items()}
-    answers = {first: replace(look, error=error), **others}
+    checks = {name: case.refinement(name, speed_rpm).answer() for name in case.methods if name != first}
+    agree = agreement([answer, *checks.values()], case.tolerances)
+    away = {name: max(apart(answer.worst[name], o.worst[name]) for o in checks.values()) for name in answer.error}
+    error = {name: max(estimate, away[name]) for name, estimate in answer.error.items()}
+    answers = {first: replace(answer, error=error), **checks}
     return verdict_from_answers(case, speed_rpm, answers, near, agree=agree)
 
 
@@ -109,7 +109,7 @@ def early_rejection(case: Case, alone: Verdicts) -> Verdicts | None:
     plainly = [s for s in not_checked if violates_by_margin(case.scene, [s.first.worst], s.first.error)]
     if not plainly:
         return None
-    most = max(plainly, key=lambda s: _excess(case, s))
+    most = max(plainly, key=lambda s: _largest_usage(case, s))
     judged = with_all_methods(case, most)
     return tuple(judged if s is most else s for s in alone) if judged.verdict == "rejected" else None
 
@@ -129,7 +129,7 @@ def spot_checked(case: Case, alone: Verdicts) -> dict[float, SpeedVerdict]:
         chosen.add(alone[int(np.argmax(badness(name, bad_ends)))].speed_rpm)
 
     def judged(speeds: set[float]) -> dict[float, SpeedVerdict]:
-        verdicts = at_every(lambda _, speed: with_all_methods(case, by_speed[speed]), case, sorted(speeds))
+        verdicts = judge_all(lambda _, speed: with_all_methods(case, by_speed[speed]), case, sorted(speeds))
         return {s.speed_rpm: s for s in verdicts}
 
     first = judged(chosen)
@@ -138,8 +138,8 @@ def spot_checked(case: Case, alone: Verdicts) -> dict[float, SpeedVerdict]:
     return first | judged({s.speed_rpm for s in alone if s.verdict != "confirmed"} - chosen)
 
 
-def _excess(case: Case, one: SpeedVerdict) -> float:
+def _largest_usage(case: Case, verdict: SpeedVerdict) -> float:
     """The largest usage of a limit by a verdict's metrics, as a share of the limit; missing metrics are ignored."""
-    worst = one.first.worst
+    worst = verdict.first.worst
     shares = [limit.share(np.array(worst[limit.metric])) for limit in motion_limits(case.scene.design).values()]
     return max(float(share) for share in shares if np.isfinite(share))

@@ -32,10 +32,10 @@ from camopt.verifier.methods import INDEPENDENT, verdict_methods
 from camopt.verifier.record import VerificationRecord, accuracy_record, band_record, outside_sentence
 from camopt.verifier.spot_checks import (
     Verdicts,
-    at_every,
     can_spot_check,
     early_rejection,
     event_alone,
+    judge_all,
     spot_checked,
 )
 
@@ -77,7 +77,7 @@ class Verdict:
     @property
     def reason(self) -> str:
         """Why the cam is not confirmed, as a sentence; empty for a confirmed one."""
-        if not all(one["agrees"] for one in self.outside):
+        if not all(entry["agrees"] for entry in self.outside):
             return outside_sentence(self.outside)
         if self.verdict == "confirmed":
             return ""
@@ -107,7 +107,7 @@ class Verdict:
 
     def as_dict(self) -> VerificationRecord:
         """The content of verification.json: NaN becomes null; `band` is null if no band was swept."""
-        speeds, worst = ([s.as_dict() for s in some] for some in (self.speeds, self.worst_in_band))
+        speeds, worst = ([s.as_dict() for s in verdicts] for verdicts in (self.speeds, self.worst_in_band))
         requested_um = self.tolerance_um if self.asked is None or isinstance(self.asked, str) else float(self.asked)
         record = VerificationRecord(
             verdict=self.verdict,
@@ -150,26 +150,26 @@ def verdict_on(
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
-    methods = _known_methods(scene, methods)
+    methods = _valid_methods(scene, methods)
     tolerances = replace(tolerances, limited=limited_metrics(scene.design))
     many = _settled_metrics() if methods[0] == "event" and build_train(scene).straight else None
     case = Case(scene, lift, {name: method_named(name) for name in methods}, tolerances, many, progress)
-    few = can_spot_check(case) and not tolerances.everywhere
+    spot_check = can_spot_check(case) and not tolerances.everywhere
     listed = [float(s) for s in (scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)]
-    at_speeds = _judged(case, listed, few, to_the_end)
+    at_speeds = _judged(case, listed, spot_check, to_the_end)
     band, worst, first = None, (), {"bounce_mm": None, "jump_mm": None}
     if band_step_rpm is not None:
         refined = to_the_end or all(s.verdict != "rejected" for s in at_speeds)
         step_rpm = band_step_rpm if refined else max(band_step_rpm, SEARCH_STEP_RPM)
-        swept, first, suspects = _swept_band(scene, lift, step_rpm, refined, coarsely=few)
-        band, worst = _judged_band(case, swept, suspects if refined else [], at_speeds, few)
-    if few:
+        swept, first, suspects = _swept_band(scene, lift, step_rpm, refined, coarsely=spot_check)
+        band, worst = _judged_band(case, swept, suspects if refined else [], at_speeds, spot_check)
+    if spot_check:
         checked = spot_checked(case, (*at_speeds, *worst))
-        at_speeds, worst = (tuple(checked.get(s.speed_rpm, s) for s in some) for some in (at_speeds, worst))
+        at_speeds, worst = (tuple(checked.get(s.speed_rpm, s) for s in verdicts) for verdicts in (at_speeds, worst))
     shape = broken_by_shape(lift, scene.design)
-    every = (*at_speeds, *worst)
-    broken = dict.fromkeys([*shape, *(name for s in every for name in s.broken)])
-    overall = max([*(s.verdict for s in every), "rejected" if shape else "confirmed"], key=ORDER.index)
+    all_speeds = (*at_speeds, *worst)
+    broken = dict.fromkeys([*shape, *(name for s in all_speeds for name in s.broken)])
+    overall = max([*(s.verdict for s in all_speeds), "rejected" if shape else "confirmed"], key=ORDER.index)
     return Verdict(
         overall,
         tuple(broken),
@@ -185,40 +185,40 @@ def verdict_on(
     )
 
 
-def _judged(case: Case, speeds_rpm: list[float], few: bool, to_the_end: bool) -> Verdicts:
-    """The verdicts at the listed crankshaft speeds [r/min]; with `few`, by event-exact alone."""
-    if (to_the_end and not few) or not can_spot_check(case):
-        return at_every(judge_speed, case, speeds_rpm)
-    alone = at_every(event_alone, case, speeds_rpm)
+def _judged(case: Case, speeds_rpm: list[float], spot_check: bool, to_the_end: bool) -> Verdicts:
+    """The verdicts at the listed crankshaft speeds [r/min]; with `spot_check`, by event-exact alone."""
+    if (to_the_end and not spot_check) or not can_spot_check(case):
+        return judge_all(judge_speed, case, speeds_rpm)
+    alone = judge_all(event_alone, case, speeds_rpm)
     stopped = None if to_the_end else early_rejection(case, alone)
-    return stopped or (alone if few else at_every(judge_speed, case, speeds_rpm))
+    return stopped or (alone if spot_check else judge_all(judge_speed, case, speeds_rpm))
 
 
 def _judged_band(
-    case: Case, swept: Band, suspects: list[float], at_speeds: Verdicts, few: bool
+    case: Case, swept: Band, suspects: list[float], at_speeds: Verdicts, spot_check: bool
 ) -> tuple[Band, Verdicts]:
     """The band with the first method's metrics at all judged speeds, and the verdicts at its worst speeds [r/min].
 
-    All methods, or event-exact alone with `few`, judge the `suspects` of the sweep and then the speeds that have become
-    the worst ones of a limited metric. Without suspects no speed is judged, and no speed is judged twice.
+    All methods, or event-exact alone with `spot_check`, judge the `suspects` of the sweep and then the speeds that have
+    become the worst ones of a limited metric. Without suspects no speed is judged, and no speed is judged twice.
     """
-    known, worst = {s.speed_rpm: s for s in at_speeds}, set()
-    band = swept.with_judged(case.first, {rpm: s.first.worst for rpm, s in known.items()})
+    by_speed, worst = {s.speed_rpm: s for s in at_speeds}, set()
+    band = swept.with_judged(case.first, {rpm: s.first.worst for rpm, s in by_speed.items()})
     for _ in range(ROUNDS if suspects else 0):
         worst |= {*suspects}
-        judged = at_every(event_alone if few else judge_speed, case, sorted(worst - known.keys()))
-        known |= {s.speed_rpm: s for s in judged}
-        band = swept.with_judged(case.first, {rpm: s.first.worst for rpm, s in known.items()})
+        judged = judge_all(event_alone if spot_check else judge_speed, case, sorted(worst - by_speed.keys()))
+        by_speed |= {s.speed_rpm: s for s in judged}
+        band = swept.with_judged(case.first, {rpm: s.first.worst for rpm, s in by_speed.items()})
         suspects = [band.worst(name)[0] for name in case.tolerances.limited]
-    return band, tuple(known[rpm] for rpm in sorted(worst))
+    return band, tuple(by_speed[rpm] for rpm in sorted(worst))
 
 
-def _known_methods(scene: Scene, methods: tuple[str, ...] | None) -> tuple[str, ...]:
+def _valid_methods(scene: Scene, methods: tuple[str, ...] | None) -> tuple[str, ...]:
     """The methods of a verdict, by default the first two for the scene's laws. Raises InputError for an unknown one."""
     names = methods_for(build_train(scene))[:2] if methods is None else methods
-    every = verdict_methods()
-    if not names or (unknown := [m for m in names if m not in every]):
-        raise InputError(f"methods {names}: give names out of {', '.join(every)}" + f"; not {unknown}" * bool(names))
+    valid = verdict_methods()
+    if not names or (unknown := [m for m in names if m not in valid]):
+        raise InputError(f"methods {names}: give names out of {', '.join(valid)}" + f"; not {unknown}" * bool(names))
     return names
 
 

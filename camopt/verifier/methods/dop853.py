@@ -58,17 +58,17 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
 
     def revolve(state: np.ndarray) -> Response:
         t, y = 0.0, np.asarray(state, dtype=float)
-        phases, parts = motion.phases(y), []
+        phases, spans = motion.phases(y), []
         while t < grid[-1]:
-            part, switched = motion.until_switching(t, y, phases, (grid, stops[bisect_right(stops, t)]), error)
-            parts.append(part)
-            t, y, phases = part[0][-1], part[1][-1], phases | switched
-            if len(parts) > MOST_SWITCHINGS:
+            span, switched = motion.until_switching(t, y, phases, (grid, stops[bisect_right(stops, t)]), error)
+            spans.append(span)
+            t, y, phases = span[0][-1], span[1][-1], phases | switched
+            if len(spans) > MOST_SWITCHINGS:
                 raise MotionRefused(
                     f"DOP853 at {cam_speed * 30 / np.pi:g} cam r/min: contacts switch more than {MOST_SWITCHINGS} "
                     f"times in one revolution: give the contacts damping, or check masses and stiffnesses"
                 )
-        time, states, force = (np.concatenate([p[i] for p in parts]) for i in range(3))
+        time, states, force = (np.concatenate([p[i] for p in spans]) for i in range(3))
         angle = time * cam_speed - np.pi
         angle[-1] = np.pi
         n = len(train.mass)
@@ -136,17 +136,17 @@ class _Motion:
         """The phases of all elements in a state (2n + r) at -180 degrees."""
         cam = self.cam(0.0)
         d, rate = self.compressions(y[:, None], *cam)
-        others = self.laws.first_phases(d[:, 0], rate[:, 0], y[2 * len(self.mass) :])
-        u, f, *_ = self.surfaces(y[:, None], *cam, self.laws.acting(others))
-        found = {(int(e), CONTACT): APART if u[e] <= 0 else PUSHING if f[e] > 0 else PRESSED for e in self.contacts}
-        return found | others
+        other_phases = self.laws.first_phases(d[:, 0], rate[:, 0], y[2 * len(self.mass) :])
+        u, f, *_ = self.surfaces(y[:, None], *cam, self.laws.acting(other_phases))
+        phases = {(int(e), CONTACT): APART if u[e] <= 0 else PUSHING if f[e] > 0 else PRESSED for e in self.contacts}
+        return phases | other_phases
 
-    def until_switching(self, t: float, y: np.ndarray, phases: Phases, looked: tuple[np.ndarray, float], error: float):
-        """Integrate from t to the first switching or to the stop; `looked` holds the times of all samples and the stop.
+    def until_switching(self, t: float, y: np.ndarray, phases: Phases, targets: tuple[np.ndarray, float], error: float):
+        """Integrate from t to the first switching or to the stop; `targets` are the times of all samples and the stop.
 
         Returns times (k), states (k, 2n + r) and forces (k, e), and the phase that begins at the end, by its key.
         """
-        n, memory, (grid, stop) = len(self.mass), self.memory, looked
+        n, memory, (grid, stop) = len(self.mass), self.memory, targets
         acting = self.laws.acting(phases)
         watched = self.laws.switchings(phases, error * FLOORS[0], error * FLOORS[1])
         load, ramp = self.given(t, stop)
@@ -165,8 +165,8 @@ class _Motion:
             assert solver.t_old is not None, "a step was taken"
             reached = slice(*np.searchsorted(grid, [solver.t_old, solver.t], "right"))
             dense, inside = solver.dense_output(), grid[reached]
-            look = np.array([solver.t_old, *inside, solver.t])
-            end, after = self._first(dense, look, (acting, watched), solver.t_old == t)
+            times_in_step = np.array([solver.t_old, *inside, solver.t])
+            end, after = self._first(dense, times_in_step, (acting, watched), solver.t_old == t)
             if after is not None or solver.status == "finished":
                 inside = np.append(inside[inside < end], end)
             times.append(inside)
@@ -183,23 +183,23 @@ class _Motion:
         Linear laws form one matrix on state, lift, lift rate, one and time [s]; the forces of curved laws are added.
         """
         n, size, bent, memory = len(self.mass), len(self.floors), self.laws.bent, self.memory
-        x, v, z, lift, slope, one, time = (slice(0, n), slice(n, 2 * n), slice(2 * n, size), *range(size, size + 4))
+        x, v, z, lift, slope, unit, time = (slice(0, n), slice(n, 2 * n), slice(2 * n, size), *range(size, size + 4))
         d, rate, force = np.zeros((3, len(self.rows), size + 4))
-        d[:, x], d[:, lift], d[:, one] = self.rows, self.driven[:, 0], -self.gap[:, 0]
+        d[:, x], d[:, lift], d[:, unit] = self.rows, self.driven[:, 0], -self.gap[:, 0]
         rate[:, v], rate[:, slope] = self.rows, self.driven[:, 0]
         force[:] = acting.slope * d + self.damping * rate
         force[:, z] += acting.by_memory
-        force[:, one] += acting.base[:, 0]
+        force[:, unit] += acting.base[:, 0]
         force[~acting.acts], force[bent] = 0.0, 0.0
         moved = np.zeros((size, size + 4))
         moved[x, v], moved[v] = np.eye(n), -self.rows.T @ force
         moved[v, v] -= np.diag(self.drag)
-        moved[v, one] += load
+        moved[v, unit] += load
         moved[v, time] = ramp
         moved[v] /= self.mass[:, None]
         moved[z] = acting.follows[:, None] * rate[memory] + acting.per_leak[:, None] * force[memory]
         pushes = -(acting.acts[:, None] * self.rows)[bent].T / self.mass[:, None]
-        seen, damping, dissipation = (
+        observed, damping, dissipation = (
             np.concatenate([d[bent], rate[bent]]),
             self.damping[bent],
             self.laws.dissipation[bent],
@@ -212,7 +212,7 @@ class _Motion:
             state[time] = t
             change = moved @ state
             if count:
-                u = (seen @ state)[:, None]
+                u = (observed @ state)[:, None]
                 elastic = self.laws.bent_force(u[:count])
                 change[v] += pushes @ (elastic + (damping + dissipation * elastic) * u[count:])[:, 0]
             return change
@@ -223,18 +223,18 @@ class _Motion:
         theta = time * self.cam_speed - np.pi
         return self.surfaces(state, self.lift(theta), self.lift(theta, 1) * self.cam_speed, acting)
 
-    def _first(self, dense, look: np.ndarray, laws: tuple[Acting, list[Switching]], begins: bool):
+    def _first(self, dense, times: np.ndarray, laws: tuple[Acting, list[Switching]], begins: bool):
         """The time of the first switching within a step, and the phase that it begins, by its key.
 
-        The step is examined at the times `look`. If it has no switching, its end and None are returned. At the
+        The step is examined at these `times`. If it has no switching, its end and None are returned. At the
         beginning of a phase, round-off may already have moved a surface beyond its zero; if the surface moves further
         away from zero, the switching is at the beginning.
         """
         acting, watched = laws
-        found = self._surfaces_at(look, dense(look), acting)
-        time, after = look[-1], None
+        surfaces = self._surfaces_at(times, dense(times), acting)
+        time, after = times[-1], None
         for w in watched:
-            g = w.sign * (found[w.surface][w.row] - w.border)
+            g = w.sign * (surfaces[w.surface][w.row] - w.border)
             crossed = (g[1:] > 0) & (g[:-1] <= 0)
             crossed[0] |= begins and 0 < g[0] < g[1]
             if not crossed.any():
@@ -244,9 +244,9 @@ class _Motion:
             def surface(t, w=w):
                 return w.sign * (self.surfaces(dense(t)[:, None], *self.cam(t), acting)[w.surface][w.row, 0] - w.border)
 
-            at = look[i]
+            at = times[i]
             if surface(at) < 0:
-                at = root_scalar(surface, bracket=(at, look[i + 1]), xtol=ROOT).root
+                at = root_scalar(surface, bracket=(at, times[i + 1]), xtol=ROOT).root
             if at < time or after is None:
                 time, after = at, {w.key: w.phase}
         return time, after

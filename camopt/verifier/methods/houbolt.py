@@ -66,8 +66,8 @@ def prepare(
     steps = int(np.ceil(period / step_rule(train))) if steps_per_revolution is None else steps_per_revolution
     n, h = len(train.mass), period / steps
     angle = np.linspace(-np.pi, np.pi, steps + 1)
-    given = (np.interp(angle, f.angle, f.force) for f in train.forcing)
-    cam = np.stack([lift(angle), lift(angle, 1) * cam_speed, *given], axis=1)
+    forcing = (np.interp(angle, f.angle, f.force) for f in train.forcing)
+    cam = np.stack([lift(angle), lift(angle, 1) * cam_speed, *forcing], axis=1)
     if explicit:
         return explicit_form(train, angle, cam, cam_speed, h)
     first = PieceSets(train, 6 / h**2, 3 / h, h)
@@ -120,10 +120,10 @@ def _start(sets: PieceSets, motion: tuple[np.ndarray, ...], cam, h: float) -> in
     `motion` is (x, v, force, z), one row per sample. Returns the number of the new point's set of pieces.
     """
     t, elements, (x, v, force, z) = sets.train, sets.elements, motion
-    given = np.zeros((2, len(t.mass)))
+    forcing = np.zeros((2, len(t.mass)))
     for j, mass in enumerate(elements.forced):
-        given[:, mass] += cam[:2, 2 + j]
-    a0 = (t.mass_force - t.mass_damping * v[0] - force[0] @ elements.rows + given[0]) / t.mass
+        forcing[:, mass] += cam[:2, 2 + j]
+    a0 = (t.mass_force - t.mass_damping * v[0] - force[0] @ elements.rows + forcing[0]) / t.mass
     past_acceleration = 6 / h**2 * x[1] + 6 / h * v[0] + 2 * a0
     past_velocity = 3 / h * x[1] + 2 * v[0] + h / 2 * a0
     held = np.empty(z.shape[1])
@@ -131,14 +131,14 @@ def _start(sets: PieceSets, motion: tuple[np.ndarray, ...], cam, h: float) -> in
     key = forces(x[1], v[0], cam[0], elements, held, force[1], z[1])
     for _ in range(MOST_SETS):
         s = sets.build(key)
-        right = sets.load[s] @ np.array([1.0, *cam[1, :2], *held]) + given[1]
+        right = sets.load[s] @ np.array([1.0, *cam[1, :2], *held]) + forcing[1]
         right += t.mass * past_acceleration + sets.damping[s] @ past_velocity
         x[2] = sets.inverse[s] @ right
         v[1] = 3 / h * x[2] - past_velocity
-        found = forces(x[2], v[1], cam[1], elements, held, force[1], z[1])
-        if found == key:
+        new_key = forces(x[2], v[1], cam[1], elements, held, force[1], z[1])
+        if new_key == key:
             break
-        key = found
+        key = new_key
     x[0] = h**2 * a0 + 2 * x[1] - x[2]
     return key
 
@@ -177,10 +177,10 @@ def _march(start, key, motion, cam, h, sets):
                 for j in range(n):
                     x[step + 1, i] += inverse[s, i, j] * right[j]
                 v[step, i] = 11.0 / (6.0 * h) * x[step + 1, i] - past_velocity[i]
-            found = forces(x[step + 1], v[step], cam[step], sets.elements, held, force[step], z[step])
-            if found == key:
+            new_key = forces(x[step + 1], v[step], cam[step], sets.elements, held, force[step], z[step])
+            if new_key == key:
                 break
-            key = found
+            key = new_key
     return len(v), key
 
 

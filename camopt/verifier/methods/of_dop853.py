@@ -118,7 +118,7 @@ class PieceLaws:
 
     def first_phases(self, d: np.ndarray, rate: np.ndarray, z: np.ndarray) -> Phases:
         """The phases of rows and memories at compressions d (e) with rates (e) and memories z (r)."""
-        found = {(e, ROW): int(np.searchsorted(c, d[e], "right")) for e, (c, _, _) in self.lines.items()}
+        phases = {(e, ROW): int(np.searchsorted(c, d[e], "right")) for e, (c, _, _) in self.lines.items()}
         for j, e in enumerate(self.memory):
             slack = d[e] - z[j]
             if e in self.oil:
@@ -128,8 +128,8 @@ class PieceLaws:
             else:
                 slides = abs(slack) >= self.slip[e] / self.stiffness[e, 0] and slack * rate[e] > 0.0
                 phase = (FORWARD if slack > 0 else BACKWARD) if slides else STICKS
-            found[e, MEMORY] = phase
-        return found
+            phases[e, MEMORY] = phase
+        return phases
 
     def acting(self, phases: Phases) -> Acting:
         """The laws in these phases."""
@@ -166,30 +166,30 @@ class PieceLaws:
 
     def switchings(self, phases: Phases, length: float, velocity: float) -> list[Switching]:
         """The possible next switchings; `length` [m] and `velocity` [m/s] are the permitted errors."""
-        found = []
+        next_switchings = []
         for key, phase in phases.items():
             e, part = key
             if part == CONTACT:
-                found += self._of_contact(key, phase)
+                next_switchings += self._of_contact(key, phase)
             elif part == ROW:
                 corners = self.lines[e][0]
                 if phase < len(corners):
-                    found.append(Switching(key, e, D, 1.0, phase + 1, corners[phase] + length))
+                    next_switchings.append(Switching(key, e, D, 1.0, phase + 1, corners[phase] + length))
                 if phase > 0:
-                    found.append(Switching(key, e, D, -1.0, phase - 1, corners[phase - 1] - length))
+                    next_switchings.append(Switching(key, e, D, -1.0, phase - 1, corners[phase - 1] - length))
             elif e in self.oil:
-                found += self._of_oil(key, phase, length, velocity)
+                next_switchings += self._of_oil(key, phase, length, velocity)
             else:
-                found += self._of_friction(key, phase, length, velocity)
-        return found
+                next_switchings += self._of_friction(key, phase, length, velocity)
+        return next_switchings
 
     def _of_contact(self, key, phase) -> list[Switching]:
         e, dissipation = key[0], self.dissipation[key[0], 0]
         if phase == APART:
             return [Switching(key, e, U, 1.0, PUSHING)]
         if dissipation > 0.0:
-            sign, other = (1.0, PUSHING) if phase == PRESSED else (-1.0, PRESSED)
-            return [Switching(key, e, U, -1.0, APART), Switching(key, e, RATE, sign, other, -1.0 / dissipation)]
+            sign, next_phase = (1.0, PUSHING) if phase == PRESSED else (-1.0, PRESSED)
+            return [Switching(key, e, U, -1.0, APART), Switching(key, e, RATE, sign, next_phase, -1.0 / dissipation)]
         if phase == PRESSED:
             return [Switching(key, e, F, 1.0, PUSHING), Switching(key, e, U, -1.0, APART)]
         return [Switching(key, e, F, -1.0, PRESSED) if self.damped[e] else Switching(key, e, U, -1.0, APART)]

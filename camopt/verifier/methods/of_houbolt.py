@@ -162,9 +162,9 @@ class PieceSets:
 
     def build(self, key: int) -> int:
         """Index of a set of pieces, whose matrices are built if it is new."""
-        known = np.flatnonzero(self.keys == key)
-        if len(known):
-            return int(known[0])
+        places = np.flatnonzero(self.keys == key)
+        if len(places):
+            return int(places[0])
         t, rows = self.train, self.elements.rows
         acting, piece = self._decoded(key)
         base, line, holding = self._lines(piece)
@@ -172,8 +172,8 @@ class PieceSets:
         damping = np.diag(t.mass_damping) + np.einsum("e,ei,ej->ij", c, rows, rows)
         stiffness = np.einsum("e,ei,ej->ij", k, rows, rows)
         effective = self.m * np.diag(t.mass) + self.c * damping + stiffness
-        parts = base * acting - k * t.gap, k * t.cam_driven, c * t.cam_driven, *holding
-        load = np.stack([-p @ rows for p in parts], axis=1)
+        loads = base * acting - k * t.gap, k * t.cam_driven, c * t.cam_driven, *holding
+        load = np.stack([-p @ rows for p in loads], axis=1)
         load[:, 0] += t.mass_force
         self.inverse = np.concatenate([self.inverse, np.linalg.inv(effective)[None]])
         self.damping = np.concatenate([self.damping, damping[None]])
@@ -237,20 +237,20 @@ def _march(motion, cam, h, masses, elements):
     mass, mass_damping, mass_force = masses
     x, v, force, z = motion
     held = np.empty(z.shape[1])
-    given = np.zeros(len(mass))
+    forcing = np.zeros(len(mass))
     for step in range(len(v)):
         if step > 0:
             hold(elements, force[step - 1], z[step - 1], held)
             forces(x[step + 2], v[step], cam[step], elements, held, force[step], z[step])
         for j in range(len(elements.forced)):
-            given[elements.forced[j]] = 0.0
+            forcing[elements.forced[j]] = 0.0
         for j in range(len(elements.forced)):
-            given[elements.forced[j]] += cam[step, 2 + j]
+            forcing[elements.forced[j]] += cam[step, 2 + j]
         for i in range(len(mass)):
             acceleration = mass_force[i] - mass_damping[i] * v[step, i]
             for e in range(len(elements.rows)):
                 acceleration -= elements.rows[e, i] * force[step, e]
-            acceleration = (acceleration + given[i]) / mass[i]
+            acceleration = (acceleration + forcing[i]) / mass[i]
             x0 = x[step + 2, i]
             if step == 0:
                 x[1, i] = x0 - h * v[0, i] + 0.5 * h**2 * acceleration

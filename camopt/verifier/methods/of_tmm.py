@@ -23,9 +23,9 @@ def printed(inverse_mass, damping, stiffness, h: float, memories: Memories) -> n
     F are the forces on the masses, and G is the remaining term of the memories, z' = by_position x - decay z + G.
     """
     n, r = memories.by_memory.shape
-    x, v, z, *others = np.split(np.eye(5 * n + 4 * r), np.cumsum([n, n, r, n, n, n, r, r]))
+    x, v, z, *inputs = np.split(np.eye(5 * n + 4 * r), np.cumsum([n, n, r, n, n, n, r, r]))
     derivatives, of_memory = [x, v], [z]
-    for force, moved in zip(others[:3], others[3:], strict=True):
+    for force, moved in zip(inputs[:3], inputs[3:], strict=True):
         resisting = force - damping @ derivatives[-1] - stiffness @ derivatives[-2]
         derivatives.append(inverse_mass @ (resisting + memories.by_memory @ of_memory[-1]))
         of_memory.append(memories.by_position @ derivatives[-3] - memories.decay[:, None] * of_memory[-1] + moved)

@@ -53,7 +53,7 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     ends = train.a, train.b, train.contact, train.cam_driven
     numbers = train.damping, train.preload, train.gap, MAY_PULL[criterion]
     forced = np.array([f.on for f in train.forcing], dtype=int)
-    parts = _TrainAsRead(*masses, *ends, *_elastic_arrays(train), *numbers, *_memory_arrays(train), forced)
+    arrays = _TrainAsRead(*masses, *ends, *_elastic_arrays(train), *numbers, *_memory_arrays(train), forced)
     push = np.zeros((2 * steps + 1, len(forced)))
     for j, f in enumerate(train.forcing):
         push[:, j] = np.interp(halves, f.angle, f.force)
@@ -61,7 +61,7 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     def revolve(state: np.ndarray) -> Response:
         states = np.empty((steps + 1, len(state)))
         force = np.empty((steps + 1, len(train.a)))
-        _march(np.asarray(state, dtype=float), (rise, rate, push), h, parts, states, force)
+        _march(np.asarray(state, dtype=float), (rise, rate, push), h, arrays, states, force)
         n = len(train.mass)
         x, v, z = states[:, :n], states[:, n : 2 * n], states[:, 2 * n :]
         return Response(train, cam_speed, halves[::2], rise[::2], x, v, force, z)
@@ -140,9 +140,9 @@ def _work(table, d):
     total = 0.0
     for i in range(len(table) - 1):
         width = table[i + 1, 0] - table[i, 0]
-        part = min(d, table[i + 1, 0]) - table[i, 0]
+        length = min(d, table[i + 1, 0]) - table[i, 0]
         slope = (table[i + 1, 1] - table[i, 1]) / width
-        total += part * (table[i, 1] + 0.5 * slope * part)
+        total += length * (table[i, 1] + 0.5 * slope * length)
         if d <= table[i + 1, 0]:
             return total
     return total + table[-1, 1] * (d - table[-1, 0])
@@ -162,22 +162,22 @@ def _remembering(kind, coefficient, travel, slip, d, z):
 
 
 @compiled
-def _march(start, cam, h, parts, states, force):
+def _march(start, cam, h, arrays, states, force):
     """All steps of one revolution. Gill's q carries three times the round-off of each step's sum into the next.
 
-    All stages are one loop over plain arrays: reading the arrays from `parts` at every element, or calling a function
-    at every stage, counts references and takes ten times as long.
+    All stages are one loop over plain arrays: reading them from the record `arrays` at every element, or calling a
+    function at every stage, counts references and takes ten times as long.
     """
-    mass, mass_damping, mass_force, a, b, contact, cam_driven = parts[:7]
-    kind, coefficient, exponent, dissipation, table, damping, preload, gap, may_pull = parts[7:16]
-    memory, leak, travel, slip, forced = parts[16:]
+    mass, mass_damping, mass_force, a, b, contact, cam_driven = arrays[:7]
+    kind, coefficient, exponent, dissipation, table, damping, preload, gap, may_pull = arrays[7:16]
+    memory, leak, travel, slip, forced = arrays[16:]
     rise, rate, push = cam
     n, last = len(mass), len(states) - 1
     y = start.copy()
     q, dy = np.zeros_like(y), np.empty_like(y)
     for stage in range(4 * last + 1):
-        step, part = divmod(stage, 4)
-        at = 2 * step + STAGE[part]
+        step, substage = divmod(stage, 4)
+        at = 2 * step + STAGE[substage]
         for i in range(n):
             dy[i] = y[n + i]
             dy[n + i] = mass_force[i] - mass_damping[i] * y[n + i]
@@ -202,23 +202,23 @@ def _march(start, cam, h, parts, states, force):
                 i = 2 * n + memory[e]
                 elastic, z = _remembering(kind[e], coefficient[e], travel[e], slip[e], d, y[i])
                 dy[i] = elastic / leak[e] if kind[e] == OIL else 0.0
-                if part == 0 and z != y[i]:
+                if substage == 0 and z != y[i]:
                     y[i], q[i] = z, 0.0
             f = elastic + (damping[e] + dissipation[e] * elastic) * d_rate
             if contact[e] and (elastic <= 0.0 or (f < 0.0 and not may_pull)):
                 f = 0.0
-            if part == 0:
+            if substage == 0:
                 force[step, e] = f
             if a[e] >= 0:
                 dy[n + a[e]] -= f
             if b[e] >= 0:
                 dy[n + b[e]] += f
-        if part == 0:
+        if substage == 0:
             states[step] = y
         if stage == 4 * last:
             break
         for i in range(len(y)):
             k = h * (dy[i] / mass[i - n] if n <= i < 2 * n else dy[i])
-            moved = y[i] + WEIGHT[part] * (k - CARRIED[part] * q[i])
-            q[i] += 3.0 * (moved - y[i]) - RENEWED[part] * k
+            moved = y[i] + WEIGHT[substage] * (k - CARRIED[substage] * q[i])
+            q[i] += 3.0 * (moved - y[i]) - RENEWED[substage] * k
             y[i] = moved

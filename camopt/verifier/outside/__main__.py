@@ -61,17 +61,17 @@ def _at_speed(train: FiledTrain, cam: FiledCam, args: argparse.Namespace, speed_
     speed, tolerance = train.cam_speed(speed_rpm), COARSEST
     angles = np.linspace(-np.pi, np.pi, args.samples + 1)
 
-    def looked(tolerance: float) -> tuple[list[FiledMotion], np.ndarray, float]:
+    def simulated(tolerance: float) -> tuple[list[FiledMotion], np.ndarray, float]:
         begin = time.process_time()
         motions = _from_rest(ExudynModel(train, cam, speed, tolerance, args.law), args.revolutions + 1)
         seconds = (time.process_time() - begin) / len(motions)
         return motions, np.array([sampled(m, train.valve, speed, angles) for m in motions[:-1]]), seconds
 
-    motions, valve, seconds = looked(tolerance)
+    motions, valve, seconds = simulated(tolerance)
     moved = np.full(args.revolutions, np.inf)
     while moved.max() > STANDS_NM * NM and tolerance > 1.5 * args.finest:
         tolerance, before = tolerance / 10, valve
-        motions, valve, seconds = looked(tolerance)
+        motions, valve, seconds = simulated(tolerance)
         moved = np.abs(valve - before).max(axis=1)
     row = {
         "speed_rpm": speed_rpm,

@@ -105,8 +105,8 @@ class ExudynModel:
         self.mbs.SolveDynamic(settings, solverType=exu.DynamicSolverType.DOPRI5)
         time = self.mbs.GetSensorStoredData(self.sensors[0][0])[:, 0]
         x, v, z = (
-            np.array([self.mbs.GetSensorStoredData(s)[:, 1] for s in some]).reshape(-1, len(time)).T
-            for some in self.sensors
+            np.array([self.mbs.GetSensorStoredData(s)[:, 1] for s in sensors]).reshape(-1, len(time)).T
+            for sensors in self.sensors
         )
         return FiledMotion(time * self.speed - np.pi, x, v, z)
 
@@ -116,9 +116,9 @@ class ExudynModel:
         )
 
     def _symbolic(self, function, name: str, item: str):
-        made = advanced.CreateSymbolicUserFunction(self.mbs, function, name, itemTypeName=item)
-        self._kept.append(made)
-        return made
+        user_function = advanced.CreateSymbolicUserFunction(self.mbs, function, name, itemTypeName=item)
+        self._kept.append(user_function)
+        return user_function
 
     def _add_elements(self) -> None:
         memory = iter(self.memory_nodes)
@@ -175,7 +175,7 @@ class ExudynModel:
             self.mbs.AddLoad(items.LoadCoordinate(markerNumber=self.markers[i], load=0.0, loadUserFunction=user))
 
     def _by_angle(self, rows):
-        def given(mbs, t, load):
+        def force_at(mbs, t, load):
             return on_rows(t * self.speed - np.pi, rows, pick)
 
-        return given
+        return force_at

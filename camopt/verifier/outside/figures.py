@@ -31,7 +31,7 @@ def hermite(angle: np.ndarray, y: np.ndarray, slope: np.ndarray, at: np.ndarray)
     return begin + u * (by_begin + u * (b + u * c)), (by_begin + u * (2 * b + 3 * u * c)) / h
 
 
-def way_from_cam(train: FiledTrain) -> list[FiledElement]:
+def path_from_cam(train: FiledTrain) -> list[FiledElement]:
     """The elements on the shortest path from the cam-driven one to the valve; the path does not pass through ground."""
     ways = [(e.b, [e]) for e in train.elements if e.driven and e.b != GROUND]
     while ways:
@@ -53,22 +53,22 @@ def figures(
         raise ValueError("figures need two revolutions or more: the window of bounce runs into the next one")
     angle, x, v, z = _joined(motions, speed)
     height, slope = lift(cam, (angle + np.pi) % TURN - np.pi, np.where)
-    way = way_from_cam(train)
+    way = path_from_cam(train)
     between = [e for e in way if e.contact and e.law != "plunger"]
     d = [compression(e, x, height) for e in between]
     rate = [compression(e, v, slope * speed) + e.gap for e in between]
-    forces = [force(e, one, its_rate, np.where, law) for e, one, its_rate in zip(between, d, rate, strict=True)]
-    gaps = [touch(e) - one for e, one in zip(between, d, strict=True)]
+    forces = [force(e, d_e, rate_e, np.where, law) for e, d_e, rate_e in zip(between, d, rate, strict=True)]
+    gaps = [touch(e) - d_e for e, d_e in zip(between, d, strict=True)]
     memory = [e for e in train.elements if e.has_memory]
     adjusters = [f"{e.name}-oil" for e in way if e.law == "plunger"]  # oil columns are parallel to their plungers
     oils = [i for i, e in enumerate(memory) if e.law == "oil" and e.name in adjusters]
     seat = touch(train.seat) - compression(train.seat, x, height)
     record = np.stack([angle, seat, height - sum(e.gap for e in between), z[:, oils].sum(axis=1)])
-    found = []
+    metrics = []
     for nose in TURN * np.arange(len(motions) - 1):
         event = np.abs(angle - nose) <= cam.duration / 2
-        bounce, seating = _closed(cam, nose, record, speed)
-        found.append(
+        bounce, seating = _closing(cam, nose, record, speed)
+        metrics.append(
             {
                 "bounce_mm": bounce,
                 "seating_velocity_m_per_s": seating,
@@ -77,29 +77,29 @@ def figures(
                 "contact_force_max_N": max(float(f[event].max()) for f in forces),
             }
         )
-    return found
+    return metrics
 
 
 def _joined(motions: list[FiledMotion], speed: float) -> tuple[np.ndarray, ...]:
     """Angle (k) [rad], increasing over all revolutions, with positions, velocities and memories at it."""
-    parts = []
+    columns = []
     for r, m in enumerate(motions):
         share = np.arange(BETWEEN) / BETWEEN
         at = (m.angle[:-1, None] + np.diff(m.angle)[:, None] * share).ravel()
         x, slope = hermite(m.angle, m.x, m.v / speed, at)
         z = np.array([np.interp(at, m.angle, column) for column in m.z.T]).reshape(-1, len(at)).T
-        parts.append((at + TURN * r, x, slope * speed, z))
-    angle, x, v, z = (np.concatenate(some) for some in zip(*parts, strict=True))
+        columns.append((at + TURN * r, x, slope * speed, z))
+    angle, x, v, z = (np.concatenate(arrays) for arrays in zip(*columns, strict=True))
     return angle, x, v, z
 
 
-def _closed(cam: FiledCam, nose: float, record: np.ndarray, speed: float) -> tuple[float | None, float | None]:
+def _closing(cam: FiledCam, nose: float, record: np.ndarray, speed: float) -> tuple[float | None, float | None]:
     """Bounce [mm] and seating velocity [m/s] of the revolution whose nose is at the angle `nose`, None if the valve
     never seats. `record` (4, k) holds angle, distance from the seat, lift above the lash and leakage of adjusters."""
     angle, s, above_lash, leaked = record
     foot = float(cam.start[np.flatnonzero(np.any(cam.coefficients != 0.0, axis=1))[0]])
-    own = np.flatnonzero((angle >= nose - np.pi) & (angle < nose + np.pi))
-    peak = own[np.argmax(s[own])]
+    inside = np.flatnonzero((angle >= nose - np.pi) & (angle < nose + np.pi))
+    peak = inside[np.argmax(s[inside])]
     if s[peak] <= 0.0:
         return 0.0, 0.0
     window = np.arange(peak, np.searchsorted(angle, nose + TURN + foot))
@@ -108,7 +108,7 @@ def _closed(cam: FiledCam, nose: float, record: np.ndarray, speed: float) -> tup
         return None, None
     i = falls[0]
     shorter = max(0.0, float(leaked[i] - np.interp(nose + foot, angle, leaked)))
-    last = own[above_lash[own] > shorter].max()
+    last = inside[above_lash[inside] > shorter].max()
     begin = min(_zero(angle, s, i), _zero(angle, above_lash - shorter, last))  # touch, nominal closing
     after = window[angle[window] >= begin]
     seating = (s[i] - s[i + 1]) / (angle[i + 1] - angle[i]) * speed

@@ -106,9 +106,9 @@ def read_train(path: str | Path) -> FiledTrain:
         raise OutsideRefused(f"{path}: the judge from outside needs valve, seat and [operation]")
     masses = scene["mass"]
     for mass in masses:
-        _known(f"mass {mass['name']}", mass, KNOWN_OF_A_MASS)
+        _require_known(f"mass {mass['name']}", mass, KNOWN_OF_A_MASS)
     index = {m["name"]: i for i, m in enumerate(masses)} | {"ground": GROUND}
-    elements = [part for e in scene["element"] for part in _parts(e, index)]
+    elements = [element for e in scene["element"] for element in _elements_of(e, index)]
     forcing = tuple(
         (index[f["on"]], tuple((angle * DEG, force) for angle, force in f["table"])) for f in scene.get("force", [])
     )
@@ -124,15 +124,15 @@ def read_train(path: str | Path) -> FiledTrain:
     )
 
 
-def _known(what: str, table: dict[str, Any], keys: set[str]) -> None:
+def _require_known(what: str, table: dict[str, Any], keys: set[str]) -> None:
     unknown = sorted(set(table) - keys)
     if unknown:
         raise OutsideRefused(f"{what}: the judge from outside cannot express {', '.join(unknown)}")
 
 
-def _parts(e: dict[str, Any], index: dict[str, int]) -> list[FiledElement]:
+def _elements_of(e: dict[str, Any], index: dict[str, int]) -> list[FiledElement]:
     """The elements that represent an element of the scene: a plunger and oil in parallel for an adjuster, else one."""
-    _known(f"element {e['name']}", e, KNOWN)
+    _require_known(f"element {e['name']}", e, KNOWN)
     kind, law = e["kind"], e.get("law", "linear")
     if kind not in KINDS or law not in LAWS:
         raise OutsideRefused(f"element {e['name']}: the judge from outside cannot express {kind!r} with law {law!r}")
@@ -146,13 +146,13 @@ def _parts(e: dict[str, Any], index: dict[str, int]) -> list[FiledElement]:
         plunger = FiledElement(name, "plunger", a, b, True, rows=_plunger_rows(e))
         return [plunger, FiledElement(f"{name}-oil", "oil", a, b, False, **oil)]
     rows = e.get("stiffness_table") or e.get("force_table") or ()
-    own = FiledElement(
+    element = FiledElement(
         name, law, a, b, kind == "contact",
         driven=e.get("cam_driven", False), stiffness=stiffness, damping=e.get("damping_N_s_per_m", 0.0),
         preload=e.get("preload_N", 0.0), gap=e.get("gap_mm", 0.0) * MM, exponent=e.get("exponent", 1.5),
         dissipation=e.get("dissipation_s_per_m", 0.0), rows=tuple((at * MM, value) for at, value in rows),
     )  # fmt: skip
-    return [own]
+    return [element]
 
 
 def _plunger_rows(e: dict[str, Any]) -> tuple[tuple[float, float], ...]:

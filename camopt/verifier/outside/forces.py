@@ -139,19 +139,19 @@ def at_rest(train: FiledTrain) -> np.ndarray:
         p = np.array([float(elastic(e, compression(e, x) + further, np.where)) for e in acting])
         return np.where([e.contact for e in acting], np.maximum(p, 0.0), p)
 
-    def left(x: np.ndarray) -> np.ndarray:
+    def unbalanced(x: np.ndarray) -> np.ndarray:
         return np.array(train.load) - rows.T @ forces(x)
 
     x = np.zeros(len(train.mass))
     least = BALANCED * max(1.0, *(abs(e.preload) for e in acting), *map(abs, train.load))
     for _ in range(200):
-        residual = left(x)
+        residual = unbalanced(x)
         if np.abs(residual).max() < least:
             return x
         tangent = (forces(x, STEP) - forces(x, -STEP)) / (2 * STEP)
         stiffness = rows.T @ (tangent[:, None] * rows)
         step = np.linalg.solve(stiffness + np.eye(len(x)) * 1e-12 * np.abs(stiffness).max(), residual)
-        while left(x + step) @ step < -0.1 * abs(residual @ step):  # convex energy: shorten a step that overshoots
+        while unbalanced(x + step) @ step < -0.1 * abs(residual @ step):  # convex energy: shorten an overshooting step
             step = step / 2
         x = x + step
     raise OutsideRefused("the judge from outside finds no state at rest on the base circle")
