@@ -41,7 +41,7 @@ class Effort:
 
 
 EFFORTS = {
-    DRAFT: Effort(("event", "rkg"), 100.0, Tolerances(5.0, everywhere=False, stands=1)),
+    DRAFT: Effort(("event", "rkg"), 100.0, Tolerances(5.0, unchanged_halvings=1, spot_checks=True)),
     STANDARD: Effort(("event", "rkg", "tmm"), 20.0),
     FINE: Effort(METHODS, 5.0, Tolerances(1.0)),
 }

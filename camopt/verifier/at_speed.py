@@ -120,7 +120,7 @@ def judge_speed(case: Case, speed_rpm: float) -> SpeedVerdict:
     """The verdict on a case at one speed [r/min]. If a limit is violated far beyond all errors, no step is halved
     further."""
     first = case.first
-    refinements = {name: case.refinement(name, speed_rpm, certain=name == first) for name in case.methods}
+    refinements = {name: case.refinement(name, speed_rpm, reported=name == first) for name in case.methods}
     try:
         # an error estimate needs two steps
         coarse = case.many_from_rest(speed_rpm) if case.many else refinements[first].answer(2)

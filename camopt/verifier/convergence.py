@@ -95,13 +95,13 @@ class Tolerances:
     tolerance_um: float = 2.0  # largest change of bounce and jump by a halved step
     halvings: int = 6
     limited: Collection[str] = ()  # metrics with a limit
-    certain: bool = False  # refine until the error estimate of a settled bounce is within the tolerance, too
+    reported: bool = False  # the metrics are reported: the error estimate of bounce must be within tolerance, too
     position: float = SETTLED_POSITION  # [m], as in `settle`
     settled: bool = True  # otherwise the first revolution from the start state is measured
     steps: int | None = None  # per revolution at the coarsest step; taken to resolve the train
     most: int | None = None  # most revolutions to settle at the first step
-    stands: int = 2  # consecutive halvings that must leave the metrics unchanged within tolerance
-    everywhere: bool = True  # all methods judge every speed, not only those that `camopt.verifier.spot_checks` chooses
+    unchanged_halvings: int = 2  # consecutive ones that must leave the metrics unchanged within tolerance
+    spot_checks: bool = False  # all methods judge only the speeds that `camopt.verifier.spot_checks` chooses
 
     @property
     def absolute(self) -> dict[str, float]:
@@ -115,7 +115,7 @@ class StepRefinement:
 
     `start` (2n + r) is the state at rest; a finer step continues from the settled state of the coarser one. The step is
     halved at most `tolerances.halvings` times and, after the second halving, not beyond FINEST_STEPS. An aperiodic
-    motion has converged when its metrics change by no more than their own range; with `tolerances.certain` this range
+    motion has converged when its metrics change by no more than their own range; with `tolerances.reported` this range
     is then taken over RANGED revolutions, which `many`, if given, measures without the samples of the finest step. The
     finer step has one step per revolution more than twice the coarser one: if its samples included those of the coarser
     step, a contact that closes just before one of them would be equally late at every step. A method may require more
@@ -155,9 +155,9 @@ class StepRefinement:
         too_fine = self._taken > 2 and self._first << self._taken > FINEST_STEPS
         if self._taken > self._tolerances.halvings or too_fine:
             return True
-        certain = self._tolerances.certain and self.periodic
-        exact = not certain or _errors(self._runs)["bounce_mm"] <= self._allowed["bounce_mm"]
-        return self._unchanged_enough() and exact
+        reported = self._tolerances.reported and self.periodic
+        accurate = not reported or _errors(self._runs)["bounce_mm"] <= self._allowed["bounce_mm"]
+        return self._unchanged_enough() and accurate
 
     @property
     def periodic(self) -> bool:
@@ -188,7 +188,7 @@ class StepRefinement:
         if self._last is None:
             spread, errors = dict.fromkeys(QUANTITIES, (np.nan, np.nan)), dict.fromkeys(QUANTITIES, np.nan)
             return Converged(self._steps, False, spread, errors, 0, False, None)
-        figures = self._runs[-1] if self.periodic or not self._tolerances.certain else self._ranged()
+        figures = self._runs[-1] if self.periodic or not self._tolerances.reported else self._ranged()
         spread, errors = {name: figures.range(name) for name in QUANTITIES}, _errors(self._runs)
         converged = self._faded and self._unchanged_enough()
         return Converged(self._steps, converged, spread, errors, self._revolutions, self.periodic, self._state)
@@ -212,8 +212,9 @@ class StepRefinement:
         return settle_and_measure(revolve, self._state, lift, 0, aperiodic=RANGED).figures
 
     def _unchanged_enough(self) -> bool:
-        last = self._unchanged_steps[-self._tolerances.stands :]
-        return self._steps >= self._enough and len(last) == self._tolerances.stands and all(last)
+        needed = self._tolerances.unchanged_halvings
+        last = self._unchanged_steps[-needed:]
+        return self._steps >= self._enough and len(last) == needed and all(last)
 
 
 def at_once(many: SettledMany, train: Train, lift: Lift, cam_speed: float, start: np.ndarray) -> Converged:

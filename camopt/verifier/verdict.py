@@ -154,7 +154,7 @@ def verdict_on(
     tolerances = replace(tolerances, limited=limited_metrics(scene.design))
     many = _settled_metrics() if methods[0] == "event" and build_train(scene).straight else None
     case = Case(scene, lift, {name: method_named(name) for name in methods}, tolerances, many, progress)
-    spot_check = can_spot_check(case) and not tolerances.everywhere
+    spot_check = can_spot_check(case) and tolerances.spot_checks
     listed = [float(s) for s in (scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)]
     at_speeds = _judged(case, listed, spot_check, to_the_end)
     band, worst, first = None, (), {"bounce_mm": None, "jump_mm": None}

@@ -49,7 +49,7 @@ def test_the_statement_says_where(draft):
 
 
 def test_a_draft_s_figures_are_those_of_all_methods_within_its_error(draft, cam):
-    full = verdict_on(SCENE, cam, SPEEDS[1:2], BOTH, None, replace(DRAFT, everywhere=True, stands=2))
+    full = verdict_on(SCENE, cam, SPEEDS[1:2], BOTH, None, replace(DRAFT, unchanged_halvings=2, spot_checks=False))
     for name in ("bounce_mm", "jump_mm", "contact_force_max_N"):
         one, other = draft.speeds[1].methods["event"], full.speeds[0].methods["event"]
         assert one.worst[name] == pytest.approx(other.worst[name], abs=one.error[name] + other.error[name])
@@ -57,7 +57,7 @@ def test_a_draft_s_figures_are_those_of_all_methods_within_its_error(draft, cam)
 
 def test_a_rejected_baseline_is_rejected_at_its_worst_speed_alone(cam):
     speeds = (4000.0, 6000.0, 7000.0)
-    found = verdict_on(SCENE, cam, speeds, BOTH, None, replace(DRAFT, everywhere=True), False)
+    found = verdict_on(SCENE, cam, speeds, BOTH, None, replace(DRAFT, spot_checks=False), False)
     assert found.verdict == "rejected" and "bounce_max_mm at 7000 r/min" in found.broken
     assert sorted(s.decided_after for s in found.speeds) == sorted([ALONE, ALONE, ONE_STEP])
 
