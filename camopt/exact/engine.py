@@ -46,9 +46,8 @@ class EventExact:
         self._cam = cam_arrays(Inputs(train.forcing, lift.borders), lift, cam_speed)
 
     def __call__(self, state: State) -> Response:
-        """One revolution from -pi to pi from a state ([m], [m/s], [m]), sampled at the requested steps, before and
-        after every switching, and at every border of the lift's pieces. Raises MotionRefused for too many switchings or
-        an unbounded motion."""
+        """One revolution from -pi to pi from a state ([m], [m/s], [m]), sampled at the requested steps, at both sides
+        of every switching, and at borders of the lift. Raises MotionRefused like `advance`."""
         n, at = len(self.train.mass), self.train.state_size
         with self._lent(self._per_sample) as lent:
             trace = run(lent, self._cam, self.lift, np.array(state, dtype=float), regular=True)[1]

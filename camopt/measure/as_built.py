@@ -35,12 +35,10 @@ class TrainAsBuilt:
     """The draws (k) of every tolerance, relative to the stated tolerance; those of the grinding error are the cosine
     and sine coefficients of its harmonics."""
     errors: dict[tuple[float, float, float], Lift] = field(default_factory=dict, init=False, compare=False)
-    """The grinding error of the last cam by foot, half duration and end of its lobe, which are the same for all cams
-    that a search judges on one train."""
+    """The grinding error of the last lobe (foot, half duration, end), which all cams of a search have in common."""
 
     def cam(self, lift: Lift) -> Lift:
-        """The lift as ground for this train, which is `lift` itself if the scene has no grinding error. Raises the
-        InputError of `lobe_of`."""
+        """The lift as ground for this train, or `lift` without grinding errors. Raises the InputError of `lobe_of`."""
         grinding = self.scene.grinding
         if grinding is None:
             return lift
@@ -61,8 +59,7 @@ def trains_as_built(scene: Scene, count: int, *, seed: int = 0, first: int = 0) 
 
     Train i depends only on the seed and on i, so that a longer list begins with the shorter one. Making a tolerance
     narrower or removing it changes no other draw (common random numbers). `train.train` holds the SI arrays, and
-    `train.cam(lift)` is the cam as ground for the train. Raises InputError for a count below 1, a negative seed or a
-    negative first number.
+    `train.cam(lift)` is the cam as ground for the train. Raises InputError for a count below 1 or negative numbers.
     """
     if count < 1 or seed < 0 or first < 0:
         raise InputError(f"trains as built: {count} trains of seed {seed}: expected at least one, and no negative seed")
@@ -87,8 +84,7 @@ def _draws(scene: Scene, seed: int, i: int) -> dict[str, np.ndarray]:
 def drawn_waves(seed: Seed, harmonics: tuple[int, int]) -> np.ndarray:
     """Cosine and sine coefficients (2 h) of the harmonics of a revolution from the lowest to the highest.
 
-    All harmonics have the same expected size and a uniformly distributed phase, so that the coefficients are symmetric
-    about zero and uncorrelated.
+    All harmonics have the same expected size and a uniformly distributed phase: the coefficients are uncorrelated.
     """
     random, count = np.random.default_rng(seed), harmonics[1] - harmonics[0] + 1
     size, phase = random.standard_normal(count), random.uniform(0, 2 * np.pi, count)
@@ -96,8 +92,7 @@ def drawn_waves(seed: Seed, harmonics: tuple[int, int]) -> np.ndarray:
 
 
 def lobe_of(lift: Lift) -> tuple[float, float, float]:
-    """Foot, half duration and end of a lift's lobe [rad]. Raises InputError for a lift without a base circle, and for
-    one that is zero everywhere."""
+    """Foot, half duration and end of a lift's lobe [rad]. Raises InputError without a lobe or a base circle."""
     foot, half = lift.opening_foot, lift.half_duration
     if foot == -np.pi or foot == np.pi:
         raise InputError(

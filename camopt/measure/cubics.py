@@ -1,7 +1,4 @@
-"""Stationary points and roots of a chain of cubics, in compiled code.
-
-They are separate from `camopt.measure.hermite`, because the shape checks of the tests cannot wrap compiled code.
-"""
+"""Stationary points and roots of a chain of cubics, in compiled code, which the tests' shape checks cannot wrap."""
 
 import numpy as np
 

@@ -5,11 +5,10 @@ With compressions d and elastic forces p = preload + k d the equations of motion
     in = int f lift' dt (cam-driven elements) + int force v dt (constant forces and those over the cam angle),
     damped = int c d'^2 dt (acting elements) + int c v^2 dt (masses) + slip |distance slid| (friction)
              + int f^2 / leak dt (oil).
-`left` is the elastic energy that a contact still has when its force reaches zero: -int p d' dt while it is compressed
-without force. With the elastic energy U, which is p^2 / (2 k) for a linear law, this is U(opening) if the contact
-separates and U(opening) - U(closing) if it closes again, so that recovered energy is not counted (docs/model.md). The
-laws are implemented here independently of the methods and evaluated on the motion alone: the balance closes only if the
-method that computed the motion integrated these equations.
+`left` is the elastic energy of a contact whose force reaches zero: -int p d' dt while it is compressed without force.
+With the elastic energy U, which is p^2 / (2 k) for a linear law, this is U(opening) if the contact separates and
+U(opening) - U(closing) if it closes again, so that recovered energy is not counted (docs/model.md). The laws are
+implemented here again and evaluated on the motion alone: the balance closes only if the method integrated them.
 """
 
 from dataclasses import dataclass
@@ -140,8 +139,7 @@ def energy(response: Response, lift: Lift) -> Energy:
 
 
 def _powers(law: Elastic, x, v, rise, rise_rate) -> tuple[Float[np.ndarray, "3 m e"], Float[np.ndarray, "2 m n"]]:
-    """Powers [W] at m instants: of the cam, of dampers, and left in contacts, by element; of constant forces and of
-    dampers to ground, by mass."""
+    """Powers [W] at m instants: by element of cam, dampers and opened contacts, by mass of loads and ground dampers."""
     t = law.train
     rate = t.compression(v, rise_rate) + t.gap  # `compression` subtracts the gap, which has no rate
     elastic = law.force(t.compression(x, rise))
@@ -158,9 +156,8 @@ def _powers(law: Elastic, x, v, rise, rise_rate) -> tuple[Float[np.ndarray, "3 m
 def _leakage_power(response: Response, law: Elastic, place: tuple, d: np.ndarray, e: int) -> Float[np.ndarray, " m"]:
     """Power [W] that the oil of element e loses at a place (intervals `start`, their h [s], share).
 
-    `d` (m, e) are the compressions there.
-    The memory is taken as the cubic through its values and rates, f / leak, at both ends of an interval. The loss is
-    zero if the oil pushes at neither end.
+    `d` (m, e) are the compressions there. The memory is taken as the cubic through its values and rates, f / leak, at
+    both ends of an interval. The loss is zero if the oil pushes at neither end.
     """
     (start, h, u), t = place, law.train
     z, f, leak = response.memory[:, t.memory.index(e)], response.force[:, e], law.laws.leak[e]

@@ -12,8 +12,7 @@ class Hermite:
     """Cubic Hermite interpolant of values `y` with slopes `slope` (per rad) at ascending angles [rad].
 
     One of two samples at the same angle is dropped, because position and velocity are continuous where a force jumps.
-    SciPy's CubicHermiteSpline is the same curve, but does not compute extremes, and its `roots` do not distinguish
-    rising from falling.
+    SciPy's CubicHermiteSpline has no extremes, and its `roots` do not distinguish rising from falling.
     """
 
     def __init__(self, angle: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"], slope: Float[np.ndarray, " k"]):

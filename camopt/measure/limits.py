@@ -23,8 +23,7 @@ from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM
 SAMPLED = 1e-6
 """Relative slack of radii under a roller or pad, whose extremes are searched for between samples."""
 STEP_ROUNDING = 1e-6
-"""Largest jump at a border, relative to the largest value, that counts as rounding; a designed step is orders of
-magnitude larger."""
+"""Largest jump at a border that counts as rounding, relative to the largest value; designed steps are far larger."""
 RAMP_LIFT = 1e-6
 """Lift [m] by which a cam may exceed the ramp's height: about the accuracy of a measured lift table."""
 EVERYWHERE = "the cam, at every angle"
@@ -33,8 +32,7 @@ DECIMALS = 9
 MOTION_LIMITS = {q.limit: q.name for q in QUANTITIES.values() if q.limit is not None}
 """Limited metric by the limit's key in the design, for limits on the motion."""
 LEAST_LIMIT = 1e-6
-"""Smallest divisor of a share, in the metric's unit, used in place of a limit of zero; for a length in mm it is a
-nanometre."""
+"""Smallest divisor of a share, in the metric's unit, in place of a limit of zero; a nanometre for a length in mm."""
 
 
 class MotionLimit(NamedTuple):
@@ -108,8 +106,7 @@ def shape_excess(lift: Lift, design: Design) -> dict[str, float]:
 
 
 def drawing_excess(lift: Lift, design: Design) -> dict[str, float]:
-    """Excess of a cam over each limit of the drawing, by key and relative to the limit's size; negative if it is
-    kept."""
+    """Relative excess of a cam over each limit of the drawing, by key; negative if the limit is kept."""
     return _largest(_drawing_rows(lift, design))
 
 
@@ -283,7 +280,6 @@ def steps_at(lift: Lift, design: Design, order: int, within: float = np.inf) -> 
 
 
 def steepest_jerk(lift: Lift, design: Design) -> float:
-    """The largest jerk [m/rad^3] of a cam; infinite if velocity or acceleration jumps, unless the cam is a rounded
-    table."""
+    """The largest jerk [m/rad^3] of a cam; infinite if velocity or acceleration jumps, except in a rounded table."""
     stepped = rows_of(lift) is None and any(len(steps_at(lift, design, order)) for order in (1, 2))
     return np.inf if stepped else float(np.abs(lift.extremes(3)).max())

@@ -49,11 +49,8 @@ def measure_first(response: Response, after: Response, lift: Lift) -> dict[str, 
 
 
 class _Curves:
-    """A record as piecewise cubics over the cam angle.
-
-    It is given in consecutive parts, each a whole revolution except possibly the last. The cubics are the distance from
-    the seat and, within one revolution, contact gaps and lift above the lash.
-    """
+    """A record as piecewise cubics over the cam angle: distance from the seat and, within one revolution, contact gaps
+    and lift above the lash. The record has consecutive parts, each a whole revolution except possibly the last."""
 
     def __init__(self, parts: tuple[Response, ...], lift: Lift):
         train, self.speed, self.lift = parts[0].train, parts[0].cam_speed, lift

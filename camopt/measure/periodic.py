@@ -6,8 +6,7 @@ least-squares form of Walker and Ni, SIAM J. Numerical Analysis 49 (2011)), and 
 fixed point is a stable motion only if the spectral radius of G's Jacobian is below one there.
 
 For damped trains plain iteration is as fast; use this only when surge decays slowly, or when the state is needed to
-nanometres. The spectral radius alone costs 2n + r revolutions, and if contacts bounce, G has kinks that stop both
-accelerations.
+nanometres. The spectral radius costs 2n + r revolutions, and kinks of G by bouncing contacts stop both accelerations.
 """
 
 from dataclasses import dataclass
@@ -30,8 +29,7 @@ Anderson's revolutions and of Newton's steps."""
 WANDERING = 28
 """Number of plain revolutions to the returned state, away from an unstable one, if no stable state was found."""
 LARGEST_RADIUS = 1 - 1e-3
-"""Spectral radius below which a fixed point counts as stable; finite differences cannot distinguish larger ones from
-one."""
+"""Largest spectral radius of a stable fixed point; finite differences cannot distinguish larger ones from one."""
 SMALLEST_DIRECTION = 1e-8
 """Relative singular value below which a direction of the mixed states is round-off."""
 
@@ -56,8 +54,7 @@ class PeriodicState:
 
 
 class _Cycle:
-    """The cycle map of states in UNIT, with a count of its revolutions. It raises MotionRefused if a revolution ends in
-    a state that is not finite."""
+    """The cycle map of states in UNIT, with a count of revolutions. Raises MotionRefused for states not finite."""
 
     def __init__(self, revolve: Revolve, n: int, memories: int):
         self.revolve, self.count = revolve, 0

@@ -45,8 +45,7 @@ class RoundedRows:
         self.height = lift(self.theta)
 
     def means(self, order: int) -> Iterator[tuple[float, np.ndarray, float]]:
-        """For steps that double up to `WIDEST`: the angle that a mean spans [rad], the mean starting at each row, and
-        the largest error of the means."""
+        """For steps that double to WIDEST: span of a mean [rad], the mean from each row on, and its largest error."""
         stride = 1
         while stride * self.step <= WIDEST * (1 + 1e-9):
             yield order * stride * self.step, *self.mean(order, stride)
@@ -63,8 +62,7 @@ class RoundedRows:
         return min(error for *_, error in self.means(order))
 
     def exceeds(self, order: int, level: float, low: float = -np.pi, high: float = np.pi) -> bool:
-        """Whether a derivative certainly exceeds a level between two angles [rad] or, for a negative level, certainly
-        is below it."""
+        """Whether a derivative certainly exceeds a level, or is below a negative one, between two angles [rad]."""
         sign = -1.0 if level < 0 else 1.0
         for span, mean, error in self.means(order):
             inside = (self.theta >= low - 1e-12) & (self.theta + span <= high + 1e-12)
@@ -73,8 +71,7 @@ class RoundedRows:
         return False
 
     def precision(self, how: str, acceleration: float, jerk: float) -> str:
-        """A sentence with the errors of acceleration [m/rad^2] and jerk [m/rad^3] as means, which are used as `how`
-        says."""
+        """A sentence with the errors of acceleration [m/rad^2] and jerk [m/rad^3] as means, used as stated in `how`."""
         return (
             f"The table's rows are off by up to {self.error / MM:.1g} mm: {how}, which tell the acceleration to "
             f"{acceleration / MM_PER_DEG2:.1g} mm/deg^2 and the jerk to {jerk / MM_PER_DEG3:.1g} mm/deg^3"
@@ -175,9 +172,8 @@ def moving_average(lift: Lift) -> tuple[Lift, str]:
 
     If the mean of the lift over a window is taken four times, the k-th derivative of the result, k up to 4, is a mean
     of the cam's own, so that it keeps every limit that the cam keeps. An error q of the rows changes it by at most
-    2^k q / H^k, where H is the width of the window; the lift itself changes by H^2 / 6 times its acceleration. The cam
-    itself and an empty sentence are returned if it is not a lift table, or if its rows are exact enough without
-    averaging.
+    2^k q / H^k, where H is the width of the window; the lift itself changes by H^2 / 6 times its acceleration. A cam
+    that is not a lift table, or whose rows are exact enough, is returned itself with an empty sentence.
     """
     rows = rows_of(lift)
     window = 1 if rows is None else _window(rows)

@@ -100,8 +100,7 @@ def settle(
     SETTLED_VELOCITY, scaled in the same proportion, in every velocity, and once the difference of states a revolution
     apart decreases (`camopt.scene.settled.shrinks`). The remaining change is estimated from `decay`, the train's
     `decay_per_revolution` (`camopt.scene.settled.way_left`). If the measured revolutions contradict the result, settled
-    or not, the simulation continues after them. Fewer than MEASURED revolutions cannot contradict it; the last change
-    then decides.
+    or not, the simulation continues after them; with fewer than MEASURED of them, the last change decides.
 
     The motion is simulated for at most `most` revolutions, by default PLAIN_REVOLUTIONS, and for more only while it
     stays within the tolerances, at most WATCHED. If the train's slowest mode needs more, a direct search for the
@@ -206,11 +205,7 @@ class _Settling:
 
 
 def _next_state(revolve: Revolve, state: State) -> tuple[State, int]:
-    """The state a revolution later, checked for bounds, and the number of memories at its end.
-
-    The number is that of the train, which is an attribute of a method with `advance`, and part of the response
-    otherwise.
-    """
+    """The state a revolution later, checked for bounds, and the number of memories at its end."""
     if hasattr(revolve, "advance"):
         after, train = next_state(revolve, state), getattr(revolve, "train", None)
     else:
@@ -236,8 +231,7 @@ def settled_from_rest(prepare: Callable[..., Revolve], train: Train, lift: Lift,
 
 
 def decay_per_revolution(train: Train, cam_speed: float) -> float:
-    """Number of e-folds by which the slowest mode or leak of a train decays over one revolution at `cam_speed`
-    [rad/s]."""
+    """Number of e-folds of the decay of a train's slowest mode or leak over one revolution at `cam_speed` [rad/s]."""
     return slowest_rate(train) * 2 * np.pi / cam_speed
 
 

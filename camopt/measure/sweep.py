@@ -23,8 +23,7 @@ SEARCH_STEP_RPM = 40.0
 START_RPM = 10.0
 """Accuracy of the starting speeds [r/min]."""
 CHUNK = 4
-"""Number of speeds evaluated together in the search for the starting speeds; few, because motions beyond these speeds
-cost most."""
+"""Speeds evaluated together in the search for the starting speeds; few, since motions beyond these cost most."""
 FINEST_RPM, PEAKS = 1.0, 3
 """Accuracy of the speeds of maxima [r/min], and number of local maxima of each metric that are refined."""
 COARSELY = 10.0, 1
@@ -137,8 +136,7 @@ def sweep(
     """Sweep the band in steps of `step_rpm` and at its resonances, then refine the peaks of the metrics `refine`.
 
     The refinement repeatedly quarters the step, down to FINEST_RPM, about the PEAKS worst local maxima found for each
-    metric; with `coarsely` these two numbers are COARSELY. Bounce against speed is a rough function, so that the
-    largest value found is not proved to be the maximum.
+    metric; with `coarsely` these are COARSELY. Bounce over speed is rough: the largest value found need not be largest.
     """
     finest, most = COARSELY if coarsely else (FINEST_RPM, PEAKS)
     low, high = swept.ends

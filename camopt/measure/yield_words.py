@@ -16,8 +16,7 @@ ADVISED = 0.95
 IDEAL = "ideal"
 """Folder within a run folder that holds the largest cam for the train as designed."""
 HELD, MISSED, ENOUGH, NOT_ASKED = "held", "missed", "enough", "not asked"
-"""A share compared with the requested yield: reached or missed; without a request, whether the advised share is reached
-or not."""
+"""A share compared with the requested yield: reached or missed; without a request: the advised share reached or not."""
 LEAST_BLAME = 0.005
 """Smallest share of the scatter that is printed; a smaller one would appear as 0 %."""
 

@@ -68,8 +68,7 @@ class Looks:
         return float(mass[(total[last] > tail) & (total[-1] - total[first] > tail)].sum())
 
     def ended(self, p: float) -> Iterator[tuple[int, np.ndarray]]:
-        """For every test its number of trains n, and the probabilities (n + 1) that sampling ends there with 0 to n of
-        them holding, if the true share is p."""
+        """By test its number of trains n, and the probabilities (n + 1) that it ends with 0 to n holding, given p."""
         going, before = np.ones(1), 0
         for trains in self.trains:
             more = trains - before
@@ -82,8 +81,7 @@ class Looks:
             going, before = np.where(stops, 0.0, going), trains
 
     def _decision_bounds(self, trains: int) -> tuple[int, int]:
-        """Largest and smallest number of holding trains at which an early test decides that the share is below, or
-        above, the wanted one."""
+        """Largest number of holding trains that decides for a smaller share, and smallest one for a larger share."""
         holding = np.arange(trains + 1)
         below = int(np.sum(bdtr(holding, trains, self.wanted) < EARLY / 2)) - 1
         return below, trains + 1 - int(np.sum(bdtrc(holding - 1, trains, self.wanted) < EARLY / 2))

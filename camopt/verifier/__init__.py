@@ -1,7 +1,6 @@
 """The non-smooth verifier: independent methods, their convergence and the verdict (NumPy and numba, no JAX).
 
-The public function `camopt.verify` is defined in `camopt.verifier.accuracy`; the verdict that it returns is defined in
-`camopt.verifier.verdict`.
+The public function `camopt.verify` is defined in `camopt.verifier.accuracy`, its verdict in `camopt.verifier.verdict`.
 
 Every method of `methods` assembles its own equations and has its own contact law: this duplication makes the methods
 independent. No method may import JAX, the smoothed path or event-exact, and a test checks the imports. docs/model.md

@@ -51,8 +51,8 @@ def effort_of(accuracy: str | float) -> Effort:
     """The effort of a named accuracy, or of a tolerance in micrometres; raises InputError for an unknown name.
 
     For a number, the step of the band and the settling tolerance are the coarsest for which the largest bounce was
-    right within that number, and the settled bounce within half of it, in nine out of ten scenes of the stored curves.
-    They are never coarser than those of "draft". No tolerance is below the smallest error that is ever stated.
+    right within that number, and the settled bounce within half of it, in nine out of ten scenes of the stored curves,
+    but not coarser than those of "draft". No tolerance is below the smallest stated error.
     """
     if isinstance(accuracy, str):
         if accuracy not in EFFORTS:

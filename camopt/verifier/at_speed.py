@@ -1,8 +1,7 @@
 """The verdict at one speed: whether the methods agree and every limit on the motion holds over the neighbourhood.
 
 The step of every method is halved until its metrics have converged. If a limit is violated far beyond every error
-estimate, less work suffices: event-exact once, one other method at its first step with the same outcome, and the
-neighbourhood.
+estimate, event-exact once, one other method at its first step with the same outcome, and the neighbourhood suffice.
 """
 
 from collections.abc import Mapping
@@ -117,8 +116,7 @@ class SpeedVerdict:
 
 
 def judge_speed(case: Case, speed_rpm: float) -> SpeedVerdict:
-    """The verdict on a case at one speed [r/min]. If a limit is violated far beyond all errors, no step is halved
-    further."""
+    """The verdict on a case at one speed [r/min]; a violation far beyond all errors needs no further halving."""
     first = case.first
     refinements = {name: case.refinement(name, speed_rpm, reported=name == first) for name in case.methods}
     try:
@@ -220,8 +218,7 @@ def agreement(answers: list[Converged], tolerances: Tolerances) -> bool:
 
 
 def neighbours(case: Case, speed_rpm: float, answer: Converged, many: SettledMany | None = None) -> list[Figures]:
-    """The first method's metrics at neighbouring speeds (+-0.1 %), lifts (+-0.1 um at the largest lift) and initial
-    states.
+    """The first method's metrics at neighbouring speeds (+-0.1 %), lifts (+-0.1 um at the nose) and initial states.
 
     `many`, by default that of the case, measures settled motions without taking samples, many times as fast. Raises
     MotionRefused if the motion of `answer` or of a neighbour is refused.

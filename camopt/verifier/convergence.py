@@ -17,38 +17,33 @@ from camopt.scene.train import Train
 from camopt.scene.vibration import highest_rate
 
 Prepare = Callable[[Train, Lift, float, int], Revolve]
-"""A method: from train, lift, cam speed [rad/s] and steps per revolution to a function that integrates one revolution
-from a given state."""
+"""A method: returns, for train, lift, cam speed [rad/s] and steps per revolution, the integrator of one revolution."""
 
 COARSEST_PHASE = 0.6
 """Highest frequency times the first step [rad]: well inside the stability limits of the explicit methods."""
 FEWEST_STEPS = 1440
 FINEST_STEPS = 120_000
-"""Steps per revolution beyond which the step is not halved again, to limit memory and time. The coarsest step has
-at most a quarter of this number. If that is too few for the train's fastest rate, the metrics do not count as converged
-before the rate is resolved: Houbolt's method, which is stable at every step, would damp it out and converge to a wrong
-force."""
+"""Steps per revolution beyond which the step is not halved again, to limit memory and time. The coarsest step has at
+most a quarter of this number. If that is too few for the train's fastest rate, the metrics do not count as converged
+before it is resolved: Houbolt's method, which is stable at every step, would damp it and converge to a wrong force."""
 RELATIVE = 0.01
 """A metric has converged when a halved step changes it by less than its absolute tolerance plus this share of it."""
 ABSOLUTE = {"seating_velocity_m_per_s": 0.005, "contact_force_max_N": 5.0, "dynamic_area_mm_deg": 0.1}
 """Absolute tolerances of the deciding metrics other than bounce and jump, whose tolerance the caller chooses. The
 remaining metrics depend on contacts that barely open; they are reported with their error."""
 MARGIN, COARSER = 2.0, 3
-"""The estimated error is MARGIN times the largest difference from the answers at the last COARSER coarser steps. A
-method that does not locate the switching of contacts has no order of convergence across it: its error is a uniformly
-distributed fraction of the step. Such an error exceeds twice the largest difference from two coarser answers in one
-case out of 24, and from three of them in one out of 250."""
+"""The estimated error is MARGIN times the largest difference from the last COARSER answers. Without locating the
+switching of contacts a method has no order of convergence across it: its error is a uniformly distributed fraction of
+the step, and exceeds twice the largest difference from two coarser answers once in 24 times, from three once in 250."""
 WHERE_LIMITED = {"jump_deg": 0.5, "contact_force_min_N": 5.0}
-"""Absolute tolerances of the metrics that decide only if the scene limits them. No scene limits impact velocity or
-excess lift."""
+"""Absolute tolerances of metrics that decide only if limited; scenes cannot limit impact velocity and excess lift."""
 WANDERING_REVOLUTIONS = 16
 """Most revolutions to settle after a coarser step that did not settle: start-up transients have already decayed."""
 
 FINEST = {
     q.name: {"mm": 1e-5, "deg": 1e-3, "N": 1e-2, "m/s": 1e-5, "mm deg": 1e-3}[q.unit] for q in QUANTITIES.values()
 }
-"""Smallest error that is ever stated, in the unit of the metric: settling, the extremes of cubics and rounding cause
-errors of this size."""
+"""Smallest stated error, in the metric's unit: settling, extremes of cubics and rounding cause errors of this size."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -212,16 +207,14 @@ class StepRefinement:
         return settle_and_measure(revolve, self._state, lift, 0, aperiodic=RANGED).figures
 
     def _unchanged_enough(self) -> bool:
-        needed = self._tolerances.unchanged_halvings
-        last = self._unchanged_steps[-needed:]
-        return self._steps >= self._enough and len(last) == needed and all(last)
+        last, needed = self._unchanged_steps, self._tolerances.unchanged_halvings
+        return self._steps >= self._enough and len(last) >= needed and all(last[-needed:])
 
 
 def at_once(many: SettledMany, train: Train, lift: Lift, cam_speed: float, start: np.ndarray) -> Converged:
     """A method's settled motion from `start` (2n + r), measured by `many`, which has no step to halve.
 
-    The answer does not count as converged; its errors are those that `many` states for motions whose contacts do not
-    switch. Raises MotionRefused.
+    It does not count as converged; its errors hold for motions whose contacts do not switch. Raises MotionRefused.
     """
     settled = many([train], [lift], [cam_speed], starts=start, workers=1)
     at = 0, 0, 0

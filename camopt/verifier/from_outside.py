@@ -1,8 +1,7 @@
 """Comparison with Exudyn, an engine that is not part of camopt and runs in a separate process.
 
-`camopt.verifier.outside` is that process: it reads a scene file and a design file and imports nothing else of camopt.
-This module compares its motions from rest with those of event-exact or, for curved laws, of DOP853, which needs no
-chords.
+`camopt.verifier.outside` is that process, which imports nothing else of camopt. Its motions from rest are compared with
+event-exact's or, for curved laws, with DOP853's, which has no chords.
 """
 
 import json
@@ -41,8 +40,7 @@ TIMEOUT_S = 300.0
 SAMPLES = 720
 """Number of equal intervals of a revolution at whose ends the valve's position is compared."""
 DOP853_STEPS = 4 * SAMPLES
-"""Steps per revolution of DOP853: its permitted relative error is then 1e-8, and an eighth of that with twice as
-many."""
+"""Steps per revolution of DOP853 for a permitted relative error of 1e-8; twice as many permit an eighth of it."""
 
 
 def require_outside() -> None:

@@ -1,7 +1,6 @@
 """The record of a verification, verification.json: the single source of every number stated about a verdict.
 
-The terminal, the report, the designer and the figures read a `VerificationRecord`, made from a verdict or read from a
-file.
+The terminal, the report, the designer and the figures read a `VerificationRecord`, from a verdict or from a file.
 """
 
 import json
@@ -47,8 +46,7 @@ class Worst:
 class VerificationRecord(dict[str, Any]):
     """The content of verification.json (design.md section 7), made from a verdict or read from a file.
 
-    A file is untrusted: any key may be missing or malformed. NaN is stored as null. `band` is null and `worst_in_band`
-    is empty if no band was swept.
+    A file is untrusted. NaN is stored as null. Without a swept band `band` is null and `worst_in_band` is empty.
     """
 
     @property
@@ -70,8 +68,7 @@ class VerificationRecord(dict[str, Any]):
     def worst(self, name: str) -> Worst | None:
         """The worst verified value of a metric: the worst of its range ends at the judged speeds and over the band.
 
-        The value in it is None if the metric has no value at one of these speeds. None is returned if nothing was
-        verified.
+        Its value is None if the metric has none at one of these speeds. Returns None if nothing was verified.
         """
         values = list(self._values(name))
         if not values:
@@ -109,8 +106,7 @@ class VerificationRecord(dict[str, Any]):
 
 
 def worst_case_value(speed: dict, name: str) -> tuple[float | None, str]:
-    """The value compared with a limit, and its key: the bad end of the range, the value plus its error, or the value
-    itself."""
+    """The value compared with a limit, and its key: worse end of the range, value plus error, or the value itself."""
     value, ranges = speed.get(name), speed.get("ranges")
     key = f"ranges.{name}"
     spread = ranges.get(name) if isinstance(ranges, dict) else None

@@ -1,8 +1,7 @@
 """Verdicts at many speeds where only some speeds are judged by all methods: for drafts and for rejected baselines.
 
 Event-exact, which has no step to halve, judges every speed with its neighbourhood and states its own error. The other
-methods judge the speeds nearest to a limit: the worst speed of every limited metric and of the peak force, and the
-lowest and the highest speed.
+methods judge the worst speed of every limited metric and of the peak force, and the lowest and the highest speed.
 """
 
 from collections.abc import Callable, Iterable
@@ -53,8 +52,7 @@ def event_alone(case: Case, speed_rpm: float) -> SpeedVerdict:
     All methods judge the speed instead if event-exact refuses a motion, if its metrics have not converged, or if the
     train's slowest mode has not had time to decay. The metrics of a periodic motion have converged if motions from
     neighbouring states settle to the same metrics within the tolerances of a halved step. Its error is the one that the
-    method states or, if larger, MARGIN times the difference of these metrics. An aperiodic motion is described by its
-    range.
+    method states or, if larger, MARGIN times the difference of these metrics. An aperiodic motion has a range instead.
     """
     assert case.many is not None, "`can_spot_check` says so"
     try:

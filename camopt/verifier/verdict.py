@@ -44,8 +44,7 @@ METHODS = ("event", "rkg", "tmm", "houbolt")
 NONLINEAR_METHODS = ("event", "rkg", "dop853")
 """Methods for a train with curved laws of contacts or progressive springs, which event-exact replaces by chords."""
 ROUNDS = 2
-"""Rounds in which the worst speeds of a band are judged: an erratic motion's judged metric differs from the sweep's, so
-that another speed may be the worst after the first round."""
+"""Rounds in which the worst speeds of a band are judged: judged metrics of erratic motions differ from the sweep's."""
 TOLERANCES = Tolerances()
 ORDER = ("confirmed", "sensitive", "not converged", "rejected")
 """Verdicts from best to worst. The verdict on the cam is the worst verdict of all judged speeds."""
@@ -140,13 +139,13 @@ def verdict_on(
 
     The band is swept with event-exact in steps of `band_step_rpm` and at resonances between them; then all methods
     judge the worst speed of every limited metric, and the speeds inside the band at which bounce or jump starts to
-    exceed the scene's limit (0.05 mm if it sets none). With None the band and the starting speeds are left out.
+    exceed the scene's limit (0.05 mm if it sets none). With None there are no band and no starting speeds.
 
-    `tolerances` state when a method has converged and whether all methods judge every speed; their limited metrics are
-    replaced by the scene's. Without `to_the_end` a cam is rejected as soon as a rejection is certain: all methods judge
-    only that speed of `speeds_rpm` where a limit is exceeded most, and the band is swept in steps of at least
-    SEARCH_STEP_RPM with at most WANDERING_REVOLUTIONS to settle. With `progress`, progress bars count the judged
-    speeds. Raises InputError for a scene without valve, seat or operation, and for an unknown method.
+    `tolerances` state when a method has converged and which speeds all methods judge; the limited metrics are the
+    scene's. Without `to_the_end` a rejection ends the work early: all methods judge only that speed of `speeds_rpm`
+    where a limit is exceeded most, and the band is swept in steps of at least SEARCH_STEP_RPM with at most
+    WANDERING_REVOLUTIONS to settle. With `progress`, progress bars count the judged speeds. Raises InputError for a
+    scene without valve, seat or operation, and for an unknown method.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")

@@ -37,8 +37,7 @@ def next_foot(s, turn):
 
 @njit_no_refcount
 def touch(s, trace, turn):
-    """(segment that ends with the touch of a revolution, -1 if there is none by the next opening foot; whether the
-    valve opened)."""
+    """(segment that ends with the touch of a revolution, -1 for none by the next foot; whether the valve opened)."""
     top, peak, e, states = 0.0, -1, s.train.seat, s.tables.states
     for k in range(len(trace.length)):
         if abs(trace.angle[k] - 2 * np.pi * turn) <= np.pi and states[trace.slot[k], e] == SEPARATED:

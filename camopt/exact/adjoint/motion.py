@@ -26,8 +26,7 @@ from camopt.scene.train import Train
 OBSERVATIONS = 5
 """Largest number of observations of one metric, including the one that is added where it has no gradient."""
 WINDOW_STEP = 1e-6
-"""Step of the central difference with respect to half the duration [rad]: its error by curvature and rounding is less
-than 1e-8 of a metric."""
+"""Step [rad] of the central difference by half the duration: its errors are less than 1e-8 of a metric."""
 
 
 @dataclass(frozen=True)
@@ -60,7 +59,7 @@ class Gradient(Slopes):
 
 @dataclass(frozen=True)
 class Samples:
-    """A motion at m angles, at a single angle, or l cotangents of either, with the shape in place of *m."""
+    """A motion at the angles *m: m angles, a single one (no axis), or m angles of l cotangents (two axes)."""
 
     x: Float[np.ndarray, " *m n"]  # m
     v: Float[np.ndarray, " *m n"]  # m/s
@@ -147,8 +146,7 @@ class TracedMotion:
     def by_half_duration(self, metrics: Sequence[str], revolution: int = 0) -> Float[np.ndarray, " l"]:
         """Derivatives [unit per rad] of metrics with respect to half the duration, within which contacts are evaluated.
 
-        The motion does not depend on it, so that a central difference of the metrics of this trace is used, whose
-        instants are located to round-off.
+        The motion does not depend on it: a central difference of the metrics of this trace suffices.
         """
         half = float(self.lift.half_duration)
         long, short = (self.values(metrics, revolution, half + step) for step in (WINDOW_STEP, -WINDOW_STEP))
@@ -256,8 +254,7 @@ def rest_back(train: Train, by_start: Float[np.ndarray, "l state"]) -> ByTrain:
     """Gradients with respect to the train, through the state at rest, of l numbers of a motion that starts from rest.
 
     `by_start` are their gradients with respect to the start state. At rest the forces of all elements without memory
-    balance, and a memory is its element's compression. The pieces that hold are taken as fixed, which is correct unless
-    one of them only just holds.
+    balance, and a memory is its element's compression. The pieces are fixed, which is wrong if one only just holds.
     """
     arrays, state, n = train_arrays(train), rest_of(train), len(train.mass)
     status = np.empty(len(train.a), dtype=np.int64)

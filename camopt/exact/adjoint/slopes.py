@@ -1,8 +1,7 @@
 """Gradients with respect to the cam, the start state and a train's parameters, under the names of the parameters.
 
 The forms of the elements' pieces are analytic functions of the parameters, so that a complex step gives their
-derivatives to rounding (Squire and Trapp 1998, SIAM Rev. 40:110). Elements share no parameters, so that one step for
-all of them at once suffices.
+derivatives to rounding (Squire and Trapp 1998, SIAM Rev. 40:110). Elements share no parameters: one step serves all.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -78,8 +77,7 @@ def by_train(train: Train, bars: Bars, by_rows: np.ndarray | None = None) -> ByT
 
 
 def by_numbers(train: Train, by_law: np.ndarray) -> dict[str, np.ndarray]:
-    """Gradients of l numbers with respect to `Numbers`, (l, e) or for tables (l, e, q, 2), from those with respect to
-    the forms (l, f, 4).
+    """Gradients of l numbers by `Numbers`, (l, e) or for tables (l, e, q, 2), from those by the forms (l, f, 4).
 
     A train of linear elements only has the first three of them.
     """

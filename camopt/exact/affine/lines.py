@@ -77,8 +77,7 @@ def knots(rows: np.ndarray, count: int) -> np.ndarray:
 
 
 def chords_per_row(rows: np.ndarray, count: int) -> np.ndarray:
-    """Number of chords in each interval of a stiffness table, about `count` in all, in proportion to its width times
-    the square root of the curvature."""
+    """Chords in each interval of a stiffness table, about `count` in all, by width times square root of curvature."""
     d, k = np.real(rows).T
     weight = np.sqrt(np.abs(np.diff(k)) * np.diff(d))
     return np.maximum(1, np.ceil(count * weight / max(weight.sum(), 1e-300) - 1e-9)).astype(int)

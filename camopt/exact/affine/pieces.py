@@ -161,8 +161,7 @@ def oil(stiffness, leak, travel) -> Parts:
 
 
 def friction(stiffness, slip) -> Parts:
-    """The pieces of dry friction in series with a spring (Jenkins element): sticking, and sliding in either
-    direction."""
+    """The pieces of dry friction in series with a spring (Jenkins element): sticking, sliding in either direction."""
     stick, forward, back = range(3)
     follows = np.real(1.0 / stiffness)
     onward = Watch((slip, -stiffness, 0.0, stiffness), forward, (0.0, -follows))

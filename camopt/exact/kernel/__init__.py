@@ -1,2 +1,1 @@
-"""The compiled kernel of event-exact: exact propagators advance the state over spans, inside which all switchings are
-located."""
+"""The compiled kernel of event-exact: exact propagation over spans, with every switching inside them located."""

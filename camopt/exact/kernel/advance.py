@@ -178,8 +178,7 @@ def memories_and_forces_back(sizes, share, h, term, push):
 
 @njit_no_refcount
 def carry_back(tables, slot, h, length, bar, out, work):
-    """Write to out the cotangent of y at the start of `length` steps, from the cotangent `bar` (2n + r) of the state at
-    their end."""
+    """Write to out the cotangent of y at the start of `length` steps, from that of the state at their end, `bar`."""
     g, term, push = work
     at, c = len(bar), len(g)
     whole, node, rest = split(length, tables.steps.shape[1] - 1)

@@ -99,8 +99,7 @@ def exponential(matrix):
 
 @inner
 def powers(leap, most):
-    """leap^i for i = 0 to most, each as a product of two halves, so that rounding errors grow as the logarithm of
-    `most` only."""
+    """leap^i for i = 0 to most, each a product of two halves: rounding grows only as the logarithm of `most`."""
     result = np.empty((most + 1, len(leap), len(leap)))
     result[0] = np.eye(len(leap))
     result[1] = leap
@@ -151,8 +150,7 @@ def write_looks(rows, system, steps, count, at, out):
 
 @inner
 def slot_of(train, h, tables, status):
-    """The slot of the tables for the pieces `status` (e), which is filled if it is missing; -1 if the tables are
-    full."""
+    """The slot of the tables for the pieces `status` (e), which is filled if it is new; -1 if the tables are full."""
     key, built = 0, tables.built[0]
     for e in range(len(status)):
         key += train.place[e] * status[e]

@@ -71,8 +71,7 @@ def element_forces(train, pieces, slots, rows):
 
 @compiled
 def classify(train, h, y, status):
-    """Write the pieces (e) that hold in an arbitrary state; a memory outside the reach of its element is moved to its
-    bound."""
+    """Write the pieces (e) that hold in an arbitrary state; a memory beyond its element's reach is moved within."""
     for e in range(len(train.a)):
         d, rate = compression(train, e, h, y)
         if train.memory[e] >= 0:

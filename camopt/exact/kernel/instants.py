@@ -8,8 +8,7 @@ from camopt.exact.kernel.tables import SEPARATED, TERMS
 from camopt.programs import inner, njit_no_refcount
 
 LOOKS = 8
-"""Number of intervals per step in which maxima are searched for: the phase of the highest mode advances by less than
-0.2 rad in each."""
+"""Intervals per step in which maxima are searched for; the highest mode advances by less than 0.2 rad in each."""
 TIE = 1e-3
 """Largest relative difference of a maximum and its runner-up; smaller maxima are not searched for."""
 FLAT = 1e-10
@@ -176,8 +175,7 @@ def _bound(looks, k, at, count, sign):
 
 @inner
 def nearest_miss(s, trace, e):
-    """Smallest local minimum of the watch [N] of contact e while it is separated, which measures how near it came to
-    closing; inf if there is none."""
+    """Smallest local minimum of the watch [N] of contact e while it is separated; inf if there is none."""
     least, looks, states = np.inf, trace.looks, s.tables.states
     w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
     for k in range(len(trace.length)):

@@ -1,7 +1,6 @@
 """Steps over the rest of the base circle, where the lift is constant and a motion is a sum of decaying modes.
 
-Once these are so small that no contact can switch any more, the state at the end of the base circle is evaluated
-directly.
+Once no contact can switch any more, because the modes are small, the end of the base circle is evaluated directly.
 """
 
 import numpy as np

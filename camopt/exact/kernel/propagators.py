@@ -40,8 +40,7 @@ progressive springs replaced by chords have thousands of combinations, and each 
 
 
 def highest_frequency(train: Train) -> float:
-    """Largest eigenvalue magnitude [rad/s] with every element in its stiffest piece (if there are several, the most
-    damped)."""
+    """Largest eigenvalue magnitude [rad/s] with every element in its stiffest piece, the most damped of several."""
     arrays = train_arrays(train)
     pieces = (np.arange(*ends) for ends in zip(arrays.first[:-1], arrays.first[1:], strict=True))
     motion = linear_system(arrays, np.array([np.lexsort(arrays.law[p, 2:0:-1].T)[-1] for p in pieces]))
@@ -104,8 +103,7 @@ class Propagators:
 
 
 class Lending:
-    """A pool of tables of one train, step, lift width and number of steps per span, each used by one thread at a
-    time."""
+    """A pool of tables of one train, step, lift width and steps per span, each used by one thread at a time."""
 
     def __init__(self, *of: Any) -> None:
         self._of, self._free = of, list[Propagators]()
@@ -113,7 +111,7 @@ class Lending:
     @property
     def size(self) -> int:
         """Memory of the tables that are not in use [bytes]."""
-        return sum(one.size for one in self._free)
+        return sum(tables.size for tables in self._free)
 
     @contextmanager
     def lent(self) -> Iterator[Propagators]:
@@ -135,8 +133,7 @@ _lock = Lock()
 def propagators(train: Train, step: float, width: int, at_once: int) -> Lending:
     """The propagators of a train, shared by all speeds and cams that use the same step and lift width.
 
-    The most recently used ones are cached, at most `KEPT` and `KEPT_BYTES`; older ones are dropped when new ones are
-    added.
+    The most recently used ones are cached, at most `KEPT` and `KEPT_BYTES`.
     """
     key = train, step, width, at_once
     with _lock:
@@ -144,7 +141,7 @@ def propagators(train: Train, step: float, width: int, at_once: int) -> Lending:
             _kept.move_to_end(key)
         else:
             _kept[key] = Lending(*key)
-            size = sum(one.size for one in _kept.values())
+            size = sum(lending.size for lending in _kept.values())
             while len(_kept) > 1 and (len(_kept) > KEPT or size > KEPT_BYTES):
                 size -= _kept.popitem(last=False)[1].size
         return _kept[key]

@@ -40,8 +40,7 @@ class Setting(NamedTuple):
 def inputs_at(piece, forces, offset, scale, u):
     """Coefficients u (q + 2f) in tau of lift and `forces` about the angle `offset` [rad] inside a piece (q + 2f).
 
-    `scale` [rad] is the angle per tau. Returns the number of coefficients to use: zero if all vanish, as on the base
-    circle.
+    `scale` [rad] is the angle per tau. Returns the number of coefficients to use: 0 if all vanish (base circle).
     """
     q, still = len(piece) - 2 * forces, True
     for k in range(len(piece)):

@@ -7,8 +7,7 @@ import numpy as np
 from camopt.programs import pass_by_pointer
 
 FINE = 16
-"""Number of stored propagators inside a step: every instant is at most 1/32 of a step from one of them, which is
-0.047 rad of the highest mode."""
+"""Stored propagators inside a step: an instant is at most 1/32 of a step from one, 0.047 rad of the highest mode."""
 TERMS = 22
 """Highest power in the series of a watched quantity: over one step the remainder is below 1e-16 of the motion."""
 SEPARATED, COMPRESSED, ACTING = 0, 1, 2
@@ -16,8 +15,7 @@ SEPARATED, COMPRESSED, ACTING = 0, 1, 2
 
 
 class Leap(NamedTuple):
-    """The motion on the base circle in one combination of pieces, by r modes: the real ones and one of each conjugate
-    pair.
+    """The motion on the base circle in one combination of pieces, by r modes: real ones, and one of conjugate pairs.
 
     Every mode decays, so that a watch stays above its `level` minus the sum of `sway` times the sizes of the modes.
     """
@@ -93,8 +91,7 @@ def empty_tables(sizes: Sizes, elements: int, watches: int, at_once: int, combin
 
 
 def aligned(*shape: int) -> np.ndarray:
-    """An array aligned to the processor's cache lines of 64 bytes: a vector register that is loaded across two lines
-    takes as long as two."""
+    """An array aligned to cache lines of 64 bytes: loading a vector register across two lines takes twice as long."""
     count = int(np.prod(shape))
     room = np.empty(count + 7)
     first = -(room.ctypes.data // 8) % 8

@@ -1,7 +1,6 @@
 """All declared metrics of one revolution of a traced motion, in compiled code and without cotangents.
 
-Excess lift is computed from the seat's distance and its slope at every step, with cubics in between, as in
-`camopt.measure.metrics`.
+Excess lift is computed from cubics through the seat's distance and its slope at every step.
 """
 
 import numpy as np

@@ -129,8 +129,7 @@ def _empty_metrics(t: int, c: int, speeds: np.ndarray, width: int) -> SettledMet
 
 
 def _cams(lifts: Sequence[Lift], forcing: tuple[Forcing, ...]) -> stages.Cams:
-    """The concatenated pieces of all cams, whose lift is compressed to few pieces, with the forces over the cam
-    angle."""
+    """The concatenated pieces of all cams, with compressed lift and the forces over the cam angle."""
     compressed = [compress_lift(lift) for lift in lifts]
     inputs = [Inputs(forcing, borders) for borders, _ in compressed]
     pieces = [cut.pieces(coefficients) for cut, (_, coefficients) in zip(inputs, compressed, strict=True)]

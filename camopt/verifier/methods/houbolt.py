@@ -3,10 +3,9 @@
 J. C. Houbolt, A recurrence matrix solution for the dynamic response of elastic aircraft, J. Aeronautical Sciences 17
 (1950). The position at the end of a step follows from the three positions before it,
 (2 M/h^2 + 11 C/(6h) + K) x = F + M (5 x1 - 4 x2 + x3)/h^2 + C (18 x1 - 9 x2 + 2 x3)/(6h).
-The set of closed contacts, and of the pieces of piecewise linear laws, is iterated within the step until it reproduces
-itself. The method is started by Houbolt's difference equations at the first point with fictitious points before it. If
-these are eliminated, the first step is the linear acceleration method, and the second step uses
-x(-1) = h^2 a_0 + 2 x_0 - x_1.
+The set of closed contacts, or of pieces, is iterated within the step until it reproduces itself. The method starts with
+Houbolt's difference equations at the first point with fictitious points before it. With these eliminated, the first
+step is the linear acceleration method, and the second one uses x(-1) = h^2 a_0 + 2 x_0 - x_1.
 
 Only piecewise linear laws are implemented. At the end of a step friction has the force of sticking throughout the step,
 returned to -slip or slip if it is beyond (Simo and Hughes 1998, Computational Inelasticity, section 1.4). Oil leaks by
@@ -30,20 +29,17 @@ from camopt.scene.train import GROUND, Train
 from camopt.verifier.methods.of_houbolt import PieceSets, elements_of, explicit_form, forces, hold
 
 LOST = 0.1
-"""Largest decay rate that the method itself may add to a mode, as a share of the mode's own decay rate or, if larger,
-of one per revolution."""
+"""Largest decay rate that the method may add to a mode, relative to the mode's or, if larger, to one per revolution."""
 STEP_RULE = 0.31
 """Highest frequency times step [rad], Osman 2014, Eq. (11)."""
 MOST_SETS = 12
-"""Most iterations of the set of pieces per step. If no set reproduces itself (the force jumps at closing), the last one
-is kept."""
+"""Most iterations of the set of pieces per step; if none reproduces itself (force jump at closing), the last counts."""
 
 
 def step_rule(train: Train) -> float:
     """Largest step [s] by Osman 2014, Eq. (11): 0.31 / omega_max, omega_max = sqrt(k_max / m).
 
-    The paper has one mass; with several, omega_max is the largest value over all masses and the elements attached to
-    them.
+    The paper has one mass; with several, omega_max is the largest value over all masses and their elements.
     """
     highest = 0.0
     for end in (train.a, train.b):
@@ -59,8 +55,7 @@ def prepare(
 
     `cam_speed` [rad/s]. Without a number of steps the step follows `step_rule`. `explicit` selects MOTORI's form. The
     implicit form builds its matrices for the sets of pieces that occur. The response has steps_per_revolution + 1
-    samples; its velocities are third-order backward differences. Raises InputError for laws that are not piecewise
-    linear.
+    samples; velocities are third-order backward differences. Raises InputError for laws that are not piecewise linear.
     """
     period = 2 * np.pi / cam_speed
     steps = int(np.ceil(period / step_rule(train))) if steps_per_revolution is None else steps_per_revolution
@@ -145,11 +140,8 @@ def _start(sets: PieceSets, motion: tuple[np.ndarray, ...], cam, h: float) -> in
 
 @compiled
 def _march(start, key, motion, cam, h, sets):
-    """Steps from `start` on; x is one row ahead of v.
-
-    Returns the step reached and the number of the current set of pieces, whose matrices are missing unless the step is
-    the last.
-    """
+    """Steps from `start` on; x is one row ahead of v. Returns the step reached and the current set of pieces, whose
+    matrices are missing unless all steps are done."""
     n, (x, v, force, z) = len(sets.mass), motion
     inverse, damping, load, forced = sets.inverse, sets.damping, sets.load, sets.elements.forced
     past_velocity, right, held = np.empty(n), np.empty(n), np.empty(z.shape[1])

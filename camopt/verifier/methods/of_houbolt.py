@@ -145,8 +145,7 @@ class Sets(NamedTuple):
 
 
 class PieceSets:
-    """Inverse effective stiffness and loads of every set of pieces, for x'' = m x + ... and x' = c x + ... at the new
-    point."""
+    """Inverse effective stiffness and loads by set of pieces, for x'' = m x + ..., x' = c x + ... at the new point."""
 
     def __init__(self, train: Train, m: float, c: float, h: float):
         self.train, self.m, self.c = train, m, c
@@ -196,8 +195,7 @@ class PieceSets:
         return acting, piece
 
     def _lines(self, piece: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Elastic force at zero compression and zero held memory (e), and its slopes by compression (e) and held memory
-        (r, e)."""
+        """Elastic force at zero compression and held memory (e); slopes by compression (e) and held memory (r, e)."""
         q, holding = self.elements, np.zeros((len(self.train.memory), len(piece)))
         base, line = q.preload.copy(), q.soft.copy()
         for e in np.flatnonzero(q.kind != LINEAR):

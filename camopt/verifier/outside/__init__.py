@@ -2,8 +2,7 @@
 
 The package reads only `scene.toml` and `design.json`, and imports nothing else of camopt. It has its own code for
 reading the files, for the laws of force, for the state at rest and for the metrics; Exudyn integrates the motion.
-Agreement with it therefore confirms camopt's interpretation of the scene file by a second one. It runs in a separate
-process:
+Agreement with it therefore confirms camopt's interpretation of the scene file. It runs in a separate process:
 
     python -m camopt.verifier.outside SCENE.toml DESIGN.json --speeds 5000 6000 --out motion.json
 

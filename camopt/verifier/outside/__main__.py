@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from camopt.verifier.outside.engine import ExudynModel, FiledMotion, exu
-from camopt.verifier.outside.figures import figures, sampled
+from camopt.verifier.outside.figures import figures, hermite
 from camopt.verifier.outside.filed import FiledCam, FiledTrain, OutsideRefused, read_cam, read_train
 from camopt.verifier.outside.forces import LAWS_OF_CONTACT
 
@@ -65,7 +65,8 @@ def _at_speed(train: FiledTrain, cam: FiledCam, args: argparse.Namespace, speed_
         begin = time.process_time()
         motions = _from_rest(ExudynModel(train, cam, speed, tolerance, args.law), args.revolutions + 1)
         seconds = (time.process_time() - begin) / len(motions)
-        return motions, np.array([sampled(m, train.valve, speed, angles) for m in motions[:-1]]), seconds
+        valve = [hermite(m.angle, m.x, m.v / speed, angles)[0][:, train.valve] for m in motions[:-1]]
+        return motions, np.array(valve), seconds
 
     motions, valve, seconds = simulated(tolerance)
     moved = np.full(args.revolutions, np.inf)

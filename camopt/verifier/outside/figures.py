@@ -15,11 +15,6 @@ BETWEEN = 4
 TURN = 2 * np.pi
 
 
-def sampled(motion: FiledMotion, mass: int, speed: float, angles: np.ndarray) -> np.ndarray:
-    """Position (k) [m] of a mass at angles (k) [rad] of one revolution."""
-    return hermite(motion.angle, motion.x[:, [mass]], motion.v[:, [mass]] / speed, angles)[0][:, 0]
-
-
 def hermite(angle: np.ndarray, y: np.ndarray, slope: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Values and slopes (m, n) at angles `at` (m) of the cubic interpolant of `y` and `slope` (k, n) at angles (k)."""
     i = np.clip(np.searchsorted(angle, at, "right") - 1, 0, len(angle) - 2)

@@ -17,9 +17,8 @@ Pick = Callable[[Any, Any, Any], Any]
 POWERS = "hertz", "hunt-crossley"
 """Laws whose elastic force is a power of the depth."""
 NEVER_PULLS, MAY_PULL, DAMPING_UP_TO_SPRING = LAWS_OF_CONTACT = "never pulls", "may pull", "damping up to spring"
-"""Contact laws by the force that a contact's damper may have: camopt's law (the contact never pulls); the damper may
-pull until the contact separates (Kodama's printed criterion, and Exudyn's own contact); the damper may push or pull at
-most as much as the spring pushes (Modelica's ElastoGap)."""
+"""Contact laws: camopt's, by which a contact never pulls; a damper that may pull until the contact separates (Kodama's
+printed criterion, and Exudyn's contact); a damper with at most the force of the spring (Modelica's ElastoGap)."""
 
 
 def selected(x, borders: np.ndarray, piece: Callable[[int], Any], pick: Pick, first: int = 0):
