@@ -1,4 +1,4 @@
-"""Event-exact motion (numba, no JAX): the reference against which the project measures trains."""
+"""Event-exact motion (numba, no JAX): the reference solution for the motion of valve trains."""
 
 from camopt.exact.affine.lines import with_chords as with_chords
 from camopt.exact.engine import prepare as prepare

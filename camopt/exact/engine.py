@@ -1,8 +1,8 @@
-"""Event-exact motion of a train, its laws affine in pieces: switchings located to round-off, no stability limit.
+"""Event-exact motion of a train with piecewise affine laws: switchings are located to round-off, at any step size.
 
-This is the papers' transition matrix method with three changes: the matrix exponential is exact, the lift enters as its
-exact polynomial pieces, and each switching of a contact is located inside the step, on the power series of the force
-that is watched.
+This is the papers' transition matrix method with three changes: the matrix exponential is exact, the lift enters by its
+exact polynomial pieces, and each switching of a contact is located inside the step, as a root of the power series of
+the force that decides it.
 """
 
 from contextlib import AbstractContextManager
@@ -22,34 +22,32 @@ from camopt.scene.shapes import State
 from camopt.scene.train import Train
 
 AT_ONCE = 8
-"""Number of steps that one span takes where no samples are wanted."""
+"""Number of steps in a span if no samples are requested."""
 LONGEST_SPAN = 12
-"""Largest number of steps in a span, where spans are to end on the borders of the lift's pieces."""
+"""Largest number of steps in a span if spans are to end on the borders of the lift's pieces."""
 MOST_AT_ONCE = 8
 """Largest number of steps between two samples."""
 FEWEST_STEPS = 360
-"""A revolution is divided into at least this many steps, however slow the train's modes are."""
+"""Smallest number of steps per revolution, however slow the train's modes are."""
 
 
 class EventExact:
     """One event-exact revolution as a function of its start state (2n + r), with `advance` for the end state alone.
 
-    `cam_speed` is in rad/s. `steps_per_revolution` says how often the motion is sampled and does not change its
-    accuracy: between two samples, switchings are sought in steps that are short enough for the highest mode. By default
-    these steps are the samples too. The default step [s] is the same at all speeds, so that one set of tables serves
-    them all.
+    `cam_speed` is in rad/s. `steps_per_revolution` is the number of samples and does not affect the accuracy: between
+    two samples, switchings are searched for in steps that are short enough for the highest mode. By default the motion
+    is sampled at these steps. The default step [s] is the same at most speeds, which then share one set of tables.
     """
 
     def __init__(self, train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int | None = None):
         self.train, self.lift, self.cam_speed = train, lift, cam_speed
         self.period = 2 * np.pi / cam_speed
-        self.step, self._per_sample = _step(train, self.period, steps_per_revolution)
+        self.step, self._per_sample = _step_between_samples(train, self.period, steps_per_revolution)
         self._cam = cam_arrays(Inputs(train.forcing, lift.borders), lift, cam_speed)
 
     def __call__(self, state: State) -> Response:
-        """One revolution from -pi to pi from a state ([m], [m/s], [m]), sampled at the requested steps, at every
-        switching, before and after it, and at every piece border. Raises MotionRefused for endless switching or a
-        motion without bound."""
+        """One revolution from -pi to pi from a state ([m], [m/s], [m]), sampled at the requested steps, at both sides
+        of every switching, and at borders of the lift. Raises MotionRefused like `advance`."""
         n, at = len(self.train.mass), self.train.state_size
         with self._lent(self._per_sample) as lent:
             trace = run(lent, self._cam, self.lift, np.array(state, dtype=float), regular=True)[1]
@@ -66,7 +64,7 @@ class EventExact:
     def advance(self, state: State, revolutions: int = 1) -> State:
         """State after whole revolutions from a state at -pi; several times faster than a sampled motion.
 
-        Raises MotionRefused for endless switching or a motion without bound.
+        Raises MotionRefused for too many switchings or an unbounded motion.
         """
         after = np.array(state, dtype=float)
         with self._lent(AT_ONCE) as lent:
@@ -89,11 +87,11 @@ def run(
     traced: bool = True,
     regular: bool = False,
 ) -> tuple[Setting, Trace]:
-    """Runs whole revolutions from `state` (2n + r) at -pi, which is changed in place to the end.
+    """Simulate whole revolutions from `state` (2n + r) at -pi, which is overwritten by the end state.
 
-    Returns the setting and the trace, whose arrays stand in the tables' own room; `regular` is that of `revolve`. Where
-    there is no room for more tables or segments, it grows. Raises MotionRefused for endless switching or a motion
-    without bound.
+    Returns the setting and the trace, whose arrays are views of the thread's buffer and valid until its next motion.
+    `regular` has the meaning that it has in `revolve`. If the tables or the trace are full, they are enlarged. Raises
+    MotionRefused for too many switchings or an unbounded motion.
     """
     begin, starts = state.copy(), np.zeros(revolutions + 1, dtype=np.int64)
     while True:
@@ -114,27 +112,27 @@ def run(
 
 
 def free_step(train: Train, cam_speed: float) -> float:
-    """Step [s] where the caller asks for none: the default step, halved until a revolution has enough of them.
+    """Step [s] if the caller does not prescribe it: the default step, halved until a revolution has FEWEST_STEPS.
 
-    Most speeds then share one step, and with it one set of tables.
+    Most speeds then share one step and thereby one set of tables.
     """
     step = default_step(train)
     return step / 2.0 ** max(0, int(np.ceil(np.log2(step * FEWEST_STEPS * cam_speed / (2 * np.pi)))))
 
 
 def step_on_borders(train: Train, cam_speed: float, spacing: float) -> tuple[float, int]:
-    """(step [s], steps per span) with which every border of the lift's pieces, `spacing` [rad] apart, ends a span."""
+    """(step [s], steps per span) for which spans end on every border of the lift's pieces, `spacing` [rad] apart."""
     steps = int(np.ceil(spacing / cam_speed / default_step(train) * (1 - 1e-12)))
     at_once = -(-steps // -(-steps // LONGEST_SPAN))
     return spacing / cam_speed / (-(-steps // at_once) * at_once), at_once
 
 
-def _step(train: Train, period: float, steps_per_revolution: int | None) -> tuple[float, int]:
-    """(step [s], steps per sample): the default step or a finer one, a whole number of which fits between samples."""
+def _step_between_samples(train: Train, period: float, steps_per_revolution: int | None) -> tuple[float, int]:
+    """(step [s], steps per sample): the default step or a finer one, so that a whole number fits between samples."""
     default = free_step(train, 2 * np.pi / period)
     if steps_per_revolution is None:
         return default, 1
-    wanted = max(1, int(np.ceil(period / steps_per_revolution / default * (1 - 1e-12))))
-    finer = -(-wanted // MOST_AT_ONCE)  # more samples than asked for, where a span of steps does not reach the next
-    per_sample = -(-wanted // finer)
+    steps = max(1, int(np.ceil(period / steps_per_revolution / default * (1 - 1e-12))))
+    finer = -(-steps // MOST_AT_ONCE)  # additional samples, if one span does not reach the next sample
+    per_sample = -(-steps // finer)
     return period / steps_per_revolution / (finer * per_sample), per_sample

@@ -1,6 +1,6 @@
-"""Trains as built: train and cam of each engine that leaves the factory, drawn within the scene's tolerances.
+"""Trains as built: valve trains and ground cams of individual engines, drawn at random within the scene's tolerances.
 
-The error of a ground contour consists of waves over a revolution, of no more than some micrometres.
+The error of a ground contour is a sum of harmonics of the revolution, with an amplitude of at most some micrometres.
 """
 
 from collections.abc import Sequence
@@ -19,28 +19,26 @@ from camopt.scene.train import Train, build_train
 from camopt.scene.units import UM
 
 WAVE_KNOTS = 18
-"""Knots of an error's spline in its shortest wave."""
+"""Number of knots of the error's spline per period of its highest harmonic."""
 Seed = int | Sequence[int]
 
 
 @dataclass(frozen=True, repr=False)
 class TrainAsBuilt:
-    """One drawn train: its number, its scene with the numbers drawn, and its arrays."""
+    """One drawn train: its number, its scene with the drawn values, and its arrays."""
 
     number: int
     seed: int
     scene: Scene
     train: Train
     draws: dict[str, np.ndarray]
-    """By tolerance the draws (k) that made it, in units of what the tolerance states; those of the grinding error are
-    the cosine and sine parts of its harmonics."""
+    """The draws (k) of every tolerance, relative to the stated tolerance; those of the grinding error are the cosine
+    and sine coefficients of its harmonics."""
     errors: dict[tuple[float, float, float], Lift] = field(default_factory=dict, init=False, compare=False)
-    """The grinding error of the last cam, by foot, half duration and end of its lobe: the cams that a search judges on
-    one train have the same ones."""
+    """The grinding error of the last lobe (foot, half duration, end), which all cams of a search have in common."""
 
     def cam(self, lift: Lift) -> Lift:
-        """The lift as it is ground for this train; the lift itself where the scene has no grinding error. Raises
-        InputError as `lobe_of` does."""
+        """The lift as ground for this train, or `lift` without grinding errors. Raises the InputError of `lobe_of`."""
         grinding = self.scene.grinding
         if grinding is None:
             return lift
@@ -57,12 +55,11 @@ class TrainAsBuilt:
 
 
 def trains_as_built(scene: Scene, count: int, *, seed: int = 0, first: int = 0) -> list[TrainAsBuilt]:
-    """The trains of the numbers `first` to `first` + `count` - 1, drawn within the scene's tolerances.
+    """The trains with the numbers `first` to `first` + `count` - 1, drawn within the scene's tolerances.
 
-    Train i depends on the seed and on i alone, so that a longer list begins with the shorter one; a tolerance that is
-    made narrower or left out moves no other draw (common random numbers). `train.train` has the SI arrays, and
-    `train.cam(lift)` is the cam as it is ground for it. Raises InputError for a count below 1 or a
-    negative seed.
+    Train i depends only on the seed and on i, so that a longer list begins with the shorter one. Making a tolerance
+    narrower or removing it changes no other draw (common random numbers). `train.train` holds the SI arrays, and
+    `train.cam(lift)` is the cam as ground for the train. Raises InputError for a count below 1 or negative numbers.
     """
     if count < 1 or seed < 0 or first < 0:
         raise InputError(f"trains as built: {count} trains of seed {seed}: expected at least one, and no negative seed")
@@ -72,9 +69,9 @@ def trains_as_built(scene: Scene, count: int, *, seed: int = 0, first: int = 0) 
 
 
 def draws_of_trains(scene: Scene, count: int, *, seed: int = 0) -> dict[str, np.ndarray]:
-    """The draws (t, k) of the first `count` trains by tolerance, as `TrainAsBuilt` has those of one."""
+    """The draws (t, k) of the first `count` trains by tolerance, as in `TrainAsBuilt.draws` of one train."""
     drawn = [_draws(scene, seed, i) for i in range(count)]
-    return {label: np.array([one[label] for one in drawn]) for label in drawn[0]}
+    return {label: np.array([draws[label] for draws in drawn]) for label in drawn[0]}
 
 
 def _draws(scene: Scene, seed: int, i: int) -> dict[str, np.ndarray]:
@@ -85,16 +82,17 @@ def _draws(scene: Scene, seed: int, i: int) -> dict[str, np.ndarray]:
 
 
 def drawn_waves(seed: Seed, harmonics: tuple[int, int]) -> np.ndarray:
-    """Cosine and sine parts (2 h) of the harmonics of a revolution from the lowest to the highest, which have one
-    expected size and any phase: the parts are symmetric about zero and without correlation."""
+    """Cosine and sine coefficients (2 h) of the harmonics of a revolution from the lowest to the highest.
+
+    All harmonics have the same expected size and a uniformly distributed phase: the coefficients are uncorrelated.
+    """
     random, count = np.random.default_rng(seed), harmonics[1] - harmonics[0] + 1
     size, phase = random.standard_normal(count), random.uniform(0, 2 * np.pi, count)
     return np.concatenate([size * np.cos(phase), -size * np.sin(phase)])
 
 
 def lobe_of(lift: Lift) -> tuple[float, float, float]:
-    """Foot, half duration and end of a lift's lobe [rad]. Raises InputError for a lift without a base circle, and for
-    one that does not rise from it."""
+    """Foot, half duration and end of a lift's lobe [rad]. Raises InputError without a lobe or a base circle."""
     foot, half = lift.opening_foot, lift.half_duration
     if foot == -np.pi or foot == np.pi:
         raise InputError(
@@ -105,21 +103,22 @@ def lobe_of(lift: Lift) -> tuple[float, float, float]:
 
 
 def grinding_error(lobe: tuple[float, float, float], seed: Seed, peak: float, harmonics: tuple[int, int]) -> Lift:
-    """The error of a `lobe` of foot, half duration and end [rad], whose largest value is `peak` [m]; the same seed
-    gives the same error.
+    """The grinding error of a `lobe` (foot, half duration and end [rad]), whose largest value is `peak` [m].
 
-    The error fades out over the ramps, or over its shortest wave where that is longer, so that the base circle stays
-    the base circle. Its harmonics go from the lowest to the highest.
+    It contains the `harmonics` from the lowest to the highest, and is the same for the same seed. It fades out over the
+    ramps, or over the period of its highest harmonic if that is longer, so that the base circle has no error.
     """
     borders, pieces, waves = _waves(lobe, harmonics)
-    parts = drawn_waves(seed, harmonics)
-    return Lift(borders, pieces @ (peak / np.abs(waves @ parts).max() * parts), lobe[1])
+    coefficients = drawn_waves(seed, harmonics)
+    return Lift(borders, pieces @ (peak / np.abs(waves @ coefficients).max() * coefficients), lobe[1])
 
 
 @lru_cache(maxsize=1)
 def _waves(lobe: tuple[float, float, float], harmonics: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Borders (p + 1) [rad] and pieces (p, 6, 2 h) of the waves of a `lobe`, in the order of `drawn_waves` and each of
-    height one before it fades out, and the waves where their splines are interpolated (k, 2 h)."""
+    """Borders (p + 1) [rad] and pieces (p, 6, 2 h) of the harmonics of a `lobe`, and their values at knots (k, 2 h).
+
+    They are in the order of `drawn_waves`, with amplitude one before they fade out.
+    """
     foot, half, end = lobe
     knot = 2 * np.pi / (WAVE_KNOTS * harmonics[1])
     angle = np.linspace(foot, end, max(int(np.ceil((end - foot) / knot)), WAVE_KNOTS) + 1)

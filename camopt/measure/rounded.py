@@ -1,9 +1,10 @@
-"""Limits on the shape of a cam that a rounded table gives: broken where no cam within the rounding keeps them.
+"""Limits on the shape of a cam given by a rounded table; a limit is broken if no cam within the rounding keeps it.
 
-A row with an error of up to q may stand for any lift within q of it, and derivatives of the law through the rows carry
-q / step^k. Differences over wider steps do not: the k-th difference of a lift over steps H, by H^k, is a mean of its
-k-th derivative over k H (de Boor, A Practical Guide to Splines, 1978, ch. 1), so that it keeps what the derivative
-keeps, and it is wrong by at most 2^k q / H^k. Nor has it more changes of sign (Schoenberg's variation diminution).
+A row with an error of up to q represents any lift within q of it, and the k-th derivative of the law through the rows
+has errors of the order q / step^k. Differences over wider steps have smaller ones: the k-th difference of a lift over
+steps H, divided by H^k, is a mean of its k-th derivative over k H (de Boor, A Practical Guide to Splines, 1978, ch. 1).
+It therefore keeps every limit that the derivative keeps, and its error is at most 2^k q / H^k. It has no more sign
+changes than the derivative either (Schoenberg's variation diminution).
 """
 
 from collections.abc import Iterator
@@ -19,22 +20,22 @@ from camopt.scene.quantities import is_number
 from camopt.scene.units import DEG, MM, MM_PER_DEG, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
 
 WIDEST = 2.0 * DEG
-"""Widest step of a difference [rad]: its mean then spans a few degrees, and the rounding of 5 decimals is none."""
+"""Widest step of a difference [rad]: the mean then spans a few degrees, and rounding to 5 decimals is negligible."""
 ORDERS = {
     "acceleration_max_mm_per_deg2": (2, MM_PER_DEG2, False, False),
     "acceleration_min_mm_per_deg2": (2, MM_PER_DEG2, False, False),
     "jerk_max_mm_per_deg3": (3, MM_PER_DEG3, True, False),
     "snap_max_mm_per_deg4": (4, MM_PER_DEG4, True, True),
 }
-"""By key: order, unit, whether both signs are limited, whether between the ramps alone."""
+"""By key: order, unit, whether both signs are limited, and whether the limit applies only between the ramps."""
 RAMP_VELOCITY = 0.01
-"""Relative excess over the ramp's velocity that counts as none: a micrometre over the ten degrees of a ramp."""
+"""Allowed relative excess over the ramp's velocity: a micrometre over the ten degrees of a ramp."""
 EVALUATED = 1e-12
-"""Error of a lift's evaluation, over the largest."""
+"""Error of a lift's evaluation, relative to the largest lift."""
 
 
 class RoundedRows:
-    """The rows of a table, as the law's own values at equal steps, each within `error` [m] of the cam's lift."""
+    """The rows of a table, as values of the lift law at equal steps; each is within `error` [m] of the cam's lift."""
 
     def __init__(self, lift: Lift, error: float, step: float):
         self.lift, self.step = lift, step
@@ -44,25 +45,24 @@ class RoundedRows:
         self.height = lift(self.theta)
 
     def means(self, order: int) -> Iterator[tuple[float, np.ndarray, float]]:
-        """The angle that a mean spans [rad], the means from each row on, and their largest error, for steps that double
-        up to `WIDEST`."""
-        every = 1
-        while every * self.step <= WIDEST * (1 + 1e-9):
-            yield order * every * self.step, *self.mean(order, every)
-            every *= 2
+        """For steps that double to WIDEST: span of a mean [rad], the mean from each row on, and its largest error."""
+        stride = 1
+        while stride * self.step <= WIDEST * (1 + 1e-9):
+            yield order * stride * self.step, *self.mean(order, stride)
+            stride *= 2
 
-    def mean(self, order: int, every: int) -> tuple[np.ndarray, float]:
-        """The mean of a derivative over `order` steps of `every` rows from each row on, and its largest error."""
-        width = every * self.step
-        terms = [(-1) ** (order - j) * comb(order, j) * np.roll(self.height, -j * every) for j in range(order + 1)]
+    def mean(self, order: int, stride: int) -> tuple[np.ndarray, float]:
+        """The mean of a derivative over `order` steps of `stride` rows, starting at each row, and its largest error."""
+        width = stride * self.step
+        terms = [(-1) ** (order - j) * comb(order, j) * np.roll(self.height, -j * stride) for j in range(order + 1)]
         return np.sum(terms, axis=0) / width**order, 2**order * self.error / width**order
 
     def resolution(self, order: int) -> float:
-        """The least error of the means of a derivative [m/rad^order]."""
+        """The smallest error of the means of a derivative [m/rad^order]."""
         return min(error for *_, error in self.means(order))
 
     def exceeds(self, order: int, level: float, low: float = -np.pi, high: float = np.pi) -> bool:
-        """Whether a derivative surely exceeds a level between two angles [rad]; for a negative one, is below it."""
+        """Whether a derivative certainly exceeds a level, or is below a negative one, between two angles [rad]."""
         sign = -1.0 if level < 0 else 1.0
         for span, mean, error in self.means(order):
             inside = (self.theta >= low - 1e-12) & (self.theta + span <= high + 1e-12)
@@ -70,15 +70,15 @@ class RoundedRows:
                 return True
         return False
 
-    def told(self, how: str, acceleration: float, jerk: float) -> str:
-        """A sentence on how exactly means tell the derivatives [m/rad^2, m/rad^3], which are taken so."""
+    def precision(self, how: str, acceleration: float, jerk: float) -> str:
+        """A sentence with the errors of acceleration [m/rad^2] and jerk [m/rad^3] as means, used as stated in `how`."""
         return (
             f"The table's rows are off by up to {self.error / MM:.1g} mm: {how}, which tell the acceleration to "
             f"{acceleration / MM_PER_DEG2:.1g} mm/deg^2 and the jerk to {jerk / MM_PER_DEG3:.1g} mm/deg^3"
         )
 
     def waves(self, half: float) -> int:
-        """Sign changes of the jerk that the cam has at least, between -half and half [rad]."""
+        """Lower bound of the number of sign changes of the cam's jerk between -half and half [rad]."""
         most = 0
         for span, mean, error in self.means(3):
             inside = (self.theta >= -half) & (self.theta + span <= half) & (np.abs(mean) > error)
@@ -87,7 +87,7 @@ class RoundedRows:
 
 
 def rows_of(lift: Lift) -> RoundedRows | None:
-    """The rows of a cam whose parameters say that a table gives it with a row error; None for others."""
+    """The rows of a cam whose parameters state a lift table with a row error; None for other cams."""
     error, step = lift.parameters.get("row_error_mm"), lift.parameters.get("step_deg")
     if lift.family != "table" or not is_number(error) or not is_number(step) or step <= 0:
         return None
@@ -95,19 +95,19 @@ def rows_of(lift: Lift) -> RoundedRows | None:
 
 
 def violated_beyond_rounding(broken: list[str], rows: RoundedRows, design: Design) -> list[str]:
-    """Of the limits that the law through the rows breaks, those that no cam within the rows' error keeps."""
+    """Those of the `broken` limits, which the law through the rows breaks, that no cam within the rows' error keeps."""
     half = design.duration_deg / 2 * DEG
     drawn = {limit.key for limit in linear_limits(design)} | set(RADII)
     drawn -= {"duration_at"}
     return [
         key
         for key in broken
-        if (_drawing_broken(rows, design, key) if key in drawn else _broken(rows, design, key, half))
+        if (_linear_limit_violated(rows, design, key) if key in drawn else _violated(rows, design, key, half))
     ]
 
 
-def _broken(rows: RoundedRows, design: Design, key: str, half: float) -> bool:
-    """Whether one limit is surely broken; true for those that the rounding of a table does not touch."""
+def _violated(rows: RoundedRows, design: Design, key: str, half: float) -> bool:
+    """Whether a limit is certainly broken; true for limits that the rounding of a table does not affect."""
     value = getattr(design, key, None)
     if key in ORDERS and value is not None:
         order, unit, both, within = ORDERS[key]
@@ -132,10 +132,10 @@ def _broken(rows: RoundedRows, design: Design, key: str, half: float) -> bool:
     return True
 
 
-def _drawing_broken(rows: RoundedRows, design: Design, key: str) -> bool:
-    """Whether a limit that is linear in the lift is surely broken: the mean of its sum is more than the level."""
+def _linear_limit_violated(rows: RoundedRows, design: Design, key: str) -> bool:
+    """Whether a limit linear in the lift is certainly broken: the mean of its weighted sum exceeds the level."""
     *_, (_, bends, _) = rows.means(2)
-    bend = 2 * float(np.abs(bends).max())  # the largest acceleration may be more than the means
+    bend = 2 * float(np.abs(bends).max())  # a factor of 2, since the largest acceleration may exceed the means
     for limit in linear_limits(design):
         order, lifts = len(limit.weights) - 1, limit.weights[0]
         if limit.key != key or limit.chosen:
@@ -153,27 +153,27 @@ def _drawing_broken(rows: RoundedRows, design: Design, key: str) -> bool:
 
 
 def rounding_sentence(lift: Lift) -> str:
-    """How exactly a table tells its derivatives, empty for a cam that is no rounded table."""
+    """A sentence on how exactly a table determines its derivatives; empty for a cam that is not a rounded table."""
     rows = rows_of(lift)
     if rows is None:
         return ""
     how = "the limits on the shape are judged by means over a few degrees"
-    return f"{rows.told(how, *map(rows.resolution, (2, 3)))}; what a table does between its rows, no table tells"
+    return f"{rows.precision(how, *map(rows.resolution, (2, 3)))}; what a table does between its rows, no table tells"
 
 
 MEANS = 4
-"""Times that the mean is taken: once for every derivative that a scene limits."""
-TOLD = 0.05
-"""Largest share of the largest jerk that the rows' error may make up in the average."""
+"""Number of times that the moving average is applied: once for every derivative that a scene can limit."""
+LARGEST_JERK_ERROR = 0.05
+"""Largest error of the averaged jerk caused by the rows' error, relative to the largest jerk."""
 
 
 def moving_average(lift: Lift) -> tuple[Lift, str]:
     """The moving average of a cam, and a sentence on how exact its derivatives are.
 
-    The mean of the lift over a window, taken four times, has for its k-th derivative, k up to 4, means of the cam's
-    own, so that it keeps whatever limit the cam keeps. An error q of the rows shows in them as 2^k q / H^k at most,
-    with the window's width H; the lift itself differs from the cam's by H^2 / 6 times its acceleration. The cam itself
-    and an empty sentence where no table gives it, or one whose rows are exact enough without averages.
+    If the mean of the lift over a window is taken four times, the k-th derivative of the result, k up to 4, is a mean
+    of the cam's own, so that it keeps every limit that the cam keeps. An error q of the rows changes it by at most
+    2^k q / H^k, where H is the width of the window; the lift itself changes by H^2 / 6 times its acceleration. A cam
+    that is not a lift table, or whose rows are exact enough, is returned itself with an empty sentence.
     """
     rows = rows_of(lift)
     window = 1 if rows is None else _window(rows)
@@ -187,14 +187,14 @@ def moving_average(lift: Lift) -> tuple[Lift, str]:
     law = Lift(*centred(pieces, 0.0), lift.half_duration, lift.family, lift.parameters)
     width = window * rows.step
     how = f"acceleration, jerk, waves and contact are given by means over {MEANS * width / DEG:.2g} deg"
-    return law, rows.told(how, rows.mean(2, window)[1], rows.mean(3, window)[1])
+    return law, rows.precision(how, rows.mean(2, window)[1], rows.mean(3, window)[1])
 
 
 def _window(rows: RoundedRows) -> int:
-    """The least odd number of rows over which the jerk of the average is accurate enough, up to `WIDEST`."""
+    """The smallest odd number of rows, up to `WIDEST`, over which the averaged jerk is accurate enough."""
     window = 1
     for window in range(1, int(WIDEST / rows.step) + 1, 2):
         jerk, error = rows.mean(3, window)
-        if error <= TOLD * np.abs(jerk).max():
+        if error <= LARGEST_JERK_ERROR * np.abs(jerk).max():
             break
     return window

@@ -1,4 +1,4 @@
-"""A band of speeds by one cheap method: the worst speed of each metric, and where bounce and jump start."""
+"""Sweep of a band of speeds by one cheap method: worst speed of each metric, and speeds where bounce and jump start."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -15,62 +15,63 @@ from camopt.scene.shapes import Float
 from camopt.scene.train import build_train
 
 STARTS = {"first_jump_rpm": "jump_mm", "first_bounce_rpm": "bounce_mm"}
-"""By key of a verdict's `limits` the metric whose limit is exceeded from that speed on."""
+"""Metrics by key of a verdict's `limits`: the metric exceeds its limit from the speed on that the key names."""
 STARTS_MM = 0.05
-"""Bounce or jump that counts as started where the scene sets no limit."""
+"""Limit of bounce and jump [mm] for the starting speeds if the scene sets none."""
 SEARCH_STEP_RPM = 40.0
+"""Step of the search for the starting speeds [r/min]."""
 START_RPM = 10.0
-"""Accuracy with which the starting speeds are located."""
+"""Accuracy of the starting speeds [r/min]."""
 CHUNK = 4
-"""Speeds looked at together while the starting speeds are searched: beyond the first of them a motion costs most."""
+"""Speeds evaluated together in the search for the starting speeds; few, since motions beyond these cost most."""
 FINEST_RPM, PEAKS = 1.0, 3
-"""Accuracy with which the speeds of maxima are located, and local maxima of each metric that are refined."""
+"""Accuracy of the speeds of maxima [r/min], and number of local maxima of each metric that are refined."""
 COARSELY = 10.0, 1
-"""The same of a coarse refinement."""
+"""FINEST_RPM and PEAKS of a coarse refinement."""
 
 SettledMany = Callable[..., SettledMetrics]
-"""A method that measures settled motions of trains and lifts at cam speeds [rad/s] together:
+"""A function that measures the settled motions of trains and lifts at cam speeds [rad/s] together, such as
 `camopt.exact.settled.settled_metrics`."""
 
 
 def badness(name: str, values: np.ndarray) -> np.ndarray:
-    """The values of a metric, negative where less is worse; NaN is worse than any value."""
+    """The values of a metric with the sign for which larger is worse; infinite for NaN."""
     return np.nan_to_num(-values if name in LESS_IS_WORSE else values, nan=np.inf)
 
 
 @dataclass(frozen=True, repr=False)
 class Band:
-    """A swept band; a bounce of NaN means that the valve never seats, or that the motion is refused."""
+    """A swept band. A bounce of NaN means that the valve never seats or that the motion is refused."""
 
     from_rpm: float
     to_rpm: float
     step_rpm: float
-    metrics: dict[float, dict[str, float]]  # by speed [r/min], ascending, and name
-    methods: dict[float, str]  # of the metrics, by speed
-    resonances: tuple[Resonance, ...] = ()  # narrower than the step, looked at
+    metrics: dict[float, dict[str, float]]  # by ascending speed [r/min] and name
+    methods: dict[float, str]  # method of the metrics, by speed
+    resonances: tuple[Resonance, ...] = ()  # narrower than the step; evaluated at speeds of their own
     resonances_left_out: int = 0
-    refined: bool = True  # around the worst speeds
+    refined: bool = True  # whether the sweep was refined around the worst speeds
 
     def __repr__(self) -> str:
         return f"Band({self.from_rpm:g} to {self.to_rpm:g} r/min, {len(self.metrics)} speeds)"
 
     @cached_property
     def speeds_rpm(self) -> Float[np.ndarray, " m"]:
-        """The speeds [r/min]."""
+        """The ascending speeds [r/min]."""
         return np.array([*self.metrics])
 
     @cached_property
     def figures(self) -> dict[str, Float[np.ndarray, " m"]]:
-        """Every metric at the speeds by its name."""
+        """The values of every metric at `speeds_rpm`, by name."""
         return {name: np.array([row[name] for row in self.metrics.values()]) for name in QUANTITIES}
 
     def worst(self, name: str) -> tuple[float, float]:
-        """(speed [r/min], value) of the worst speed for a metric; NaN is worse than any value."""
+        """Worst speed [r/min] of a metric, and its value there; NaN is worse than any value."""
         i = int(np.argmax(badness(name, self.figures[name])))
         return float(self.speeds_rpm[i]), float(self.figures[name][i])
 
     def peaks(self, name: str) -> list[float]:
-        """Speeds [r/min] of the local maxima of a metric (minima where less is worse), the worst first.
+        """Speeds [r/min] of the local maxima of a metric (minima if less is worse), the worst first.
 
         A plateau counts as one maximum, at its first speed.
         """
@@ -80,9 +81,9 @@ class Band:
         return self.speeds_rpm[at[np.argsort(-bad[at], kind="stable")]].tolist()
 
     def with_judged(self, method: str, judged: dict[float, dict[str, float]]) -> "Band":
-        """The band with the metrics of `method` at those of the `judged` speeds [r/min] that lie inside it.
+        """The band with the metrics of `method` at all `judged` speeds [r/min] inside it.
 
-        At speeds of the sweep they replace its metrics.
+        At speeds of the sweep they replace the sweep's metrics.
         """
         inside = {speed: row for speed, row in judged.items() if self.from_rpm <= speed <= self.to_rpm}
         metrics = dict(sorted((self.metrics | inside).items()))
@@ -92,16 +93,16 @@ class Band:
 def at_speeds(
     many: SettledMany, scene: Scene, lift: Lift, speeds_rpm: Sequence[float] | np.ndarray
 ) -> list[dict[str, float]]:
-    """Worst figures of the settled motion at each speed [r/min]: metric name -> value, NaN where it is refused."""
+    """Worst metrics of the settled motion at each speed [r/min], by name; NaN if the motion is refused."""
     settled = many([build_train(scene)], [lift], [scene.cam_speed(s) for s in speeds_rpm])
     worst = {name: settled.worst(name)[0, 0] for name in QUANTITIES}
     return [{name: float(values[i]) for name, values in worst.items()} for i in range(len(speeds_rpm))]
 
 
 class SpeedCache:
-    """The metrics of one cam at the speeds computed so far by `many`, of event-exact; no speed is computed twice.
+    """The metrics of one cam at speeds computed so far by `many` of event-exact; no speed is computed twice.
 
-    The band, its refinement and the search for the starts of jump and bounce share them.
+    The sweep of the band, its refinement and the search for the starting speeds share one cache.
     """
 
     def __init__(self, many: SettledMany, scene: Scene, lift: Lift):
@@ -118,7 +119,7 @@ class SpeedCache:
         return [self.metrics[s] for s in speeds]
 
     def band(self, step_rpm: float) -> Band:
-        """The metrics at the speeds inside the band."""
+        """The computed metrics at all speeds inside the band."""
         low, high = self.ends
         metrics = {speed: row for speed, row in sorted(self.metrics.items()) if low <= speed <= high}
         return Band(low, high, step_rpm, metrics, dict.fromkeys(metrics, "event"))
@@ -132,10 +133,10 @@ def sweep(
     *,
     coarsely: bool = False,
 ) -> Band:
-    """The band in steps of `step_rpm` and at its resonances, then around the peaks of `refine` to FINEST_RPM.
+    """Sweep the band in steps of `step_rpm` and at its resonances, then refine the peaks of the metrics `refine`.
 
-    The refinement quarters the step about the PEAKS worst local maxima of each metric found so far; `coarsely` has
-    COARSELY in their places. Bounce against speed is rough: the largest that is found is not proved to be the largest.
+    The refinement repeatedly quarters the step, down to FINEST_RPM, about the PEAKS worst local maxima found for each
+    metric; with `coarsely` these are COARSELY. Bounce over speed is rough: the largest value found need not be largest.
     """
     finest, most = COARSELY if coarsely else (FINEST_RPM, PEAKS)
     low, high = swept.ends
@@ -153,11 +154,11 @@ def sweep(
 def first_exceeding(
     swept: SpeedCache, limits: dict[str, float], step_rpm: float = SEARCH_STEP_RPM
 ) -> dict[str, float | None]:
-    """The lowest speed [r/min] at which each metric exceeds its limit, to START_RPM.
+    """The lowest speed [r/min] at which each metric exceeds its limit, with an accuracy of START_RPM.
 
-    The search goes upward from half the band's lowest speed to 1.5 times its highest, in steps of `step_rpm` and at
-    every speed that was looked at before, and then bisects. A valve that does not seat counts as exceeding. A metric
-    that exceeds its limit at the lowest speed already gets that speed, and one that never does gets None.
+    The search proceeds upward from half the band's lowest speed to 1.5 times its highest, in steps of `step_rpm` and at
+    every speed in the cache, and then bisects. A valve that does not seat exceeds the limit. The result is the lowest
+    speed of the search if the metric exceeds its limit there already, and None if it never does.
     """
     low, high = swept.ends
     grid = sorted({*np.arange(0.5 * low, 1.5 * high, step_rpm).tolist(), 1.5 * high, *swept.metrics})
@@ -184,23 +185,23 @@ def _bisect(swept: SpeedCache, name: str, limit: float, below: float, above: flo
 def reserve_sentences(starts: Mapping, design: Mapping, band_rpm: tuple[float, float]) -> list[str]:
     """A sentence for each of the speeds `starts` [r/min], by the keys of STARTS, from which on a limit is exceeded.
 
-    `design` holds the scene's limits by their keys [mm]; where it has none, `STARTS_MM` counts. None stands for a speed
-    that was not found below 1.5 times the band's top. The terminal and the report say the same.
+    `design` holds the scene's limits by their keys [mm]; without a limit `STARTS_MM` is used. The speed None means that
+    the limit is not exceeded below 1.5 times the band's top. The terminal and the report print the same sentences.
     """
     sentences = []
     for key, name in STARTS.items():
         if key not in starts:
             continue
-        given = design.get(QUANTITIES[name].limit)
-        limit, word, at = given if is_number(given) else STARTS_MM, name.removesuffix("_mm").capitalize(), starts[key]
+        limit_mm, at = design.get(QUANTITIES[name].limit), starts[key]
+        limit, word = limit_mm if is_number(limit_mm) else STARTS_MM, name.removesuffix("_mm").capitalize()
         if is_number(at):
-            sentences.append(f"{word} exceeds {limit:g} mm from {at:.5g} r/min on, {_beside(at, *band_rpm)}.")
+            sentences.append(f"{word} exceeds {limit:g} mm from {at:.5g} r/min on, {_position_in_band(at, *band_rpm)}.")
         else:
             sentences.append(f"{word} does not exceed {limit:g} mm below 1.5 times the band's top.")
     return sentences
 
 
-def _beside(at_rpm: float, low_rpm: float, high_rpm: float) -> str:
+def _position_in_band(at_rpm: float, low_rpm: float, high_rpm: float) -> str:
     if at_rpm < low_rpm:
         return "below the band"
     return f"{100 * (at_rpm / high_rpm - 1):.1f} % above the band" if at_rpm > high_rpm else "within the band"

@@ -1,7 +1,7 @@
-"""What drawn trains say of a cam, in sentences: the same for the terminal, the report and a notebook.
+"""Sentences on the yield of a cam over drawn trains, the same for the terminal, the report and a notebook.
 
-They are made of a record, the content of verification.json's "yield" or of yield.json, which may come from an untrusted
-file: what is not there or is no number is left out.
+They are made from a record, the content of "yield" in verification.json or of yield.json. It may come from an untrusted
+file: a value that is missing or not a number is left out.
 """
 
 from collections.abc import Mapping
@@ -10,15 +10,15 @@ from typing import Any
 from camopt.scene.quantities import is_number
 
 CONFIDENCE = 0.95
-"""How often the interval of a share holds the true one."""
+"""Confidence level of the interval of a share."""
 ADVISED = 0.95
-"""The share of trains that is advised where none was asked for."""
+"""Share of trains that is advised if no yield was requested."""
 IDEAL = "ideal"
-"""The folder inside a run's of the largest cam for the train as designed."""
+"""Folder within a run folder that holds the largest cam for the train as designed."""
 HELD, MISSED, ENOUGH, NOT_ASKED = "held", "missed", "enough", "not asked"
-"""How the share stands to what was asked: where nothing was, whether the advised share is held in any case."""
+"""A share compared with the requested yield: reached or missed; without a request: the advised share reached or not."""
 LEAST_BLAME = 0.005
-"""A smaller part of the scatter would print as 0 %."""
+"""Smallest share of the scatter that is printed; a smaller one would appear as 0 %."""
 
 
 def standing(record: Mapping[str, Any]) -> str:
@@ -34,7 +34,7 @@ def share_sentence(record: Mapping[str, Any]) -> str:
     """How many trains hold at which speeds, and the share with its interval; empty for a record without a share."""
     if not standing(record):
         return ""
-    speeds = [s for s in _listed(record.get("speeds_rpm")) if is_number(s)]
+    speeds = [s for s in _as_list(record.get("speeds_rpm")) if is_number(s)]
     if len(speeds) > 1:
         at = f" at {len(speeds)} speeds from {speeds[0]:g} to {speeds[-1]:g} r/min"
     else:
@@ -48,7 +48,7 @@ def share_sentence(record: Mapping[str, Any]) -> str:
 
 
 def asked_sentence(record: Mapping[str, Any]) -> str:
-    """What was asked and whether that is confirmed, with the reasons where it is not; empty as above."""
+    """The requested yield and whether it is confirmed, with the reasons if not; empty for a record without a share."""
     stands = standing(record)
     if stands == NOT_ASKED:
         return "no yield was asked for"
@@ -56,34 +56,33 @@ def asked_sentence(record: Mapping[str, Any]) -> str:
         return f"no yield was asked for, and {100 * ADVISED:g} % hold in any case"
     if not stands:
         return ""
-    asked, reasons = f"yield of {100 * record['wanted']:g} %", list(map(str, _listed(record.get("reasons"))))
+    requested, reasons = f"yield of {100 * record['wanted']:g} %", list(map(str, _as_list(record.get("reasons"))))
     if stands == HELD:
-        return f"{asked}: confirmed"
-    return f"{asked}: not confirmed{', because ' if reasons else ''}{' and '.join(reasons)}"
+        return f"{requested}: confirmed"
+    return f"{requested}: not confirmed{', because ' if reasons else ''}{' and '.join(reasons)}"
 
 
 def spoiling_sentences(record: Mapping[str, Any]) -> list[str]:
-    """Which limit breaks first in how many trains, and which tolerances are to blame."""
+    """Which limit breaks first in how many trains, and which tolerances explain the scatter."""
     sentences = []
-    for limit, entry in _mapped(record.get("first_broken")).items():
-        trains, by_speed = _mapped(entry).get("trains"), _mapped(_mapped(entry).get("speeds_rpm"))
+    for limit, entry in _as_mapping(record.get("first_broken")).items():
+        trains, by_speed = _as_mapping(entry).get("trains"), _as_mapping(_as_mapping(entry).get("speeds_rpm"))
         counts = {speed: count for speed, count in by_speed.items() if is_number(count)}
         if is_number(trains) and counts:
             often = max(counts, key=lambda speed: counts[speed])
             sentences.append(f"breaks first: {limit} in {counted_trains(trains)}, most often at {often} r/min")
-    to_blame = {label: part for label, part in _mapped(record.get("blame")).items() if is_number(part)}
+    to_blame = {label: share for label, share in _as_mapping(record.get("blame")).items() if is_number(share)}
     if any(to_blame.values()):
-        parts = [f"{label} {100 * part:.0f} %" for label, part in to_blame.items() if part >= LEAST_BLAME]
+        shares = [f"{label} {100 * share:.0f} %" for label, share in to_blame.items() if share >= LEAST_BLAME]
         rest = record.get("unexplained")
-        words = f"to blame (squared rank correlations with the worst used limit): {', '.join(parts)}"
+        words = f"to blame (squared rank correlations with the worst used limit): {', '.join(shares)}"
         sentences.append(words + (f"; {100 * rest:.0f} % unexplained" if is_number(rest) else ""))
     return sentences
 
 
 def ideal_sentence(record: Mapping[str, Any]) -> str:
-    """What the largest cam for the train as designed would have, and in what share it holds; empty where none stands
-    beside the cam."""
-    ideal = _mapped(record.get("ideal"))
+    """Area ratio and yield of the largest cam for the train as designed; empty if the record has no such cam."""
+    ideal = _as_mapping(record.get("ideal"))
     if not all(is_number(ideal.get(key)) for key in ("area_ratio", "share", "trains")):
         return ""
     held = f"{100 * ideal['share']:.3g} % of {ideal['trains']:g} trains"
@@ -94,8 +93,8 @@ def ideal_sentence(record: Mapping[str, Any]) -> str:
 
 
 def advised_sentence(record: Mapping[str, Any]) -> str:
-    """What a cam for trains as built would have, where none was asked for; empty where that was not estimated."""
-    advised = _mapped(record.get("advised"))
+    """Estimated area ratio of a cam for trains as built if no yield was requested; empty without an estimate."""
+    advised = _as_mapping(record.get("advised"))
     if not all(is_number(advised.get(key)) for key in ("share", "area_ratio")):
         return ""
     return (
@@ -105,19 +104,19 @@ def advised_sentence(record: Mapping[str, Any]) -> str:
 
 
 def estimated_words(record: Mapping[str, Any]) -> str:
-    """The estimate of `advised_sentence` in brackets; empty where there is none."""
-    area_ratio = _mapped(record.get("advised")).get("area_ratio")
+    """The estimate of `advised_sentence` in brackets; empty without an estimate."""
+    area_ratio = _as_mapping(record.get("advised")).get("area_ratio")
     return f" (estimated area ratio {area_ratio:.3f})" if is_number(area_ratio) else ""
 
 
 def counted_trains(trains: float) -> str:
-    """`1 train`, `12 trains`."""
+    """A number with its noun: "1 train", "12 trains"."""
     return f"{trains:g} train{'' if trains == 1 else 's'}"
 
 
-def _mapped(value: Any) -> Mapping:
+def _as_mapping(value: Any) -> Mapping:
     return value if isinstance(value, Mapping) else {}
 
 
-def _listed(value: Any) -> list:
+def _as_list(value: Any) -> list:
     return value if isinstance(value, list) else []

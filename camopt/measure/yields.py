@@ -1,13 +1,13 @@
-"""The share of drawn trains that holds every limit, with its interval, what breaks first, and by which tolerance.
+"""Yield: the share of drawn trains that keep every limit, with its interval, the first broken limits and their causes.
 
-Everything here is arithmetic on how much of each limit the trains use.
+All results are computed from the trains' usage of each limit.
 
-The share is looked at several times, and counting ends where a look decides. Early looks decide only where an interval
-of 99 % leaves the wanted share out, in the manner of Haybittle (1971), British Journal of Radiology 44, and Peto et al.
-(1976), British Journal of Cancer 34, whose intervals are wider. The interval that is stated at the end is made of the
-exact distribution of where counting ends, with the ends ordered by their share (Armitage 1958, Biometrika 45). With one
-look it is that of Clopper and Pearson (1934), Biometrika 26. Like theirs, it holds the true share in at least 95 of 100
-repetitions, whatever that share is.
+The share is tested several times (group-sequential test), and sampling ends when a test decides. An early test decides
+only if a 99 % interval excludes the wanted share, in the manner of Haybittle (1971), British Journal of Radiology 44,
+and Peto et al. (1976), British Journal of Cancer 34, whose intervals are wider. The interval stated at the end is
+computed from the exact distribution of the stopping points, ordered by their share (Armitage 1958, Biometrika 45). With
+a single test it is that of Clopper and Pearson (1934), Biometrika 26. Like theirs, it contains the true share in at
+least 95 of 100 repetitions, whatever that share is.
 """
 
 from collections import Counter, defaultdict
@@ -23,43 +23,43 @@ from camopt.measure.yield_words import CONFIDENCE
 from camopt.scene.errors import InputError
 
 EARLY = 1e-2
-"""Chance, to both sides together, that one early look decides against a share that is exactly the wanted one."""
+"""Probability, two-sided, that one early test decides although the share equals the wanted one."""
 TIE = 1e-12
-"""Two shares that differ by less are the same."""
-SURELY = 1e-15
-"""Share next to zero or one at which the search for an end of an interval begins."""
+"""Difference below which two shares are equal."""
+EDGE = 1e-15
+"""Distance from zero and one of the shares between which the ends of an interval are searched."""
 
 
 @dataclass(frozen=True)
 class Looks:
-    """Numbers of trains (k), ascending, after which it is asked whether the share is above or below `wanted`.
+    """The plan of a group-sequential test: ascending numbers of trains (k) after which the share is tested.
 
-    After the last one counting ends in any case.
+    An early test decides whether the share is above or below `wanted`; after the last one sampling ends in any case.
     """
 
     trains: tuple[int, ...]
     wanted: float = 0.5
 
     def ends(self, holding: int, trains: int) -> bool:
-        """Whether counting ends with so many of so many trains holding; `trains` is one of the looks."""
+        """Whether sampling ends if `holding` out of `trains`, one of the plan's numbers, keep every limit."""
         if trains >= self.trains[-1]:
             return True
-        below, above = self._borders(trains)
+        below, above = self._decision_bounds(trains)
         return holding <= below or holding >= above
 
     def interval(self, holding: int, trains: int) -> tuple[float, float]:
-        """The interval of `CONFIDENCE` for the share where counting ended with so many of so many trains holding."""
+        """The interval of `CONFIDENCE` for the share if sampling ended with `holding` out of `trains`."""
         share, tail = holding / trains, (1.0 - CONFIDENCE) / 2
 
         def where(side: int) -> float:
-            return float(cast(float, brentq(lambda p: self._tails(share, p)[side] - tail, SURELY, 1.0 - SURELY)))
+            return float(cast(float, brentq(lambda p: self._tails(share, p)[side] - tail, EDGE, 1.0 - EDGE)))
 
         return 0.0 if holding == 0 else where(1), 1.0 if holding == trains else where(0)
 
     def coverage(self, p: float) -> float:
-        """How often the interval holds a true share p."""
+        """Probability that the interval contains the true share p."""
         ended = [(np.arange(len(mass)) / trains, mass) for trains, mass in self.ended(p)]
-        shares, mass = (np.concatenate(parts) for parts in zip(*ended, strict=True))
+        shares, mass = (np.concatenate(arrays) for arrays in zip(*ended, strict=True))
         order = np.argsort(shares, kind="stable")
         shares, mass = shares[order], mass[order]
         first, last = np.searchsorted(shares, shares - TIE), np.searchsorted(shares, shares + TIE, "right")
@@ -68,26 +68,26 @@ class Looks:
         return float(mass[(total[last] > tail) & (total[-1] - total[first] > tail)].sum())
 
     def ended(self, p: float) -> Iterator[tuple[int, np.ndarray]]:
-        """By look its number of trains n, and how likely counting ends there with 0 to n of them holding (n + 1)."""
+        """By test its number of trains n, and the probabilities (n + 1) that it ends with 0 to n holding, given p."""
         going, before = np.ones(1), 0
         for trains in self.trains:
             more = trains - before
-            going = np.convolve(going, _chances(more, p))
+            going = np.convolve(going, _binomial_probabilities(more, p))
             stops = np.ones(trains + 1, dtype=bool)
             if trains < self.trains[-1]:
-                below, above = self._borders(trains)
+                below, above = self._decision_bounds(trains)
                 stops = (np.arange(trains + 1) <= below) | (np.arange(trains + 1) >= above)
             yield trains, np.where(stops, going, 0.0)
             going, before = np.where(stops, 0.0, going), trains
 
-    def _borders(self, trains: int) -> tuple[int, int]:
-        """The most and the fewest holding trains with which an early look decides that the share is below or above."""
+    def _decision_bounds(self, trains: int) -> tuple[int, int]:
+        """Largest number of holding trains that decides for a smaller share, and smallest one for a larger share."""
         holding = np.arange(trains + 1)
         below = int(np.sum(bdtr(holding, trains, self.wanted) < EARLY / 2)) - 1
         return below, trains + 1 - int(np.sum(bdtrc(holding - 1, trains, self.wanted) < EARLY / 2))
 
     def _tails(self, share: float, p: float) -> tuple[float, float]:
-        """How likely counting ends at a share of at most this, and of at least this, if the true one is p."""
+        """Probabilities that sampling ends with at most, and with at least, this share if the true share is p."""
         low = high = 0.0
         for trains, mass in self.ended(p):
             shares = np.arange(trains + 1) / trains
@@ -98,15 +98,15 @@ class Looks:
 
 @dataclass(frozen=True, repr=False)
 class UsedLimits:
-    """How much of each limit (l) each train (t) uses at each speed (s): one at the limit, more beyond it."""
+    """Usage of each limit (l) by each train (t) at each speed (s): one at the limit, more beyond it."""
 
     limits: tuple[str, ...]  # (l) keys of the design
     speeds_rpm: np.ndarray  # (s) ascending
-    used: np.ndarray  # (t, l, s); infinite where the valve never seats or the motion is refused
+    used: np.ndarray  # (t, l, s); infinite if the valve never seats or the motion is refused
 
     @property
     def worst(self) -> np.ndarray:
-        """The largest part of a limit that each train uses (t)."""
+        """Largest usage of any limit by each train (t)."""
         return self.used.max(axis=(1, 2))
 
     @property
@@ -133,8 +133,8 @@ class Share:
 
 
 def share_of(holds: np.ndarray, looks: Looks | None = None) -> Share:
-    """The share of trains (t) that hold, with its interval, where counting might have ended after each of the `looks`;
-    without them so many trains were counted in any case."""
+    """The share of trains (t) that hold, with its interval. `looks` is the plan of the tests after which sampling could
+    have ended; without it the number of trains was fixed. Raises InputError without trains."""
     if not len(holds):
         raise InputError("yield: no train was measured: give one at least")
     count, trains = int(holds.sum()), len(holds)
@@ -142,16 +142,16 @@ def share_of(holds: np.ndarray, looks: Looks | None = None) -> Share:
 
 
 def counted(used: UsedLimits) -> dict[str, dict]:
-    """By limit how many trains break it first, and at which speeds [r/min] how many; what none breaks is left out.
+    """Numbers of trains that break each limit first, in all and by speed [r/min]; without limits that no train breaks.
 
-    A train breaks first the limit that it exceeds most at the lowest speed at which it exceeds any.
+    The limit that a train breaks first is the one that it exceeds most at the lowest speed at which it exceeds any.
     """
-    found: dict[str, Counter[float]] = defaultdict(Counter)
+    by_limit: dict[str, Counter[float]] = defaultdict(Counter)
     for train in used.used:
         if len(broken := np.flatnonzero(train.max(axis=0) > 1.0)):
             limit = used.limits[int(np.argmax(train[:, broken[0]]))]
-            found[limit][float(used.speeds_rpm[broken[0]])] += 1
-    order = sorted(found.items(), key=lambda item: -item[1].total())
+            by_limit[limit][float(used.speeds_rpm[broken[0]])] += 1
+    order = sorted(by_limit.items(), key=lambda item: -item[1].total())
     return {
         limit: {"trains": speeds.total(), "speeds_rpm": {f"{speed:g}": speeds[speed] for speed in sorted(speeds)}}
         for limit, speeds in order
@@ -159,24 +159,25 @@ def counted(used: UsedLimits) -> dict[str, dict]:
 
 
 def rank_correlation_shares(draws: dict[str, np.ndarray], worst: np.ndarray) -> dict[str, float]:
-    """By tolerance its share of the scatter of the trains' ranks, the largest first.
+    """The share of every tolerance in the scatter of the trains' ranks, the largest first.
 
-    A share is the sum of the squared rank correlations (Spearman 1904) between each of a tolerance's draws (t, k) and
-    the largest used share of a limit (t), less k / (t - 1), which is what chance alone gives; at least zero. It is too
-    small for tolerances that only matter together, or to both sides alike.
+    It is the sum of the squared rank correlations (Spearman 1904) between each of a tolerance's draws (t, k) and the
+    largest usage of a limit (t), minus its expectation k / (t - 1) without any correlation, and at least zero. It is
+    too small for tolerances that matter only in combination, or that act alike in both directions.
     """
     t = len(worst)
     if t < 3 or np.all(worst == worst[0]):
         return dict.fromkeys(draws, 0.0)
-    found = {}
+    shares = {}
     for label, drawn in draws.items():
         rho = [np.corrcoef(_ranks(column), _ranks(worst))[0, 1] for column in drawn.T]
-        found[label] = max(0.0, float(np.sum(np.square(rho)) - len(rho) / (t - 1)))
-    return dict(sorted(found.items(), key=lambda item: -item[1]))
+        shares[label] = max(0.0, float(np.sum(np.square(rho)) - len(rho) / (t - 1)))
+    return dict(sorted(shares.items(), key=lambda item: -item[1]))
 
 
 def yield_record(used: UsedLimits, share: Share, seed: int, to_blame: dict[str, float]) -> dict:
-    """The keys that verification.json's "yield" and yield.json share: the share, what spoils the others, and why."""
+    """The keys common to "yield" in verification.json and to yield.json: the share, the limits that the other trains
+    break first, and the tolerances that explain the scatter."""
     return {
         "share": share.share,
         "low": share.low,
@@ -191,14 +192,14 @@ def yield_record(used: UsedLimits, share: Share, seed: int, to_blame: dict[str, 
 
 
 def _ranks(values: np.ndarray) -> np.ndarray:
-    """The place of each value (t) among all of them from one on, the mean of their places for equal ones."""
+    """Ranks of the values (t), from one; equal values have the mean of their ranks."""
     _, place, count = np.unique(values, return_inverse=True, return_counts=True)
     return (np.cumsum(count) - (count - 1) / 2)[place]
 
 
-def _chances(trains: int, p: float) -> np.ndarray:
-    """How likely 0 to n of n trains hold (n + 1), each with a chance of p, by logarithms of
-    factorials: SciPy's statistics take long to load."""
+def _binomial_probabilities(trains: int, p: float) -> np.ndarray:
+    """Binomial probabilities (n + 1) that 0 to n of n trains hold, each with probability p, by logarithms of
+    factorials: `scipy.stats` takes long to load."""
     k = np.arange(trains + 1)
     ways = gammaln(trains + 1) - gammaln(k + 1) - gammaln(trains - k + 1)
     return np.exp(ways + xlogy(k, p) + xlog1py(trains - k, -p))

@@ -1,7 +1,7 @@
-"""What `--accuracy` means to the verifier, and the public verb `camopt.verify`.
+"""What `--accuracy` means to the verifier, and the public function `camopt.verify`.
 
-docs/explanation/accuracy.md says which to choose; `camopt.optimizer.accuracy` is the optimiser's effort. Every metric
-has its error, estimated from the last halvings. Where the motion does not settle the answer is a range.
+docs/explanation/accuracy.md explains which accuracy to choose; `camopt.optimizer.accuracy` is the optimiser's effort.
+Every metric has an error estimate from the last halvings. If the motion does not settle, the answer is a range.
 """
 
 import json
@@ -24,35 +24,35 @@ from camopt.verifier.from_outside import from_outside, require_outside
 from camopt.verifier.verdict import METHODS, Verdict, methods_for, verdict_on
 
 FILE = "accuracy_curves.json"
-"""Stored work-precision curves, which `python -m experiments.accuracy_curves` measures and writes."""
+"""File of the stored work-precision curves, which `python -m experiments.accuracy_curves` measures and writes."""
 
 
 @dataclass(frozen=True)
 class Effort:
-    """The methods that must agree, the step with which the band is swept, and when a method has converged."""
+    """The methods that must agree, the step with which the band is swept, and the tolerances of convergence."""
 
     methods: tuple[str, ...]
     band_step_rpm: float
     tolerances: Tolerances = field(default_factory=Tolerances)
 
     def methods_of(self, train: Train) -> tuple[str, ...]:
-        """As many methods for a train as the effort has: its own, or those that carry the train's laws."""
+        """The methods for a train: as many as the effort has, out of those that can simulate the train's laws."""
         return methods_for(train)[: len(self.methods)]
 
 
 EFFORTS = {
-    DRAFT: Effort(("event", "rkg"), 100.0, Tolerances(5.0, everywhere=False, stands=1)),
+    DRAFT: Effort(("event", "rkg"), 100.0, Tolerances(5.0, unchanged_halvings=1, spot_checks=True)),
     STANDARD: Effort(("event", "rkg", "tmm"), 20.0),
     FINE: Effort(METHODS, 5.0, Tolerances(1.0)),
 }
 
 
 def effort_of(accuracy: str | float) -> Effort:
-    """The effort of a named accuracy, or of a tolerance in micrometres; raises InputError for an unknown one.
+    """The effort of a named accuracy, or of a tolerance in micrometres; raises InputError for an unknown name.
 
-    For a number, the band's step and the settling are the coarsest with which, in nine draws out of ten of the stored
-    curves, the largest bounce was right within that number and the settled bounce within half of it, but not coarser
-    than those of "draft". No method has a tolerance below the least error that is ever stated.
+    For a number, the step of the band and the settling tolerance are the coarsest for which the largest bounce was
+    right within that number, and the settled bounce within half of it, in nine out of ten scenes of the stored curves,
+    but not coarser than those of "draft". No tolerance is below the smallest stated error.
     """
     if isinstance(accuracy, str):
         if accuracy not in EFFORTS:
@@ -71,7 +71,7 @@ def effort_of(accuracy: str | float) -> Effort:
 class Curve:
     """Errors [um] at k ascending settings: the median and the 90th percentile over scenes drawn at random.
 
-    A curve only chooses the setting with which a run begins; the delivered error is estimated on the run itself.
+    A curve only chooses the first setting of a run; the delivered error is estimated on the run itself.
     """
 
     setting: np.ndarray
@@ -79,11 +79,11 @@ class Curve:
     p90_um: np.ndarray
 
     def coarsest(self, error_um: float, typical: bool = False) -> float:
-        """The coarsest setting with an error of at most `error_um` in nine draws out of ten, or in half with `typical`.
+        """The coarsest setting with an error of at most `error_um` in nine scenes out of ten, or in half if `typical`.
 
-        Between the measured settings it is interpolated on the logarithms; it never lies outside them.
+        It is interpolated between the measured settings on logarithmic scales, and never lies outside their range.
         """
-        # an erratic curve is read as the largest error at this setting or a finer one
+        # where the curve is not monotonic, the error of a setting is the largest one at this setting or a finer one
         error = np.maximum.accumulate(self.median_um if typical else self.p90_um)
         least = np.finfo(float).tiny
         rising = np.log(np.maximum(error, least)) + 1e-9 * np.arange(len(error))
@@ -92,7 +92,7 @@ class Curve:
 
 @cache
 def stored_curves() -> dict[str, Curve]:
-    """The stored curves by what is set: a method's steps, "settling" or "band_step"."""
+    """The stored curves by the setting that is varied: a method's steps, "settling" or "band_step"."""
     text = (resources.files("camopt.verifier") / FILE).read_text(encoding="utf-8")
     curves, keys = json.loads(text)["curves"], ("setting", "median_um", "p90_um")
     return {name: Curve(*(np.array(curve[key], dtype=float) for key in keys)) for name, curve in curves.items()}
@@ -109,25 +109,25 @@ def verify(
 ) -> Verdict:
     """Judges a cam at `speeds_rpm` (k) [r/min of the crankshaft; the scene's by default] and over the scene's band.
 
-    `methods` is "all", which means those that can simulate the scene's laws (for "draft" the first two of them), or one
-    of "event", "rkg", "tmm", "houbolt" and "dop853". One method alone gives metrics but no agreement, and so never
-    confirms. `accuracy` is a name of EFFORTS or a number of micrometres; the verdict states it with the error that is
-    estimated for what was delivered, the best one where it was not reached. With `progress` bars count the speeds that
-    have been judged. With `outside` Exudyn moves the valve from rest too (`camopt.verifier.from_outside`): where it
-    disagrees beyond the stated errors the verdict is "not converged". Raises InputError for what cannot be judged, and
-    where Exudyn is requested and missing.
+    `methods` is "all", which means all methods that can simulate the scene's laws (for "draft" the first two of them),
+    or one of "event", "rkg", "tmm", "houbolt" and "dop853". A single method gives metrics, but no agreement, and
+    therefore never confirms a cam. `accuracy` is "draft", "standard", "fine" or a number of micrometres; the verdict
+    states it together with the error estimated for the result, whether or not the accuracy was reached. With
+    `progress`, progress bars count the judged speeds. With `outside`, Exudyn simulates the valve's motion from rest as
+    well (`camopt.verifier.from_outside`); if it disagrees beyond the stated errors, the verdict is "not converged".
+    Raises InputError for a scene or cam that cannot be judged, and if Exudyn is requested but not installed.
     """
     if outside:
         require_outside()
     if not isinstance(lift, Lift):
         raise InputError(f"verify: {lift!r} in place of a cam: expected one, as camopt.read_cam or a family gives it")
     effort = effort_of(accuracy)
-    every = methods_for(build_train(scene))[: 2 if accuracy == DRAFT else None]
-    names = every if methods == "all" else (methods,)
+    available = methods_for(build_train(scene))[: 2 if accuracy == DRAFT else None]
+    names = available if methods == "all" else (methods,)
     verdict = verdict_on(scene, lift, speeds_rpm, names, effort.band_step_rpm, effort.tolerances, progress=progress)
     verdict = replace(verdict, asked=accuracy)
     if not outside:
         return verdict
     entries = from_outside(scene, lift, [s.speed_rpm for s in verdict.speeds])
-    agreed = verdict.verdict if all(one["agrees"] for one in entries) else "not converged"
+    agreed = verdict.verdict if all(entry["agrees"] for entry in entries) else "not converged"
     return replace(verdict, outside=entries, verdict=agreed)

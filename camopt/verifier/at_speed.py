@@ -1,7 +1,7 @@
-"""The verdict at one speed: do the methods agree, and does every limit on the motion hold over the neighbourhood.
+"""The verdict at one speed: whether the methods agree and every limit on the motion holds over the neighbourhood.
 
-The step of every method is halved until its metrics have converged. A limit that is broken far beyond every error
-estimate needs less: event-exact once, one other method at its first step with the same outcome, and the neighbourhood.
+The step of every method is halved until its metrics have converged. If a limit is violated far beyond every error
+estimate, event-exact once, one other method at its first step with the same outcome, and the neighbourhood suffice.
 """
 
 from collections.abc import Mapping
@@ -35,25 +35,25 @@ from camopt.verifier.convergence import (
 from camopt.verifier.record import HALVED, ONE_STEP, method_record, metrics_record
 
 FAR = 3.0
-"""A limit is broken far beyond every error estimate where it is exceeded by this many times the first method's estimate
-and the distance of the two methods."""
-SPEED_NEIGHBOUR = 1e-3
+"""A limit is violated far beyond every error estimate if it is exceeded by this many times the sum of the first
+method's error estimate and the difference of the two methods."""
+SPEED_NEIGHBOUR = 1e-3  # relative
 LIFT_NEIGHBOUR = 1e-7  # m, at the largest lift
 OTHER_STARTS = (2, 5)
-"""Which of the neighbours have the speed and the lift themselves, and begin in another state."""
-STATE_NEIGHBOUR = (1e-6, 1e-3)  # m (and m of a memory), m/s: as far apart as two states that count as settled
+"""Indices of the neighbours with unchanged speed and lift, which differ in the initial state only."""
+STATE_NEIGHBOUR = (1e-6, 1e-3)  # m (of positions and memories), m/s: the tolerances for a settled state
 
 
 @dataclass(frozen=True)
 class Case:
-    """What is judged at every speed, by which methods, and to which tolerances."""
+    """A cam in a scene, the methods that judge it at every speed, and their tolerances."""
 
     scene: Scene
     lift: Lift
     methods: Mapping[str, Prepare]
     tolerances: Tolerances
-    many: SettledMany | None = None  # measures many settled motions of the first method, where it can
-    progress: bool = False  # whether bars count the speeds that have been judged
+    many: SettledMany | None = None  # measures many settled motions of the first method; None if there is no such way
+    progress: bool = False  # whether progress bars count the judged speeds
 
     @cached_property
     def train(self) -> Train:
@@ -65,7 +65,7 @@ class Case:
         return next(iter(self.methods))
 
     def refinement(self, method: str, speed_rpm: float, **changed) -> StepRefinement:
-        """A method's refinement from rest at a speed [r/min], to the case's tolerances with those `changed`."""
+        """A method's step refinement from rest at a speed [r/min]; `changed` replaces some of the case's tolerances."""
         tolerances, rest = replace(self.tolerances, **changed), state_at_rest(self.train)
         cam_speed, many = self.scene.cam_speed(speed_rpm), self.many if method == self.first else None
         return StepRefinement(self.methods[method], self.train, self.lift, cam_speed, rest, tolerances, many)
@@ -84,11 +84,11 @@ class SpeedVerdict:
     speed_rpm: float
     verdict: str
     broken: tuple[str, ...]
-    straddled: tuple[str, ...]  # limits that some of the neighbourhood keeps and some breaks
+    straddled: tuple[str, ...]  # limits that hold in one part of the neighbourhood and are violated in another
     ranges: dict[str, tuple[float, float]]  # of every metric, over measured revolutions and neighbours
     methods: dict[str, Converged]
     decided_after: str = HALVED
-    near: tuple[Figures, ...] = ()  # of the first method's neighbourhood, where no other method was run
+    near: tuple[Figures, ...] = ()  # metrics of the first method's neighbourhood, if no other method was run
 
     @property
     def first(self) -> Converged:
@@ -116,18 +116,18 @@ class SpeedVerdict:
 
 
 def judge_speed(case: Case, speed_rpm: float) -> SpeedVerdict:
-    """The verdict on a case at one speed [r/min]; a limit that is broken far beyond its errors ends it early."""
+    """The verdict on a case at one speed [r/min]; a violation far beyond all errors needs no further halving."""
     first = case.first
-    refinements = {name: case.refinement(name, speed_rpm, certain=name == first) for name in case.methods}
+    refinements = {name: case.refinement(name, speed_rpm, reported=name == first) for name in case.methods}
     try:
-        # two steps have an error estimate
+        # an error estimate needs two steps
         coarse = case.many_from_rest(speed_rpm) if case.many else refinements[first].answer(2)
-        early = plainly_broken(case, speed_rpm, coarse)
+        early = one_step_rejection(case, speed_rpm, coarse)
     except MotionRefused:
         early = None
     if early is not None:
         return early
-    answers = {name: one.answer() for name, one in refinements.items()}
+    answers = {name: refinement.answer() for name, refinement in refinements.items()}
     try:
         near = neighbours(case, speed_rpm, answers[first])
     except MotionRefused:
@@ -144,49 +144,49 @@ def verdict_from_answers(
     agree: bool,
     decided_after: str = HALVED,
 ) -> SpeedVerdict:
-    """The verdict that follows from the methods' answers, whether they agree, and the first one's neighbourhood."""
+    """The verdict from the methods' answers, whether they agree, and the metrics `near` of the neighbourhood."""
     first = next(iter(answers.values()))
     broken, straddled = against_limits(case.scene, speed_rpm, first, near)
     verdict = "rejected" if broken else "sensitive" if straddled else "confirmed"
     if not agree:
         verdict, broken = "not converged", ()
-    every = {name: np.array([own, *(f.range(name) for f in near)]) for name, own in first.range.items()}
-    ranges = {name: (float(values.min()), float(values.max())) for name, values in every.items()}
+    all_ends = {name: np.array([ends, *(f.range(name) for f in near)]) for name, ends in first.range.items()}
+    ranges = {name: (float(values.min()), float(values.max())) for name, values in all_ends.items()}
     return SpeedVerdict(speed_rpm, verdict, broken, straddled, ranges, answers, decided_after)
 
 
-def plainly_broken(
-    case: Case, speed_rpm: float, look: Converged, near: list[Figures] | None = None
+def one_step_rejection(
+    case: Case, speed_rpm: float, answer: Converged, near: list[Figures] | None = None
 ) -> SpeedVerdict | None:
     """A rejection for which the first two methods need not have converged, or None.
 
-    Both must exceed one limit by FAR times the first method's error estimate plus their distance, and agree on whether
-    the valve seats; the motions of the neighbourhood must exceed it too. `look` is the first method's answer; the
-    second one takes its first step, with at most WANDERING_REVOLUTIONS to settle: a motion far beyond its limits seldom
-    does. `near` holds the metrics of the neighbourhood where they are known. Raises MotionRefused where a motion of the
-    neighbourhood is refused.
+    Both methods must exceed one limit by FAR times the sum of the first one's error estimate and their difference, and
+    must agree on whether the valve seats; the motions of the neighbourhood must exceed it as well. `answer` is that of
+    the first method. The second method is run at its first step only, with at most WANDERING_REVOLUTIONS to settle,
+    since a motion far beyond its limits seldom settles. `near` holds the metrics of the neighbourhood if they have been
+    computed already. Raises MotionRefused if a motion of the neighbourhood is refused.
     """
-    if len(case.methods) < 2 or not violates_by_margin(case.scene, [look.worst], look.error):
+    if len(case.methods) < 2 or not violates_by_margin(case.scene, [answer.worst], answer.error):
         return None
     first, second = list(case.methods)[:2]
-    other = case.refinement(second, speed_rpm, most=WANDERING_REVOLUTIONS).answer(1)
-    error = {name: own + apart(look.worst[name], other.worst[name]) for name, own in look.error.items()}
-    if np.isnan(look.worst["bounce_mm"]) != np.isnan(other.worst["bounce_mm"]) or not violates_by_margin(
-        case.scene, [look.worst, other.worst], error
+    check = case.refinement(second, speed_rpm, most=WANDERING_REVOLUTIONS).answer(1)
+    error = {name: estimate + apart(answer.worst[name], check.worst[name]) for name, estimate in answer.error.items()}
+    if np.isnan(answer.worst["bounce_mm"]) != np.isnan(check.worst["bounce_mm"]) or not violates_by_margin(
+        case.scene, [answer.worst, check.worst], error
     ):
         return None
-    near = neighbours(case, speed_rpm, look) if near is None else near
-    every = [look.worst, other.worst, *({name: f.worst(name) for name in error} for f in near)]
-    if not violates_by_margin(case.scene, every, error):
+    near = neighbours(case, speed_rpm, answer) if near is None else near
+    metrics = [answer.worst, check.worst, *({name: f.worst(name) for name in error} for f in near)]
+    if not violates_by_margin(case.scene, metrics, error):
         return None
-    answers = {first: replace(look, error=error), second: other}
+    answers = {first: replace(answer, error=error), second: check}
     return verdict_from_answers(case, speed_rpm, answers, near, agree=True, decided_after=ONE_STEP)
 
 
 def violates_by_margin(scene: Scene, metrics: list[dict[str, float]], error: dict[str, float]) -> bool:
-    """Whether all of the `metrics` break one and the same limit by more than FAR times its `error`.
+    """Whether all of the `metrics` violate the same limit by more than FAR times its `error`.
 
-    Missing metrics are ignored (the valve does not seat, the motion is refused).
+    A limit whose metric is missing (the valve does not seat, or the motion is refused) is ignored.
     """
     for limit in motion_limits(scene.design).values():
         values, margin = [m[limit.metric] for m in metrics], FAR * error[limit.metric]
@@ -196,11 +196,11 @@ def violates_by_margin(scene: Scene, metrics: list[dict[str, float]], error: dic
 
 
 def agreement(answers: list[Converged], tolerances: Tolerances) -> bool:
-    """Whether two methods or more have converged and their deciding metrics overlap within range and error estimate.
+    """Whether at least two methods have converged and their deciding metrics overlap within range and error estimate.
 
-    Methods agree whose valve seats in none of them, whatever their other metrics are: that alone rejects the cam. Half
-    of what a halved step may change is the least error of a metric, since changes across contacts can be small by
-    chance: two exact answers then agree when they differ by what either may change.
+    Methods agree if the valve seats in none of them, whatever the other metrics are, since that alone rejects the cam.
+    The error of a metric is taken as at least half of the change that a halved step is allowed, because changes across
+    contacts can be small by chance; two exact answers then agree if they differ by no more than that allowed change.
     """
     if len(answers) < 2 or not all(a.converged for a in answers):
         return False
@@ -209,7 +209,7 @@ def agreement(answers: list[Converged], tolerances: Tolerances) -> bool:
         return not any(seated)
     for name, tolerance in tolerances.absolute.items():
         least = [0.5 * (tolerance + RELATIVE * abs(a.worst[name])) for a in answers]
-        errors = [max(a.error[name] / MARGIN, e) for a, e in zip(answers, least, strict=True)]  # what halving moved
+        errors = [max(a.error[name] / MARGIN, e) for a, e in zip(answers, least, strict=True)]  # change by halving
         lows = [a.range[name][0] - error for a, error in zip(answers, errors, strict=True)]
         highs = [a.range[name][1] + error for a, error in zip(answers, errors, strict=True)]
         if not max(lows) <= min(highs):
@@ -218,11 +218,10 @@ def agreement(answers: list[Converged], tolerances: Tolerances) -> bool:
 
 
 def neighbours(case: Case, speed_rpm: float, answer: Converged, many: SettledMany | None = None) -> list[Figures]:
-    """The first method's metrics at neighbouring speeds (+-0.1 %), lifts (+-0.1 um at the largest lift) and initial
-    states.
+    """The first method's metrics at neighbouring speeds (+-0.1 %), lifts (+-0.1 um at the nose) and initial states.
 
-    `many`, by default that of the case, measures settled motions without the step of the samples and many times as
-    fast. Raises MotionRefused where a motion is refused, `answer` or a neighbour.
+    `many`, by default that of the case, measures settled motions without taking samples, many times as fast. Raises
+    MotionRefused if the motion of `answer` or of a neighbour is refused.
     """
     if answer.state is None:
         raise MotionRefused(f"the motion at {speed_rpm:g} r/min is refused")
@@ -238,7 +237,7 @@ def neighbours(case: Case, speed_rpm: float, answer: Converged, many: SettledMan
         motions.append((lift, cam_speed, answer.state + sign * away))
     if many is not None:
         return [figures_of(at_once(many, train, *motion)) for motion in motions]
-    steps = answer.steps_per_revolution // 2  # the error estimate is what the last halving changed
+    steps = answer.steps_per_revolution // 2  # the error estimate covers the change by the last halving
     most, prepare = None if answer.periodic else WANDERING_REVOLUTIONS, case.methods[case.first]
     return [
         settle_and_measure(
@@ -251,7 +250,7 @@ def neighbours(case: Case, speed_rpm: float, answer: Converged, many: SettledMan
 def against_limits(
     scene: Scene, speed_rpm: float, answer: Converged, near: list[Figures]
 ) -> tuple[tuple[str, ...], tuple[str, ...]]:
-    """Limits that the whole neighbourhood breaks, and those that a part of it breaks or may break."""
+    """Limits that are violated in the whole neighbourhood, and those that are or may be violated in a part of it."""
     at = f"at {speed_rpm:g} r/min"
     seats = [not np.isnan(v) for v in (answer.worst["bounce_mm"], *(f.worst("bounce_mm") for f in near))]
     if not all(seats):
@@ -268,10 +267,11 @@ def against_limits(
 
 
 def pumped_up(train: Train, state: np.ndarray | None) -> bool:
-    """Whether, in a settled state (2n + r) at -pi, an adjuster that filled while the valve flew holds it off its seat.
+    """Whether an adjuster that filled during valve float holds the valve off its seat.
 
-    The cam stands on its base circle there: the valve is off its seat, and a column of oil is longer than in the train
-    at rest by more than its ball travels. Whether the oil carries load at that instant depends on the vibration.
+    `state` (2n + r) is a settled state at -pi, where the follower is on the base circle. The adjuster has pumped up if
+    the valve is off its seat there and an oil column is longer than in the train at rest by more than the travel of its
+    ball. Whether the oil carries load at that instant depends on the vibration and is not tested.
     """
     if train.laws is None or state is None:
         return False

@@ -1,4 +1,4 @@
-"""One method at one speed: its step is halved until the metrics converge, and the error of each is estimated."""
+"""Step halving of one method at one speed until its metrics converge, with an error estimate of each metric."""
 
 from collections.abc import Callable, Collection
 from dataclasses import dataclass
@@ -17,45 +17,45 @@ from camopt.scene.train import Train
 from camopt.scene.vibration import highest_rate
 
 Prepare = Callable[[Train, Lift, float, int], Revolve]
-"""A method: train, lift, cam speed [rad/s] and steps per revolution to one revolution of a state."""
+"""A method: returns, for train, lift, cam speed [rad/s] and steps per revolution, the integrator of one revolution."""
 
 COARSEST_PHASE = 0.6
 """Highest frequency times the first step [rad]: well inside the stability limits of the explicit methods."""
 FEWEST_STEPS = 1440
 FINEST_STEPS = 120_000
-"""Steps per revolution beyond which a step is not halved again, for memory and time. A train that would begin beyond a
-quarter of it begins there, and does not converge before its fastest rate is resolved: Houbolt's method, stable at every
-step, would damp it out and converge to a wrong force."""
+"""Steps per revolution beyond which the step is not halved again, to limit memory and time. The coarsest step has at
+most a quarter of this number. If that is too few for the train's fastest rate, the metrics do not count as converged
+before it is resolved: Houbolt's method, which is stable at every step, would damp it and converge to a wrong force."""
 RELATIVE = 0.01
 """A metric has converged when a halved step changes it by less than its absolute tolerance plus this share of it."""
 ABSOLUTE = {"seating_velocity_m_per_s": 0.005, "contact_force_max_N": 5.0, "dynamic_area_mm_deg": 0.1}
-"""Tolerances beside those of bounce and jump, which the caller chooses. Other metrics depend on contacts that barely
-open; they are reported with their error."""
+"""Absolute tolerances of the deciding metrics other than bounce and jump, whose tolerance the caller chooses. The
+remaining metrics depend on contacts that barely open; they are reported with their error."""
 MARGIN, COARSER = 2.0, 3
-"""An estimated error is MARGIN times the largest distance to the last COARSER answers. Across contacts a method without
-their instants has no order of convergence: its error is a uniformly distributed fraction of the step, and exceeds twice
-the largest distance to two coarser answers once in 24 times, and to three of them once in 250."""
+"""The estimated error is MARGIN times the largest difference from the last COARSER answers. Without locating the
+switching of contacts a method has no order of convergence across it: its error is a uniformly distributed fraction of
+the step, and exceeds twice the largest difference from two coarser answers once in 24 times, from three once in 250."""
 WHERE_LIMITED = {"jump_deg": 0.5, "contact_force_min_N": 5.0}
-"""Tolerances of the metrics that decide only where the scene limits them. Impact velocity and excess lift never are."""
+"""Absolute tolerances of metrics that decide only if limited; scenes cannot limit impact velocity and excess lift."""
 WANDERING_REVOLUTIONS = 16
-"""Settling limit after a coarser step that did not settle; start-up transients have already decayed."""
+"""Most revolutions to settle after a coarser step that did not settle: start-up transients have already decayed."""
 
 FINEST = {
     q.name: {"mm": 1e-5, "deg": 1e-3, "N": 1e-2, "m/s": 1e-5, "mm deg": 1e-3}[q.unit] for q in QUANTITIES.values()
 }
-"""Least error that is stated: settling, extremes of cubics and rounding leave it."""
+"""Smallest stated error, in the metric's unit: settling, extremes of cubics and rounding cause errors of this size."""
 
 
 @dataclass(frozen=True, repr=False)
 class Converged:
     """A method's answer at one speed: the range of every metric over the measured revolutions of the finest step, and
-    how much the last halvings changed it. All are NaN where the method refused every step."""
+    its error, estimated from the last halvings. All are NaN if the method refused every step."""
 
-    steps_per_revolution: int  # 0 for a motion without samples
+    steps_per_revolution: int  # 0 for a motion that was measured without samples
     converged: bool
     range: dict[str, tuple[float, float]]
     error: dict[str, float]
-    revolutions: int  # run, of all steps, before those that are measured
+    revolutions: int  # simulated before the measured ones, over all steps
     periodic: bool
     state: np.ndarray | None  # settled state (2n + r) at -pi
 
@@ -65,8 +65,8 @@ class Converged:
         return {name: ends[0 if name in LESS_IS_WORSE else 1] for name, ends in self.range.items()}
 
     def doubt(self, name: str) -> float:
-        """How far beyond a metric's range other revolutions may lie: the error estimate and, for an aperiodic motion,
-        the width of this range. It is NaN where the metric has no value."""
+        """Uncertainty of a metric: its error estimate plus, for an aperiodic motion, the width of its range. Other
+        revolutions may lie so far outside the range. It is NaN if the metric has no value."""
         low, high = self.range[name]
         return self.error[name] + (high - low) * (bool(np.isnan(high - low)) or not self.periodic)
 
@@ -79,24 +79,24 @@ class Converged:
 
 
 def first_steps(train: Train, cam_speed: float) -> int:
-    """Steps per revolution to begin with, from the fastest rate of the train with every element acting [rad/s]."""
+    """Steps per revolution of the coarsest step, from the train's highest rate [rad/s] with every element acting."""
     return max(FEWEST_STEPS, int(np.ceil(2 * np.pi * highest_rate(train) / cam_speed / COARSEST_PHASE)))
 
 
 @dataclass(frozen=True)
 class Tolerances:
-    """When a method's metrics count as converged, and how far it may go for that."""
+    """When a method's metrics count as converged, and how many steps and revolutions it may take."""
 
-    tolerance_um: float = 2.0  # by how much a halved step may still move bounce and jump
+    tolerance_um: float = 2.0  # largest change of bounce and jump by a halved step
     halvings: int = 6
     limited: Collection[str] = ()  # metrics with a limit
-    certain: bool = False  # go on until the error estimate of a settled bounce, too, is within the tolerance
-    position: float = SETTLED_POSITION  # as of `settle`
-    settled: bool = True  # else the first revolution from the start is measured
-    steps: int | None = None  # per revolution to begin with; they then count as resolving the train
-    most: int | None = None  # revolutions to settle at the first step, at most
-    stands: int = 2  # halved steps in a row that must leave the metrics where they are
-    everywhere: bool = True  # all methods judge every speed, else those that `camopt.verifier.spot_checks` chooses
+    reported: bool = False  # the metrics are reported: the error estimate of bounce must be within tolerance, too
+    position: float = SETTLED_POSITION  # [m], as in `settle`
+    settled: bool = True  # otherwise the first revolution from the start state is measured
+    steps: int | None = None  # per revolution at the coarsest step; taken to resolve the train
+    most: int | None = None  # most revolutions to settle at the first step
+    unchanged_halvings: int = 2  # consecutive ones that must leave the metrics unchanged within tolerance
+    spot_checks: bool = False  # all methods judge only the speeds that `camopt.verifier.spot_checks` chooses
 
     @property
     def absolute(self) -> dict[str, float]:
@@ -108,13 +108,14 @@ class Tolerances:
 class StepRefinement:
     """A method's answers at one speed, each with half the step of the one before.
 
-    `start` (2n + r) is the state at rest; a finer step continues from the coarser one's settled state. There are at
-    most `tolerances.halvings` of them and, after the second, none beyond FINEST_STEPS. An aperiodic motion has
-    converged when it changes by no more than its own range; with `tolerances.certain` its range is then that of RANGED
-    revolutions, which `many`, where it is given, measures without samples of the finest step. A halved step takes one
-    step more: were its samples among the coarser one's, a contact that closes just before one of them would be as late
-    at every step. A method may require more steps by an attribute `enough_steps` (train, cam_speed). Nothing converges
-    before the train's slowest mode had time to decay.
+    `start` (2n + r) is the state at rest; a finer step continues from the settled state of the coarser one. The step is
+    halved at most `tolerances.halvings` times and, after the second halving, not beyond FINEST_STEPS. An aperiodic
+    motion has converged when its metrics change by no more than their own range; with `tolerances.reported` this range
+    is then taken over RANGED revolutions, which `many`, if given, measures without the samples of the finest step. The
+    finer step has one step per revolution more than twice the coarser one: if its samples included those of the coarser
+    step, a contact that closes just before one of them would be equally late at every step. A method may require more
+    steps by an attribute `enough_steps` (train, cam_speed). The metrics do not count as converged before the train's
+    slowest mode has had time to decay.
     """
 
     def __init__(
@@ -139,19 +140,19 @@ class StepRefinement:
 
     def _begin_again(self) -> None:
         self._runs: list[Figures] = []
-        self._unmoved_steps: list[bool] = []
+        self._unchanged_steps: list[bool] = []
         self._state, self._last, self._faded = self._start, None, False
         self._revolutions, self._measured = 0, 0
 
     @property
     def ended(self) -> bool:
-        """Whether the metrics have converged, or no finer step is left."""
+        """Whether the metrics have converged or no finer step is allowed."""
         too_fine = self._taken > 2 and self._first << self._taken > FINEST_STEPS
         if self._taken > self._tolerances.halvings or too_fine:
             return True
-        certain = self._tolerances.certain and self.periodic
-        exact = not certain or _errors(self._runs)["bounce_mm"] <= self._allowed["bounce_mm"]
-        return self._unmoved_enough() and exact
+        reported = self._tolerances.reported and self.periodic
+        accurate = not reported or _errors(self._runs)["bounce_mm"] <= self._allowed["bounce_mm"]
+        return self._unchanged_enough() and accurate
 
     @property
     def periodic(self) -> bool:
@@ -159,32 +160,32 @@ class StepRefinement:
         return self._last is not None and self._last.periodic
 
     def refine(self) -> None:
-        """Takes the next step; where the method refuses it, the one after it begins again from `start`."""
+        """Run the next finer step. If the method refuses it, the step after it begins again from `start`."""
         train, lift, cam_speed = self._case
         self._steps = (self._first << self._taken) + self._taken
         self._taken += 1
         try:
-            done = self._run(self._prepare(train, lift, cam_speed, self._steps), lift)
+            settled = self._run(self._prepare(train, lift, cam_speed, self._steps), lift)
         except MotionRefused:
             self._begin_again()
             return
-        self._revolutions += self._measured + done.revolutions
-        self._measured, self._faded = done.figures.revolutions + 1, self._faded or done.faded
-        self._last, self._state = done, done.state
-        self._runs.append(done.figures)
+        self._revolutions += self._measured + settled.revolutions
+        self._measured, self._faded = settled.figures.revolutions + 1, self._faded or settled.faded
+        self._last, self._state = settled, settled.state
+        self._runs.append(settled.figures)
         if len(self._runs) > 1:
-            self._unmoved_steps.append(_unmoved(self._runs[-2], self._runs[-1], self._allowed, done.periodic))
+            self._unchanged_steps.append(_unchanged(self._runs[-2], self._runs[-1], self._allowed, settled.periodic))
 
     def answer(self, steps: int | None = None) -> Converged:
-        """The answer once the metrics have converged or, where a number of `steps` is given, after so many at most."""
+        """Refine until the metrics have converged, or at most `steps` times if given, and return the answer."""
         while not self.ended and (steps is None or self._taken < steps):
             self.refine()
         if self._last is None:
             spread, errors = dict.fromkeys(QUANTITIES, (np.nan, np.nan)), dict.fromkeys(QUANTITIES, np.nan)
             return Converged(self._steps, False, spread, errors, 0, False, None)
-        figures = self._runs[-1] if self.periodic or not self._tolerances.certain else self._ranged()
+        figures = self._runs[-1] if self.periodic or not self._tolerances.reported else self._ranged()
         spread, errors = {name: figures.range(name) for name in QUANTITIES}, _errors(self._runs)
-        converged = self._faded and self._unmoved_enough()
+        converged = self._faded and self._unchanged_enough()
         return Converged(self._steps, converged, spread, errors, self._revolutions, self.periodic, self._state)
 
     def _run(self, revolve: Revolve, lift: Lift) -> Measured:
@@ -197,7 +198,7 @@ class StepRefinement:
         )
 
     def _ranged(self) -> Figures:
-        """The metrics of an aperiodic motion at the last step, over so many revolutions that their range is known."""
+        """The metrics of an aperiodic motion at the last step over RANGED revolutions, which give their range."""
         train, lift, cam_speed = self._case
         if self._many is not None:
             many = partial(self._many, most=0, aperiodic=RANGED)
@@ -205,15 +206,15 @@ class StepRefinement:
         revolve = self._prepare(train, lift, cam_speed, self._steps)
         return settle_and_measure(revolve, self._state, lift, 0, aperiodic=RANGED).figures
 
-    def _unmoved_enough(self) -> bool:
-        last = self._unmoved_steps[-self._tolerances.stands :]
-        return self._steps >= self._enough and len(last) == self._tolerances.stands and all(last)
+    def _unchanged_enough(self) -> bool:
+        last, needed = self._unchanged_steps, self._tolerances.unchanged_halvings
+        return self._steps >= self._enough and len(last) >= needed and all(last[-needed:])
 
 
 def at_once(many: SettledMany, train: Train, lift: Lift, cam_speed: float, start: np.ndarray) -> Converged:
-    """A method's settled motion from `start` (2n + r) by `many`, which has no step that could be halved: not converged.
+    """A method's settled motion from `start` (2n + r), measured by `many`, which has no step to halve.
 
-    Its errors are those that `many` states for motions whose contacts do not switch. Raises MotionRefused.
+    It does not count as converged; its errors hold for motions whose contacts do not switch. Raises MotionRefused.
     """
     settled = many([train], [lift], [cam_speed], starts=start, workers=1)
     at = 0, 0, 0
@@ -225,12 +226,12 @@ def at_once(many: SettledMany, train: Train, lift: Lift, cam_speed: float, start
 
 
 def figures_of(answer: Converged) -> Figures:
-    """Both ends of the range of every metric of an answer, in place of its revolutions."""
+    """An answer as Figures of two revolutions: the lower and the upper end of the range of every metric."""
     return Figures({name: np.array(ends) for name, ends in answer.range.items()})
 
 
 def _errors(runs: list[Figures]) -> dict[str, float]:
-    """Error estimate of every metric of the last run; infinite where there is no other."""
+    """Error estimate of every metric of the last run; infinite if there is no earlier run."""
     errors = {}
     for name in QUANTITIES:
         changes = [apart(r.worst(name), runs[-1].worst(name)) for r in runs[-COARSER - 1 : -1]]
@@ -238,17 +239,17 @@ def _errors(runs: list[Figures]) -> dict[str, float]:
     return errors
 
 
-def apart(one: float, other: float) -> float:
-    """Distance of two values of a metric: zero where both are NaN (the valve does not seat), infinite where one is."""
-    if np.isnan(one) or np.isnan(other):
-        return 0.0 if np.isnan(one) and np.isnan(other) else np.inf
-    return abs(one - other)
+def apart(a: float, b: float) -> float:
+    """Difference of two values of a metric: zero if both are NaN (the valve does not seat), infinite if only one is."""
+    if np.isnan(a) or np.isnan(b):
+        return 0.0 if np.isnan(a) and np.isnan(b) else np.inf
+    return abs(a - b)
 
 
-def _unmoved(before: Figures, after: Figures, allowed: dict[str, float], periodic: bool) -> bool:
+def _unchanged(before: Figures, after: Figures, allowed: dict[str, float], periodic: bool) -> bool:
     """Whether halving the step changed no deciding metric beyond its tolerance.
 
-    That the valve does not seat is an answer of its own, without values: it has converged where both steps give it.
+    If the valve does not seat at either step, the metrics have no values and count as unchanged.
     """
     if np.isnan(before.worst("bounce_mm")) and np.isnan(after.worst("bounce_mm")):
         return True

@@ -1,4 +1,4 @@
-"""How a verification is shown: as text for a terminal, as a table for a notebook, and as a figure over the speed."""
+"""Presentation of a verification: text for a terminal, a table for a notebook, and a figure over the speed."""
 
 from html import escape
 from typing import TYPE_CHECKING
@@ -33,15 +33,15 @@ TEXT = {
     "seating_velocity_m_per_s": ("seating m/s", 11),
 }
 MOST_LINES = 20
-"""Speeds that the text lists; verification.json has them all."""
+"""Largest number of speeds in the text; verification.json has them all."""
 
 
 def text(record: VerificationRecord, scene: Scene | None) -> str:
-    """The verdict for a terminal, a screen at most: a line for each speed, the worst of the band, and the outcome."""
+    """The verdict for a terminal, at most one screen: a line for each speed, the worst of the band, and the outcome."""
     rows, band, outside = record["speeds"], record["band"], outside_sentence(record.outside)
     heads = (f"{label:>{width}}" for label, width in TEXT.values())
-    lines = ["  ".join([*heads, _beside("verdict", "outside nm", rows)])]
-    lines += [_line(row, _beside(row["verdict"], _outside(row), rows)) for row in rows[:MOST_LINES]]
+    lines = ["  ".join([*heads, _last_columns("verdict", "outside nm", rows)])]
+    lines += [_line(row, _last_columns(row["verdict"], _outside_nm(row), rows)) for row in rows[:MOST_LINES]]
     if len(rows) > MOST_LINES:
         lines.append(f"and {len(rows) - MOST_LINES} more speeds")
     if band is not None:
@@ -50,8 +50,8 @@ def text(record: VerificationRecord, scene: Scene | None) -> str:
         beyond = [f"{row['speed_rpm']:g}" for row in rows if not low <= row["speed_rpm"] <= high]
         over = f"{low:g} to {high:g} r/min" + (f" and at {', '.join(beyond)} r/min" if beyond else "")
         lines.append(f"worst over {over}, neighbouring speeds, lifts and states included, each at its speed")
-        lines.append(_line({name: one and one.value for name, one in worst.items()}))
-        lines.append(_line({name: one and one.speed_rpm for name, one in worst.items()}, "r/min"))
+        lines.append(_line({name: entry and entry.value for name, entry in worst.items()}))
+        lines.append(_line({name: entry and entry.speed_rpm for name, entry in worst.items()}, "r/min"))
     reason = f". {record['reason']}" if record["reason"] else ""
     lines.append(record["accuracy"]["statement"])
     lines += [f"{record['shape_says']}."] if "shape_says" in record else []
@@ -63,18 +63,18 @@ def text(record: VerificationRecord, scene: Scene | None) -> str:
     return "\n".join(lines)
 
 
-def _outside(row: dict) -> str:
-    """How far the valve's motion from rest is from that of another engine at a speed [nm]."""
+def _outside_nm(row: dict) -> str:
+    """Difference [nm] of the valve's motion from rest to that of another engine at a speed; empty if none was run."""
     return f"{row['outside']['difference_nm']:.2g}" if "outside" in row else ""
 
 
-def _beside(verdict: str, outside: str, rows: list[dict]) -> str:
-    """A verdict, and beside it what another engine says where it was run."""
+def _last_columns(verdict: str, outside: str, rows: list[dict]) -> str:
+    """The last columns of a line: the verdict and, if another engine was run at any speed, its difference."""
     return f"{verdict:<13}  {outside:>10}" if any("outside" in row for row in rows) else verdict
 
 
 def _line(row: dict, last: str = "") -> str:
-    """One row of `text`: a figure that is null shows as "none", and one that the row does not have as blank."""
+    """One row of `text`: a metric that is null is shown as "none", and one that the row does not have as blank."""
     cells = []
     for name, (_, width) in TEXT.items():
         value = row.get(name, "")
@@ -90,13 +90,13 @@ def html(record: VerificationRecord) -> str:
     rows = record.judged
     table = DataFrame({label: [row[name] for row in rows] for name, label in COLUMNS.items()})
     if record.outside:
-        table["from outside, off by [nm]"] = [_outside(row) for row in rows]
+        table["from outside, off by [nm]"] = [_outside_nm(row) for row in rows]
     shown = table.to_html(index=False, float_format="{:.4g}".format, na_rep="never seats")
     return f"<p><b>{escape(record['verdict'])}</b> {escape(record['reason'])}</p>{shown}"
 
 
 def figure(record: VerificationRecord, scene: Scene, cam: str) -> "Figure":
-    """Bounce and jump against speed: over the band where one was swept, and at the listed speeds otherwise.
+    """Bounce and jump against speed: over the band if one was swept, otherwise at the listed speeds.
 
     The curve has a gap where the valve never seats.
     """

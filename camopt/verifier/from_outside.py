@@ -1,7 +1,7 @@
-"""Comparison with an engine that is no part of camopt: Exudyn, in a process of its own.
+"""Comparison with Exudyn, an engine that is not part of camopt and runs in a separate process.
 
-`camopt.verifier.outside` is that process: it reads a scene file and a design file and imports nothing of camopt. Here
-its motions from rest are compared with event-exact's, or for curved laws with DOP853's, which needs no chords.
+`camopt.verifier.outside` is that process, which imports nothing else of camopt. Its motions from rest are compared with
+event-exact's or, for curved laws, with DOP853's, which has no chords.
 """
 
 import json
@@ -30,21 +30,21 @@ from camopt.verifier.verdict import method_named
 
 ENGINE = "Exudyn"
 AGREES_NM = 1.0
-"""How far two motions may differ [nm] beyond the error estimates of both."""
+"""Allowed difference of the two motions [nm] beyond the error estimates of both."""
 NM = 1e-9
 JUMPS_MM = 0.05
-"""Beyond this jump the motion is chaotic within a revolution or two: only the first revolution is compared there."""
+"""Jump [mm] beyond which the motion is chaotic within a revolution or two, so that only the first one is compared."""
 REVOLUTIONS = 2
-PATIENCE_S = 300.0
-"""How long Exudyn may take for a speed [s]; a few seconds are usual."""
+TIMEOUT_S = 300.0
+"""Longest time that Exudyn may take for one speed [s]; a few seconds are usual."""
 SAMPLES = 720
-"""Equal parts of a revolution at whose ends the valve is compared."""
+"""Number of equal intervals of a revolution at whose ends the valve's position is compared."""
 DOP853_STEPS = 4 * SAMPLES
-"""With these DOP853's permitted error is 1e-8 of a motion, and an eighth of it with twice as many."""
+"""Steps per revolution of DOP853 for a permitted relative error of 1e-8; twice as many permit an eighth of it."""
 
 
 def require_outside() -> None:
-    """Raises InputError, with the remedy, where Exudyn is not installed."""
+    """Raises InputError, with the remedy, if Exudyn is not installed."""
     if find_spec("exudyn") is None:
         raise InputError(
             f"the judge from outside needs {ENGINE}, which is not installed: pip install 'camopt[outside]', "
@@ -55,7 +55,8 @@ def require_outside() -> None:
 def outside_motions(scene: Scene, lift: Lift, speeds_rpm: Sequence[float], *options: str) -> dict:
     """The record of `python -m camopt.verifier.outside` for a scene and a cam at speeds (k) [r/min].
 
-    `options` are passed on as they are. Raises InputError where Exudyn is missing or refuses the motion.
+    `options` are further arguments of that command. Raises InputError if Exudyn is not installed, takes too long, or
+    if the process cannot express the scene.
     """
     require_outside()
     with TemporaryDirectory() as folder:
@@ -64,12 +65,12 @@ def outside_motions(scene: Scene, lift: Lift, speeds_rpm: Sequence[float], *opti
         write_design(files[1], lift, scene.required_design.max_lift_mm * MM)
         arguments = ["--speeds", *(repr(float(s)) for s in speeds_rpm), "--out", files[2], *options]
         command = [sys.executable, "-m", "camopt.verifier.outside", *files[:2], *arguments]
-        patience_s = PATIENCE_S * len(speeds_rpm)
+        timeout_s = TIMEOUT_S * len(speeds_rpm)
         try:
-            ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=patience_s)
+            ended = subprocess.run(command, capture_output=True, text=True, check=False, timeout=timeout_s)
         except subprocess.TimeoutExpired:
             raise InputError(
-                f"the judge from outside has no answer after {patience_s:g} s: ask for fewer speeds, or leave "
+                f"the judge from outside has no answer after {timeout_s:g} s: ask for fewer speeds, or leave "
                 f"--outside away where contacts chatter"
             ) from None
         if ended.returncode == 2:
@@ -82,10 +83,10 @@ def outside_motions(scene: Scene, lift: Lift, speeds_rpm: Sequence[float], *opti
 def valve_from_rest(
     scene: Scene, lift: Lift, speed_rpm: float
 ) -> tuple[Float[np.ndarray, "revolutions samples"], Float[np.ndarray, " revolutions"]]:
-    """Valve position [m] in the first revolutions from rest at SAMPLES + 1 equal angles, by camopt, and its error [m].
+    """Valve position [m] by camopt in the first revolutions from rest, at SAMPLES + 1 equal angles, and its error [m].
 
-    It is event-exact's motion where all laws are straight lines, and counts as exact; else DOP853's, whose error is
-    what twice the number of steps changed.
+    If all laws are straight lines it is event-exact's motion, which counts as exact. Otherwise it is DOP853's, and the
+    error is the change by doubling the number of steps.
     """
     if build_train(scene).straight:
         return _valve(scene, lift, speed_rpm, "event", SAMPLES), np.zeros(REVOLUTIONS)
@@ -94,7 +95,7 @@ def valve_from_rest(
 
 
 def _valve(scene: Scene, lift: Lift, speed_rpm: float, method: str, steps: int) -> np.ndarray:
-    """Valve position [m] by a method at some steps per revolution, a multiple of SAMPLES."""
+    """Valve position [m] by one method; `steps` per revolution must be a multiple of SAMPLES."""
     train = build_train(scene)
     revolve = method_named(method)(train, lift, scene.cam_speed(speed_rpm), steps)
     angles, state, rows = np.linspace(-np.pi, np.pi, SAMPLES + 1), state_at_rest(train), []
@@ -108,9 +109,9 @@ def _valve(scene: Scene, lift: Lift, speed_rpm: float, method: str, steps: int) 
 
 
 def from_outside(scene: Scene, lift: Lift, speeds_rpm: Sequence[float]) -> tuple[dict, ...]:
-    """The entries of outside.json: how far Exudyn's motions from rest are from camopt's at speeds (k) [r/min].
+    """The entries of outside.json: differences of Exudyn's and camopt's motions from rest at speeds (k) [r/min].
 
-    Errors as of `outside_motions`.
+    Raises the errors of `outside_motions`.
     """
     lift = as_written(lift)
     record = outside_motions(scene, lift, speeds_rpm, "--revolutions", str(REVOLUTIONS), "--samples", str(SAMPLES))
@@ -120,7 +121,7 @@ def from_outside(scene: Scene, lift: Lift, speeds_rpm: Sequence[float]) -> tuple
 
 
 def compared(engine: str, row: dict, valve: np.ndarray, error: np.ndarray) -> dict:
-    """The entry of a speed, from Exudyn's record of it and what `valve_from_rest` gives."""
+    """The entry of one speed, from Exudyn's record `row` and camopt's valve position and error by `valve_from_rest`."""
     calm = all(figures["jump_mm"] < JUMPS_MM for figures in row["figures"])
     count = len(valve) if calm else 1
     difference = np.abs(np.array(row["valve_m"])[:count] - valve[:count]).max() / NM

@@ -1,6 +1,6 @@
-"""The record of a verification, verification.json: the one source of every number that is stated about a verdict.
+"""The record of a verification, verification.json: the single source of every number stated about a verdict.
 
-The terminal, the report, the designer and the figures read a `VerificationRecord`, be it of a verdict or of a file.
+The terminal, the report, the designer and the figures read a `VerificationRecord`, from a verdict or from a file.
 """
 
 import json
@@ -16,20 +16,20 @@ from camopt.scene.units import MM, UM
 from camopt.verifier.convergence import FINEST, Converged
 
 HALVED, ONE_STEP, ALONE = "halving", "one step", "event-exact alone"
-"""How a speed was decided: the methods' steps were halved until they converged (or could not), one step showed it, or
-no other method was run there."""
+"""How a speed was decided: by halving the methods' steps until they converged or could not be halved further, by the
+second method at its first step, or by event-exact without another method."""
 JUDGED = ("speeds", "worst_in_band")
-"""Lists of verification.json that hold a verdict per speed: at the listed speeds, and at the band's worst ones."""
+"""Lists of verification.json that hold one verdict per speed: the listed speeds, and the worst speeds of the band."""
 REPORTED = tuple(name for name in QUANTITIES if name != "excess_lift_mm")
 """Metrics of verification.json."""
 OUTSIDE = ("speed_rpm", "engine", "revolutions", "difference_nm", "stated_nm", "agrees")
-"""Keys of an entry of outside.json: how far the valve's motion from rest is from that of another engine at one speed,
-over so many revolutions, and up to what difference both count as one motion."""
+"""Keys of an entry of outside.json, which compares the valve's motion from rest with that of another engine at one
+speed: the largest difference over some revolutions, and the difference that the stated errors allow."""
 
 
 @dataclass(frozen=True)
 class Worst:
-    """A figure of verification.json: its value (None where there is none), its speed [r/min] and its place there."""
+    """A metric of verification.json: its value (None if it has none), its speed [r/min], and its key in the file."""
 
     value: float | None
     speed_rpm: float | None
@@ -44,9 +44,9 @@ class Worst:
 
 
 class VerificationRecord(dict[str, Any]):
-    """The content of verification.json (design.md section 7), of a verdict or read from a file, which is untrusted.
+    """The content of verification.json (design.md section 7), made from a verdict or read from a file.
 
-    NaN is null there. `band` is null and `worst_in_band` empty where no band was swept.
+    A file is untrusted. NaN is stored as null. Without a swept band `band` is null and `worst_in_band` is empty.
     """
 
     @property
@@ -62,20 +62,20 @@ class VerificationRecord(dict[str, Any]):
 
     @property
     def outside(self) -> list[dict]:
-        """What another engine says at the listed speeds, as the entries of outside.json; empty where none was run."""
+        """The entries of outside.json at the listed speeds; empty if no other engine was run."""
         return [speed["outside"] for speed in self.get("speeds") or [] if "outside" in speed]
 
     def worst(self, name: str) -> Worst | None:
-        """The worst verified value of a metric, the bad end of its ranges at the judged speeds and over the band.
+        """The worst verified value of a metric: the worst of its range ends at the judged speeds and over the band.
 
-        Its value is None where one of them has none, so that nothing can be said; None where nothing was verified.
+        Its value is None if the metric has none at one of these speeds. Returns None if nothing was verified.
         """
         values = list(self._values(name))
         if not values:
             return None
         sign = -1.0 if name in LESS_IS_WORSE else 1.0
-        unknown = next((one for one in values if one.value is None), None)
-        return unknown or max(values, key=lambda one: sign * (one.value or 0.0))
+        unknown = next((entry for entry in values if entry.value is None), None)
+        return unknown or max(values, key=lambda entry: sign * (entry.value or 0.0))
 
     def _values(self, name: str) -> Iterator[Worst]:
         band = self.get("band") or {}
@@ -89,24 +89,24 @@ class VerificationRecord(dict[str, Any]):
                 yield Worst(value, speed.get("speed_rpm"), f"{key}[{i}].{place}")
 
     def with_outside(self, entries: Sequence[Mapping]) -> "VerificationRecord":
-        """This record with the entries of outside.json, each at its speed as `outside`.
+        """This record with every entry of outside.json added to the record of its speed under the key `outside`.
 
-        Where one of them disagrees, the verdict is "not converged" and the reason says so.
+        If one of them disagrees, the verdict becomes "not converged" and the reason names the disagreement.
         """
         if not entries:
             return self
-        at = {one["speed_rpm"]: dict(one) for one in entries}
+        at = {comparison["speed_rpm"]: dict(comparison) for comparison in entries}
         speeds = [
             entry | ({"outside": at[entry["speed_rpm"]]} if entry.get("speed_rpm") in at else {})
             for entry in self.get("speeds") or []
         ]
-        apart = not all(one["agrees"] for one in entries)
+        apart = not all(comparison["agrees"] for comparison in entries)
         outcome = {"verdict": "not converged", "reason": outside_sentence(entries)} if apart else {}
         return VerificationRecord(self | {"speeds": speeds} | outcome)
 
 
 def worst_case_value(speed: dict, name: str) -> tuple[float | None, str]:
-    """The value that a limit judges, and its key: the bad end of the range, the value plus its error, or the value."""
+    """The value compared with a limit, and its key: worse end of the range, value plus error, or the value itself."""
     value, ranges = speed.get(name), speed.get("ranges")
     key = f"ranges.{name}"
     spread = ranges.get(name) if isinstance(ranges, dict) else None
@@ -122,19 +122,19 @@ def worst_case_value(speed: dict, name: str) -> tuple[float | None, str]:
 
 
 def bounce_error_um(speed: dict) -> float | None:
-    """The estimated error of the bounce at a speed [um], to which an aperiodic motion adds the width of its range.
+    """The estimated error of the bounce at a speed [um], which for an aperiodic motion includes the width of its range.
 
-    It is None where the valve does not seat, and where no second step was taken, and never below FINEST.
+    It is at least FINEST, and None if the valve does not seat or no second step was taken.
     """
     error = speed.get("bounce_error_mm")
     return max(error, FINEST["bounce_mm"]) * MM / UM if is_number(error) else None
 
 
 def accuracy_record(speeds: Sequence[dict], requested_um: float, requested: str | float | None) -> dict:
-    """What verification.json says under "accuracy", from the records of the judged speeds.
+    """The entry "accuracy" of verification.json, from the records of the judged speeds.
 
-    `requested_um` is the tolerance, and `requested` its name or number, None where there was none. The accuracy counts
-    as reached where the error is within the tolerance at every speed.
+    `requested_um` is the tolerance [um]; `requested` is its name or number as the user gave it, or None. The accuracy
+    is reached if the error of the bounce is within the tolerance at every speed.
     """
     by_speed = {s["speed_rpm"]: s for s in speeds}
     errors = {rpm: bounce_error_um(s) for rpm, s in by_speed.items()}
@@ -146,7 +146,7 @@ def accuracy_record(speeds: Sequence[dict], requested_um: float, requested: str 
     else:
         none = [rpm for rpm, s in by_speed.items() if not all(map(is_number, s["bounce_range_mm"]))]
         short = [rpm for rpm, error in errors.items() if rpm not in none and (error is None or error > requested_um)]
-        ranges = [_range(by_speed[rpm]) for rpm in short]
+        ranges = [_bounce_text(by_speed[rpm]) for rpm in short]
         words += f"; not reached: bounce is known to a range only, {', '.join(ranges)}" if ranges else ""
         at = ", ".join(f"{rpm:g}" for rpm in none)
         words += f"; there is no bounce at {at} r/min, where the valve does not seat" if none else ""
@@ -163,54 +163,54 @@ def accuracy_record(speeds: Sequence[dict], requested_um: float, requested: str 
     }
 
 
-def _range(speed: dict) -> str:
-    """The bounce at one speed: that of a periodic motion with its error, else its range."""
+def _bounce_text(speed: dict) -> str:
+    """The bounce at one speed as text: value and error for a periodic motion, the range for an aperiodic one."""
     (low, high), error = speed["bounce_range_mm"], bounce_error_um(speed) or np.inf
     value = f"{high:.4f} mm +- {error:.2g} um" if speed["periodic"] else f"{low:.4f} to {high:.4f} mm"
     return f"{value} at {speed['speed_rpm']:g} r/min"
 
 
 def outside_sentence(entries: Sequence[Mapping]) -> str:
-    """What another engine says in the entries of outside.json, as one sentence; empty where none was run."""
+    """Whether the other engine agrees, from the entries of outside.json, as one sentence; empty without entries."""
     if not entries:
         return ""
-    engine, apart = entries[0]["engine"], [one for one in entries if not one["agrees"]]
+    engine, apart = entries[0]["engine"], [entry for entry in entries if not entry["agrees"]]
     if apart:
-        worst = max(apart, key=lambda one: one["difference_nm"] / one["stated_nm"])
-        at = ", ".join(f"{one['speed_rpm']:g}" for one in apart)
+        worst = max(apart, key=lambda entry: entry["difference_nm"] / entry["stated_nm"])
+        at = ", ".join(f"{entry['speed_rpm']:g}" for entry in apart)
         return (
             f"{engine} disagrees at {at} r/min: the valve from rest is {worst['difference_nm']:.3g} nm apart at "
             f"{worst['speed_rpm']:g} r/min, where the stated errors explain {worst['stated_nm']:.3g} nm."
         )
-    largest = max(one["difference_nm"] for one in entries)
+    largest = max(entry["difference_nm"] for entry in entries)
     speeds = f"{len(entries)} speed{'s' * (len(entries) != 1)}"
     return f"{engine} agrees within {largest:.2g} nm at {speeds}, by the valve's motion from rest."
 
 
 def outside_entry(speed_rpm: float, engine: str, revolutions: int, difference_nm: float, stated_nm: float) -> dict:
-    """An entry of outside.json; the engines agree where the difference is within the stated errors."""
+    """An entry of outside.json. The engines agree if the difference is within the stated errors."""
     values = speed_rpm, engine, revolutions, difference_nm, stated_nm, difference_nm <= stated_nm
     return dict(zip(OUTSIDE, values, strict=True))
 
 
 def outside_entries(text: str) -> list[dict]:
-    """The entries of the text of an outside.json, which is untrusted. Raises ValueError for anything else."""
+    """The entries of an outside.json, parsed from its untrusted text. Raises ValueError if they are malformed."""
     data, keys = json.loads(text), OUTSIDE[:-1]
-    if not isinstance(data, list) or not all(isinstance(one, dict) and set(keys) <= set(one) for one in data):
+    if not isinstance(data, list) or not all(isinstance(entry, dict) and set(keys) <= set(entry) for entry in data):
         raise ValueError(f"expected a list of objects with {', '.join(sorted(keys))}")
-    if not all(isinstance(one[key], (int, float)) for one in data for key in keys if key != "engine"):
+    if not all(isinstance(entry[key], (int, float)) for entry in data for key in keys if key != "engine"):
         raise ValueError("expected numbers beside the engine")
-    return [outside_entry(*(one[key] for key in keys)) for one in data]
+    return [outside_entry(*(entry[key] for key in keys)) for entry in data]
 
 
 def method_record(answer: Converged) -> dict:
-    """A method's answer at one speed."""
+    """The record of one method's answer at one speed."""
     steps = {"steps_per_revolution": answer.steps_per_revolution, "converged": answer.converged}
     return metrics_record(answer, answer.range) | steps
 
 
 def metrics_record(answer: Converged, ranges: Mapping[str, tuple[float, float]]) -> dict:
-    """The metrics of a method's answer with their errors, whether its motion repeats, and the range of every metric."""
+    """The metrics of a method's answer with their errors, whether its motion is periodic, and the `ranges`."""
     metrics = dict(zip(REPORTED, numbers(answer.worst[name] for name in REPORTED), strict=True))
     errors = dict(zip(REPORTED, numbers(answer.doubt(name) for name in REPORTED), strict=True))
     return {
@@ -225,9 +225,9 @@ def metrics_record(answer: Converged, ranges: Mapping[str, tuple[float, float]])
 
 
 def band_record(band: Band) -> dict:
-    """The band: ends and step, the worst value of every metric with its speed and method, and the curves themselves.
+    """The record of a band: its ends and step, the worst value of every metric with its speed and method, and curves.
 
-    The curves hold the sweep and, at the judged speeds, the first method's metrics.
+    The curves hold the sweep's metrics and, at the judged speeds, those of the first method.
     """
     worst = {}
     for name in REPORTED:
@@ -242,7 +242,7 @@ def band_record(band: Band) -> dict:
         "worst_bounce_mm": worst["bounce_mm"]["value"],
         "worst_speed_rpm": worst["bounce_mm"]["speed_rpm"],
         "worst": worst,
-        "resonances": [{key: getattr(one, key) for key in of_resonance} for one in band.resonances],
+        "resonances": [{key: getattr(resonance, key) for key in of_resonance} for resonance in band.resonances],
         "resonances_left_out": band.resonances_left_out,
         "curves": {
             "speed_rpm": band.speeds_rpm.tolist(),
@@ -252,5 +252,5 @@ def band_record(band: Band) -> dict:
 
 
 def numbers(values: Iterable[float]) -> list[float | None]:
-    """The values as JSON has them, which knows no NaN: null."""
+    """The values for JSON, which has no NaN: None, which becomes null, in place of a value that is not finite."""
     return [float(value) if np.isfinite(value) else None for value in values]

@@ -1,8 +1,7 @@
-"""Verdicts at many speeds of which not every method judges every one: those of a draft, and of a rejected baseline.
+"""Verdicts at many speeds where only some speeds are judged by all methods: for drafts and for rejected baselines.
 
-Event-exact, which has no step that could be halved, judges every speed with its neighbourhood and states its own error.
-The other methods judge the speeds at which a limit is nearest: the worst one of every limited metric and of the peak
-force, and both ends.
+Event-exact, which has no step to halve, judges every speed with its neighbourhood and states its own error. The other
+methods judge the worst speed of every limited metric and of the peak force, and the lowest and the highest speed.
 """
 
 from collections.abc import Callable, Iterable
@@ -26,7 +25,7 @@ from camopt.verifier.at_speed import (
     agreement,
     judge_speed,
     neighbours,
-    plainly_broken,
+    one_step_rejection,
     verdict_from_answers,
     violates_by_margin,
 )
@@ -39,8 +38,8 @@ WORKERS = 2
 Verdicts = tuple[SpeedVerdict, ...]
 
 
-def at_every(judge: Callable[[Case, float], SpeedVerdict], case: Case, speeds_rpm: Iterable[float]) -> Verdicts:
-    """The verdicts at crankshaft speeds [r/min], WORKERS of them at a time."""
+def judge_all(judge: Callable[[Case, float], SpeedVerdict], case: Case, speeds_rpm: Iterable[float]) -> Verdicts:
+    """The verdicts at crankshaft speeds [r/min], computed WORKERS at a time."""
     speeds, hidden = [float(speed) for speed in speeds_rpm], None if case.progress else True
     with ThreadPoolExecutor(WORKERS) as pool:
         verdicts = pool.map(lambda speed: judge(case, speed), speeds)
@@ -48,75 +47,76 @@ def at_every(judge: Callable[[Case, float], SpeedVerdict], case: Case, speeds_rp
 
 
 def event_alone(case: Case, speed_rpm: float) -> SpeedVerdict:
-    """The verdict of event-exact without another method; of all methods where event-exact refuses a motion, where its
-    metrics have not converged, or where the train's slowest mode had no time to decay.
+    """The verdict by event-exact without another method.
 
-    The metrics of a periodic motion have converged where motions from other states near by settle to the same ones
-    within the tolerances of a halved step. Its error is what the method states or, where that is more, MARGIN times
-    the distance of these metrics. An aperiodic motion has its range.
+    All methods judge the speed instead if event-exact refuses a motion, if its metrics have not converged, or if the
+    train's slowest mode has not had time to decay. The metrics of a periodic motion have converged if motions from
+    neighbouring states settle to the same metrics within the tolerances of a halved step. Its error is the one that the
+    method states or, if larger, MARGIN times the difference of these metrics. An aperiodic motion has a range instead.
     """
     assert case.many is not None, "`can_spot_check` says so"
     try:
-        look = case.many_from_rest(speed_rpm)
-        many = case.many if look.periodic else partial(case.many, most=WANDERING_REVOLUTIONS)
-        near = neighbours(case, speed_rpm, look, many)
+        answer = case.many_from_rest(speed_rpm)
+        many = case.many if answer.periodic else partial(case.many, most=WANDERING_REVOLUTIONS)
+        near = neighbours(case, speed_rpm, answer, many)
     except MotionRefused:
         return judge_speed(case, speed_rpm)
     decay = decay_per_revolution(case.train, case.scene.cam_speed(speed_rpm))
-    if not look.periodic and revolutions_needed(decay) > MOST_REVOLUTIONS:
+    if not answer.periodic and revolutions_needed(decay) > MOST_REVOLUTIONS:
         return judge_speed(case, speed_rpm)
-    error, allowed = dict(look.error), case.tolerances.absolute
-    for name in error if look.periodic else ():
-        distance = max(apart(near[i].worst(name), look.worst[name]) for i in OTHER_STARTS)
-        if name in allowed and distance > allowed[name] + RELATIVE * np.nan_to_num(abs(look.worst[name])):
+    error, allowed = dict(answer.error), case.tolerances.absolute
+    for name in error if answer.periodic else ():
+        distance = max(apart(near[i].worst(name), answer.worst[name]) for i in OTHER_STARTS)
+        if name in allowed and distance > allowed[name] + RELATIVE * np.nan_to_num(abs(answer.worst[name])):
             return judge_speed(case, speed_rpm)
         error[name] = max(error[name], MARGIN * distance)
-    answers = {case.first: replace(look, error=error, converged=True)}
+    answers = {case.first: replace(answer, error=error, converged=True)}
     verdict = verdict_from_answers(case, speed_rpm, answers, near, agree=True, decided_after=ALONE)
     return replace(verdict, near=tuple(near))
 
 
 def with_all_methods(case: Case, alone: SpeedVerdict) -> SpeedVerdict:
-    """A verdict of event-exact alone, judged again by all methods; the error then includes how far they are apart."""
+    """A verdict by event-exact alone, judged again by all methods; its error then includes their differences."""
     if alone.decided_after != ALONE:
         return alone
     speed_rpm, near = alone.speed_rpm, list(alone.near)
-    first, look = case.first, alone.first
-    early = plainly_broken(case, speed_rpm, look, near)
+    first, answer = case.first, alone.first
+    early = one_step_rejection(case, speed_rpm, answer, near)
     if early is not None:
         return early
-    others = {name: case.refinement(name, speed_rpm).answer() for name in case.methods if name != first}
-    agree = agreement([look, *others.values()], case.tolerances)
-    away = {name: max(apart(look.worst[name], o.worst[name]) for o in others.values()) for name in look.error}
-    error = {name: max(own, away[name]) for name, own in look.error.items()}
-    answers = {first: replace(look, error=error), **others}
+    checks = {name: case.refinement(name, speed_rpm).answer() for name in case.methods if name != first}
+    agree = agreement([answer, *checks.values()], case.tolerances)
+    away = {name: max(apart(answer.worst[name], o.worst[name]) for o in checks.values()) for name in answer.error}
+    error = {name: max(estimate, away[name]) for name, estimate in answer.error.items()}
+    answers = {first: replace(answer, error=error), **checks}
     return verdict_from_answers(case, speed_rpm, answers, near, agree=agree)
 
 
 def can_spot_check(case: Case) -> bool:
-    """Whether the first method can judge a speed alone, and there is another one to check it."""
+    """Whether the first method can judge a speed alone and another method is available to check it."""
     return case.many is not None and len(case.methods) > 1
 
 
 def early_rejection(case: Case, alone: Verdicts) -> Verdicts | None:
-    """Verdicts that reject: all methods have judged the speed where a limit is broken most, and none of the others.
+    """The verdicts with that of the worst speed replaced by a rejection by all methods, or None.
 
-    None where event-exact breaks no limit far beyond its error, or another method does not confirm it.
+    Only the speed where a limit is exceeded most is judged by all methods. None is returned if event-exact exceeds no
+    limit far beyond its error, or if the other methods do not confirm the rejection.
     """
     not_checked = [s for s in alone if s.decided_after == ALONE]
     plainly = [s for s in not_checked if violates_by_margin(case.scene, [s.first.worst], s.first.error)]
     if not plainly:
         return None
-    most = max(plainly, key=lambda s: _excess(case, s))
+    most = max(plainly, key=lambda s: _largest_usage(case, s))
     judged = with_all_methods(case, most)
     return tuple(judged if s is most else s for s in alone) if judged.verdict == "rejected" else None
 
 
 def spot_checked(case: Case, alone: Verdicts) -> dict[float, SpeedVerdict]:
-    """By speed [r/min], the verdicts of all methods where these judge.
+    """The verdicts of the speeds that all methods judge, by speed [r/min].
 
-    If the speeds named above reject nothing, these are also those that event-exact does not confirm. Where all methods
-    have rejected one already, they judge no other.
+    All methods judge the speeds named in the module's docstring and, if none of these is rejected, every further speed
+    that event-exact does not confirm. If all methods have already rejected a speed, they judge no other.
     """
     if any(s.verdict == "rejected" and s.decided_after != ALONE for s in alone):
         return {}
@@ -127,7 +127,7 @@ def spot_checked(case: Case, alone: Verdicts) -> dict[float, SpeedVerdict]:
         chosen.add(alone[int(np.argmax(badness(name, bad_ends)))].speed_rpm)
 
     def judged(speeds: set[float]) -> dict[float, SpeedVerdict]:
-        verdicts = at_every(lambda _, speed: with_all_methods(case, by_speed[speed]), case, sorted(speeds))
+        verdicts = judge_all(lambda _, speed: with_all_methods(case, by_speed[speed]), case, sorted(speeds))
         return {s.speed_rpm: s for s in verdicts}
 
     first = judged(chosen)
@@ -136,8 +136,8 @@ def spot_checked(case: Case, alone: Verdicts) -> dict[float, SpeedVerdict]:
     return first | judged({s.speed_rpm for s in alone if s.verdict != "confirmed"} - chosen)
 
 
-def _excess(case: Case, one: SpeedVerdict) -> float:
-    """The largest share of a limit that a verdict's metrics use; missing metrics are left out."""
-    worst = one.first.worst
+def _largest_usage(case: Case, verdict: SpeedVerdict) -> float:
+    """The largest usage of a limit by a verdict's metrics, as a share of the limit; missing metrics are ignored."""
+    worst = verdict.first.worst
     shares = [limit.share(np.array(worst[limit.metric])) for limit in motion_limits(case.scene.design).values()]
     return max(float(share) for share in shares if np.isfinite(share))

@@ -1,6 +1,6 @@
-"""The verdict on a cam in a scene: do independent methods agree, and does every limit of the scene hold.
+"""The verdict on a cam in a scene: whether independent methods agree, and whether every limit of the scene holds.
 
-The only file of this package that imports the event-exact method, and only when it is used.
+This is the only file of the package that imports the event-exact method, and only when it is used.
 """
 
 from dataclasses import dataclass, replace
@@ -32,27 +32,27 @@ from camopt.verifier.methods import INDEPENDENT, verdict_methods
 from camopt.verifier.record import VerificationRecord, accuracy_record, band_record, outside_sentence
 from camopt.verifier.spot_checks import (
     Verdicts,
-    at_every,
     can_spot_check,
     early_rejection,
     event_alone,
+    judge_all,
     spot_checked,
 )
 
 METHODS = ("event", "rkg", "tmm", "houbolt")
-"""Methods for a train whose laws are straight lines in pieces; of which event-exact is the first."""
+"""Methods for a train whose laws are piecewise linear; event-exact is the first."""
 NONLINEAR_METHODS = ("event", "rkg", "dop853")
-"""Methods for a train with laws of contacts or progressive springs, in whose place event-exact has chords."""
+"""Methods for a train with curved laws of contacts or progressive springs, which event-exact replaces by chords."""
 ROUNDS = 2
-"""How often the worst speeds of a band are judged: the judged metric of an erratic motion is not the sweep's."""
+"""Rounds in which the worst speeds of a band are judged: judged metrics of erratic motions differ from the sweep's."""
 TOLERANCES = Tolerances()
 ORDER = ("confirmed", "sensitive", "not converged", "rejected")
-"""From best to worst; the worst of all judged speeds is the verdict on the cam."""
+"""Verdicts from best to worst. The verdict on the cam is the worst verdict of all judged speeds."""
 
 
 @dataclass(frozen=True, repr=False)
 class Verdict:
-    """The verdict on a cam in a scene; `as_dict` is the contract's verification.json."""
+    """The verdict on a cam in a scene; `as_dict` gives the content of verification.json."""
 
     verdict: str
     broken: tuple[str, ...]
@@ -62,11 +62,11 @@ class Verdict:
     first_jump_rpm: float | None
     first_bounce_rpm: float | None
     tolerance_um: float
-    asked: str | float | None = None  # the accuracy by name or in micrometres, where there was one
-    scene: Scene | None = None  # what was judged, and which cam: for the figure alone
-    cam: str = "cam"
-    shape_says: str = ""  # how exactly a rounded table tells the shape; empty for other cams
-    outside: tuple[dict, ...] = ()  # entries of outside.json at the listed speeds, where another engine was run
+    asked: str | float | None = None  # the requested accuracy, by name or in micrometres
+    scene: Scene | None = None  # the judged scene, for the text and the figure
+    cam: str = "cam"  # the cam's family, for the figure
+    shape_says: str = ""  # how exactly a rounded table determines the shape; empty for other cams
+    outside: tuple[dict, ...] = ()  # entries of outside.json at the listed speeds, if another engine was run
 
     @property
     def accuracy(self) -> dict:
@@ -76,7 +76,7 @@ class Verdict:
     @property
     def reason(self) -> str:
         """Why the cam is not confirmed, as a sentence; empty for a confirmed one."""
-        if not all(one["agrees"] for one in self.outside):
+        if not all(entry["agrees"] for entry in self.outside):
             return outside_sentence(self.outside)
         if self.verdict == "confirmed":
             return ""
@@ -105,8 +105,8 @@ class Verdict:
         return display.html(self.as_dict())
 
     def as_dict(self) -> VerificationRecord:
-        """verification.json: NaN becomes null; `band` is null where no band was swept."""
-        speeds, worst = ([s.as_dict() for s in some] for some in (self.speeds, self.worst_in_band))
+        """The content of verification.json: NaN becomes null; `band` is null if no band was swept."""
+        speeds, worst = ([s.as_dict() for s in verdicts] for verdicts in (self.speeds, self.worst_in_band))
         requested_um = self.tolerance_um if self.asked is None or isinstance(self.asked, str) else float(self.asked)
         record = VerificationRecord(
             verdict=self.verdict,
@@ -134,39 +134,41 @@ def verdict_on(
 ) -> Verdict:
     """Judge a cam at `speeds_rpm` (crankshaft; the scene's by default) and over the scene's band.
 
-    `methods` are "event" or names of INDEPENDENT, by default the first two for the scene's laws; the first one's
-    metrics are reported and its neighbourhood is searched; an agreement needs two, so that a single method ends as "not
-    converged". `band_step_rpm` None leaves the band and the starting speeds out; they are swept with event-exact, also
-    at resonances between the steps, and all methods judge the worst speed of every limited metric and the starting
-    speeds inside the band. Bounce and jump "start" where they exceed the scene's limit, or 0.05 mm where it sets none.
-    `tolerances` say when a method has converged, and whether all of them judge every speed; the limited metrics are the
-    scene's. Without `to_the_end` a cam is rejected as soon as the verdict is known: all methods judge the one speed of
-    `speeds_rpm` where it is broken far beyond a limit, and the band is swept in steps of at least SEARCH_STEP_RPM, with
-    WANDERING_REVOLUTIONS at most to settle. With `progress` bars count the speeds that have been judged. Raises
-    InputError for a scene without valve or operation, or an unknown method.
+    `methods` are "event" or names of INDEPENDENT, by default the first two for the scene's laws. The metrics and the
+    neighbourhood are those of the first method. Agreement needs two methods: a single one ends as "not converged".
+
+    The band is swept with event-exact in steps of `band_step_rpm` and at resonances between them; then all methods
+    judge the worst speed of every limited metric, and the speeds inside the band at which bounce or jump starts to
+    exceed the scene's limit (0.05 mm if it sets none). With None there are no band and no starting speeds.
+
+    `tolerances` state when a method has converged and which speeds all methods judge; the limited metrics are the
+    scene's. Without `to_the_end` a rejection ends the work early: all methods judge only that speed of `speeds_rpm`
+    where a limit is exceeded most, and the band is swept in steps of at least SEARCH_STEP_RPM with at most
+    WANDERING_REVOLUTIONS to settle. With `progress`, progress bars count the judged speeds. Raises InputError for a
+    scene without valve, seat or operation, and for an unknown method.
     """
     if scene.operation is None or scene.seat is None:
         raise InputError(f"scene {scene.name!r}: a verdict needs valve, seat and [operation]")
-    methods = _known_methods(scene, methods)
+    methods = _valid_methods(scene, methods)
     tolerances = replace(tolerances, limited=limited_metrics(scene.design))
     many = _settled_metrics() if methods[0] == "event" and build_train(scene).straight else None
     case = Case(scene, lift, {name: method_named(name) for name in methods}, tolerances, many, progress)
-    few = can_spot_check(case) and not tolerances.everywhere
+    spot_check = can_spot_check(case) and tolerances.spot_checks
     listed = [float(s) for s in (scene.operation.speeds_rpm if speeds_rpm is None else speeds_rpm)]
-    at_speeds = _judged(case, listed, few, to_the_end)
+    at_speeds = _judged(case, listed, spot_check, to_the_end)
     band, worst, first = None, (), {"bounce_mm": None, "jump_mm": None}
     if band_step_rpm is not None:
         refined = to_the_end or all(s.verdict != "rejected" for s in at_speeds)
         step_rpm = band_step_rpm if refined else max(band_step_rpm, SEARCH_STEP_RPM)
-        swept, first, suspects = _swept_band(scene, lift, step_rpm, refined, coarsely=few)
-        band, worst = _judged_band(case, swept, suspects if refined else [], at_speeds, few)
-    if few:
+        swept, first, suspects = _swept_band(scene, lift, step_rpm, refined, coarsely=spot_check)
+        band, worst = _judged_band(case, swept, suspects if refined else [], at_speeds, spot_check)
+    if spot_check:
         checked = spot_checked(case, (*at_speeds, *worst))
-        at_speeds, worst = (tuple(checked.get(s.speed_rpm, s) for s in some) for some in (at_speeds, worst))
+        at_speeds, worst = (tuple(checked.get(s.speed_rpm, s) for s in verdicts) for verdicts in (at_speeds, worst))
     shape = broken_by_shape(lift, scene.design)
-    every = (*at_speeds, *worst)
-    broken = dict.fromkeys([*shape, *(name for s in every for name in s.broken)])
-    overall = max([*(s.verdict for s in every), "rejected" if shape else "confirmed"], key=ORDER.index)
+    all_speeds = (*at_speeds, *worst)
+    broken = dict.fromkeys([*shape, *(name for s in all_speeds for name in s.broken)])
+    overall = max([*(s.verdict for s in all_speeds), "rejected" if shape else "confirmed"], key=ORDER.index)
     return Verdict(
         overall,
         tuple(broken),
@@ -182,50 +184,50 @@ def verdict_on(
     )
 
 
-def _judged(case: Case, speeds_rpm: list[float], few: bool, to_the_end: bool) -> Verdicts:
-    """The verdicts at the crankshaft speeds [r/min] that are asked for; with `few`, of event-exact alone."""
-    if (to_the_end and not few) or not can_spot_check(case):
-        return at_every(judge_speed, case, speeds_rpm)
-    alone = at_every(event_alone, case, speeds_rpm)
+def _judged(case: Case, speeds_rpm: list[float], spot_check: bool, to_the_end: bool) -> Verdicts:
+    """The verdicts at the listed crankshaft speeds [r/min]; with `spot_check`, by event-exact alone."""
+    if (to_the_end and not spot_check) or not can_spot_check(case):
+        return judge_all(judge_speed, case, speeds_rpm)
+    alone = judge_all(event_alone, case, speeds_rpm)
     stopped = None if to_the_end else early_rejection(case, alone)
-    return stopped or (alone if few else at_every(judge_speed, case, speeds_rpm))
+    return stopped or (alone if spot_check else judge_all(judge_speed, case, speeds_rpm))
 
 
 def _judged_band(
-    case: Case, swept: Band, suspects: list[float], at_speeds: Verdicts, few: bool
+    case: Case, swept: Band, suspects: list[float], at_speeds: Verdicts, spot_check: bool
 ) -> tuple[Band, Verdicts]:
     """The band with the first method's metrics at all judged speeds, and the verdicts at its worst speeds [r/min].
 
-    All methods judge the `suspects` of the sweep, and then the speed that is the worst of a limited metric; event-exact
-    alone with `few`. Without suspects they judge none, and no speed is judged twice.
+    All methods, or event-exact alone with `spot_check`, judge the `suspects` of the sweep and then the speeds that have
+    become the worst ones of a limited metric. Without suspects no speed is judged, and no speed is judged twice.
     """
-    known, worst = {s.speed_rpm: s for s in at_speeds}, set()
-    band = swept.with_judged(case.first, {rpm: s.first.worst for rpm, s in known.items()})
+    by_speed, worst = {s.speed_rpm: s for s in at_speeds}, set()
+    band = swept.with_judged(case.first, {rpm: s.first.worst for rpm, s in by_speed.items()})
     for _ in range(ROUNDS if suspects else 0):
         worst |= {*suspects}
-        judged = at_every(event_alone if few else judge_speed, case, sorted(worst - known.keys()))
-        known |= {s.speed_rpm: s for s in judged}
-        band = swept.with_judged(case.first, {rpm: s.first.worst for rpm, s in known.items()})
+        judged = judge_all(event_alone if spot_check else judge_speed, case, sorted(worst - by_speed.keys()))
+        by_speed |= {s.speed_rpm: s for s in judged}
+        band = swept.with_judged(case.first, {rpm: s.first.worst for rpm, s in by_speed.items()})
         suspects = [band.worst(name)[0] for name in case.tolerances.limited]
-    return band, tuple(known[rpm] for rpm in sorted(worst))
+    return band, tuple(by_speed[rpm] for rpm in sorted(worst))
 
 
-def _known_methods(scene: Scene, methods: tuple[str, ...] | None) -> tuple[str, ...]:
-    """The methods of a verdict, by default the first two for the scene's laws; InputError for an unknown one."""
+def _valid_methods(scene: Scene, methods: tuple[str, ...] | None) -> tuple[str, ...]:
+    """The methods of a verdict, by default the first two for the scene's laws. Raises InputError for an unknown one."""
     names = methods_for(build_train(scene))[:2] if methods is None else methods
-    every = verdict_methods()
-    if not names or (unknown := [m for m in names if m not in every]):
-        raise InputError(f"methods {names}: give names out of {', '.join(every)}" + f"; not {unknown}" * bool(names))
+    valid = verdict_methods()
+    if not names or (unknown := [m for m in names if m not in valid]):
+        raise InputError(f"methods {names}: give names out of {', '.join(valid)}" + f"; not {unknown}" * bool(names))
     return names
 
 
 def _swept_band(
     scene: Scene, lift: Lift, step_rpm: float, refined: bool, *, coarsely: bool
 ) -> tuple[Band, dict[str, float | None], list[float]]:
-    """The swept band, where bounce and jump start, and the speeds [r/min] that all methods must judge.
+    """The swept band, the speeds at which bounce and jump start, and the speeds [r/min] that all methods must judge.
 
-    These are the worst speed of every limited metric, and a start that lies inside the band although the metric is
-    limited: the search for the starts may find a worse speed than the sweep.
+    The latter are the worst speed of every limited metric, and any start of a limited metric inside the band: the
+    search for the starts may find a worse speed than the sweep.
     """
     many = _settled_metrics() if refined else partial(_settled_metrics(), most=WANDERING_REVOLUTIONS)
     swept, limited = SpeedCache(many, scene, lift), limited_metrics(scene.design)
@@ -248,15 +250,15 @@ def methods_for(train: Train) -> tuple[str, ...]:
 
 
 def method_named(name: str) -> Prepare:
-    """The `prepare` of one of `verdict_methods`; event-exact is imported on tolerances."""
+    """The `prepare` of one of `verdict_methods`; its module is imported only here."""
     return event_exact if name == "event" else import_module(INDEPENDENT[name]).prepare
 
 
 def event_exact(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int) -> Revolve:
-    """Event-exact as a verdict runs it: where laws are curved, the number of chords grows with the root of the steps.
+    """Event-exact as a verdict uses it: for curved laws, the number of chords grows with the square root of the steps.
 
-    The error of their force falls with the square of their number, so that halving the step halves it, and the error
-    estimate includes it.
+    The force error of the chords falls with the square of their number. Halving the step therefore halves it, and the
+    error estimate from halving includes it.
     """
     from camopt.exact import engine
     from camopt.exact.affine.lines import with_chords
@@ -267,14 +269,14 @@ def event_exact(train: Train, lift: Lift, cam_speed: float, steps_per_revolution
 
 
 def chords_at(train: Train, cam_speed: float, steps_per_revolution: int) -> int:
-    """Number of chords that event-exact has in place of a curved law at so many steps."""
+    """Number of chords by which event-exact replaces a curved law at some steps per revolution."""
     from camopt.exact.affine.lines import CHORDS
 
     return round(CHORDS * max(1.0, steps_per_revolution / first_steps(train, cam_speed)) ** 0.5)
 
 
 def _settled_metrics() -> SettledMany:
-    """What measures many of event-exact's motions together; a curved law has its default chords there."""
+    """The function that measures many of event-exact's motions together; curved laws have the default chords there."""
     from camopt.exact.settled import settled_metrics
 
     return settled_metrics

@@ -61,7 +61,7 @@ def test_measured_revolutions_follow_each_other_in_a_trace_without_room_to_spare
     monkeypatch.setattr(stages, "figures", figures)
     rows = np.empty((1, len(NAMES)))
     motions = SimpleNamespace(
-        stage=np.array([PERIODIC]), state=np.zeros((1, 2)), lowest=rows, highest=rows.copy(), left=np.ones(1),
+        stage=np.array([PERIODIC]), state=np.zeros((1, 2)), lowest=rows, highest=rows.copy(), remaining=np.ones(1),
         within=np.zeros(1, dtype=int), most=np.zeros(1), revolutions=np.zeros(1), apart=np.zeros((1, 3)),
         turns=np.zeros(1, dtype=int),
     )  # fmt: skip
@@ -89,8 +89,8 @@ def test_the_way_that_is_left_is_counted_in_shares_of_the_tolerances(share, with
     """Twice the last change, of two positions, two velocities and a memory."""
     after, s = share * np.array([1e-6, 1e-6, 1e-3, 1e-3, 1e-6]), SimpleNamespace(train=SimpleNamespace(mass=np.ones(2)))
     plan = SimpleNamespace(position=1e-6, velocity=1e-3)
-    motions = SimpleNamespace(state=np.zeros((1, 5)), apart=np.zeros((1, 3)), left=[2.0], within=[3])
-    stages.note(s, plan, motions, 0, after)
+    motions = SimpleNamespace(state=np.zeros((1, 5)), apart=np.zeros((1, 3)), remaining=[2.0], within=[3])
+    stages.accept(s, plan, motions, 0, after)
     assert motions.apart[0, 2] == pytest.approx(share) and motions.within == [within]
 
 

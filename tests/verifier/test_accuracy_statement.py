@@ -111,7 +111,7 @@ class TestEffort:
 def test_the_bounce_delivered_is_within_what_was_asked():
     case, rest = from_rest("motori-1", 6500)
     found, true = (
-        StepRefinement(prepare, *case, rest, Tolerances(wanted_um, halvings, certain=True)).answer()
+        StepRefinement(prepare, *case, rest, Tolerances(wanted_um, halvings, reported=True)).answer()
         for prepare, wanted_um, halvings in ((rkg.prepare, 20.0, 6), (event_exact, 0.01, 3))
     )
     delivered_um = bounce_error_um(method_record(found))

@@ -62,8 +62,8 @@ def test_stands_after_two_halvings_that_change_nothing(answers):
     assert np.all(done.state == 3.0)  # each finer step went on from the coarser one's state
 
 
-@pytest.mark.parametrize(("certain", "spread"), [(False, (0.1, 0.3)), (True, (0.05, 0.4))])
-def test_the_range_of_a_wandering_motion_is_that_of_many_revolutions_where_it_is_stated(monkeypatch, certain, spread):
+@pytest.mark.parametrize(("reported", "spread"), [(False, (0.1, 0.3)), (True, (0.05, 0.4))])
+def test_the_range_of_a_wandering_motion_is_that_of_many_revolutions_where_it_is_stated(monkeypatch, reported, spread):
     """At the last step, from where it had come to; its doubt is then the width of the range."""
     ran = []
 
@@ -74,19 +74,19 @@ def test_the_range_of_a_wandering_motion_is_that_of_many_revolutions_where_it_is
         return SimpleNamespace(state=state, revolutions=40, periodic=False, faded=True, figures=figures)
 
     monkeypatch.setattr(module, "settle_and_measure", settled)
-    tolerances = Tolerances(2.0, 4, certain=certain)
+    tolerances = Tolerances(2.0, 4, reported=reported)
     start = np.zeros(2)
     done = StepRefinement(lambda train, lift, speed, steps: steps, SLOW, no_lift(), 1.0, start, tolerances).answer()
     assert done.converged and not done.periodic and done.range["bounce_mm"] == spread
     assert done.doubt("bounce_mm") == done.error["bounce_mm"] + spread[1] - spread[0]
-    assert certain == (ran[-1] == (done.steps_per_revolution, 0, RANGED))
+    assert reported == (ran[-1] == (done.steps_per_revolution, 0, RANGED))
 
 
 def test_the_range_of_a_wandering_motion_is_the_same_with_samples_and_without(monkeypatch):
     """To a tenth of its width, since both follow a motion that multiplies their roundings. Ranges of 40 revolutions
     differ by an eighth on some processors, those of 160 by a hundredth."""
     monkeypatch.setattr(module, "RANGED", 160)
-    (case, rest), tolerances = from_rest("kodama", 5800.0), Tolerances(5.0, 1, stands=1, certain=True)
+    (case, rest), tolerances = from_rest("kodama", 5800.0), Tolerances(5.0, 1, unchanged_halvings=1, reported=True)
     both = (None, settled_metrics)
     sampled, without = (StepRefinement(prepare, *case, rest, tolerances, many).answer() for many in both)
     assert not sampled.periodic and not np.array_equal([*without.range.values()], [*sampled.range.values()])

@@ -86,13 +86,13 @@ def test_rest_is_found_where_a_full_step_of_newton_would_go_to_and_fro():
 
 @needs_exudyn
 def test_a_valve_closes_nominally_where_the_lift_falls_to_what_has_leaked_since_the_opening_foot():
-    from camopt.verifier.outside.figures import _closed
+    from camopt.verifier.outside.figures import _closing
 
     cam = filed.FiledCam(np.array([-np.pi, -1.0, 1.0]), np.array([[0.0], [1.0], [0.0]]), 2.0)
     angle = np.linspace(-np.pi, 3 * np.pi, 4001)
     leaked = 0.1 * np.clip(angle + 1.0, 0.0, 2.0)  # 0.2 m: the lift falls to that at 0.8 rad, 0.7 m above the seat
     record = np.stack([angle, 1.5 - np.abs(angle), 1.0 - np.abs(angle), leaked])
-    assert _closed(cam, 0.0, record, 1.0)[0] == pytest.approx(700.0, abs=1.0)
+    assert _closing(cam, 0.0, record, 1.0)[0] == pytest.approx(700.0, abs=1.0)
 
 
 def test_the_lift_is_that_of_the_cam(tmp_path):
@@ -134,7 +134,7 @@ def test_without_exudyn_one_sentence_says_what_to_install(monkeypatch):
 
 @needs_exudyn
 def test_a_judge_without_an_answer_is_not_waited_for(monkeypatch):
-    monkeypatch.setattr(side, "PATIENCE_S", 0.01)
+    monkeypatch.setattr(side, "TIMEOUT_S", 0.01)
     scene = load_scene("motori-1")
     with pytest.raises(InputError, match=r"has no answer after 0.01 s: ask for fewer speeds"):
         side.outside_motions(scene, camopt.polydyne(scene), [5000.0])

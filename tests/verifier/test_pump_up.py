@@ -69,7 +69,7 @@ def test_an_early_rejection_names_no_missing_seat_that_one_method_alone_finds(mo
     near = [figures_of(flies)]
     for other, broken in ((flies, ("never seats at 8200 r/min",)), (seats, None)):
         monkeypatch.setattr(at_speed, "StepRefinement", lambda *_, o=other: SimpleNamespace(answer=lambda steps: o))
-        found = at_speed.plainly_broken(case, 8200.0, flies, near)
+        found = at_speed.one_step_rejection(case, 8200.0, flies, near)
         assert (found and found.broken) == broken
 
 

@@ -116,6 +116,6 @@ def test_a_lightly_damped_motion_is_run_until_it_stands():
 def test_a_motion_that_had_no_time_to_settle_is_not_converged():
     """An undamped coil: the transient of the start never dies out, so no figure is the settled motion's."""
     scene = coil_scene(damping_ratio=0.0, **BOUNCE_ALONE)
-    for tolerances in (Tolerances(halvings=2), Tolerances(halvings=2, everywhere=False, stands=1)):
+    for tolerances in (Tolerances(halvings=2), Tolerances(halvings=2, unchanged_halvings=1, spot_checks=True)):
         result = verdict_on(scene, polydyne(scene), (6065.0,), band_step_rpm=None, tolerances=tolerances)
         assert result.verdict == "not converged"

@@ -49,7 +49,7 @@ def test_the_statement_says_where(draft):
 
 
 def test_a_draft_s_figures_are_those_of_all_methods_within_its_error(draft, cam):
-    full = verdict_on(SCENE, cam, SPEEDS[1:2], BOTH, None, replace(DRAFT, everywhere=True, stands=2))
+    full = verdict_on(SCENE, cam, SPEEDS[1:2], BOTH, None, replace(DRAFT, unchanged_halvings=2, spot_checks=False))
     for name in ("bounce_mm", "jump_mm", "contact_force_max_N"):
         one, other = draft.speeds[1].methods["event"], full.speeds[0].methods["event"]
         assert one.worst[name] == pytest.approx(other.worst[name], abs=one.error[name] + other.error[name])
@@ -57,7 +57,7 @@ def test_a_draft_s_figures_are_those_of_all_methods_within_its_error(draft, cam)
 
 def test_a_rejected_baseline_is_rejected_at_its_worst_speed_alone(cam):
     speeds = (4000.0, 6000.0, 7000.0)
-    found = verdict_on(SCENE, cam, speeds, BOTH, None, replace(DRAFT, everywhere=True), False)
+    found = verdict_on(SCENE, cam, speeds, BOTH, None, replace(DRAFT, spot_checks=False), False)
     assert found.verdict == "rejected" and "bounce_max_mm at 7000 r/min" in found.broken
     assert sorted(s.decided_after for s in found.speeds) == sorted([ALONE, ALONE, ONE_STEP])
 
@@ -129,7 +129,7 @@ def test_bars_count_the_speeds_that_are_judged(cam, monkeypatch):
 def test_only_a_rejection_by_all_methods_spares_the_other_speeds(monkeypatch, said):
     first, judged = SimpleNamespace(worst={}, error={}), SimpleNamespace(verdict=said)
     monkeypatch.setattr(spot_checks, "violates_by_margin", lambda *_: True)
-    monkeypatch.setattr(spot_checks, "_excess", lambda *_: 0.0)
+    monkeypatch.setattr(spot_checks, "_largest_usage", lambda *_: 0.0)
     monkeypatch.setattr(spot_checks, "with_all_methods", lambda *_: judged)
     alone = (SimpleNamespace(decided_after=ALONE, first=first),)
     found = spot_checks.early_rejection(SimpleNamespace(scene=SCENE), alone)
@@ -140,7 +140,7 @@ def test_only_a_rejection_by_all_methods_spares_the_other_speeds(monkeypatch, sa
     ("said", "after", "none"), [("rejected", HALVED, True), ("rejected", ALONE, False), ("sensitive", HALVED, False)]
 )
 def test_all_methods_judge_no_other_speed_only_where_they_have_rejected_one(monkeypatch, said, after, none):
-    monkeypatch.setattr(spot_checks, "at_every", lambda judge, case, speeds: [one])
+    monkeypatch.setattr(spot_checks, "judge_all", lambda judge, case, speeds: [one])
     one = SimpleNamespace(verdict=said, decided_after=after, speed_rpm=1.0, ranges={"contact_force_max_N": (0.0, 1.0)})
     case = SimpleNamespace(tolerances=SimpleNamespace(limited=()))
     assert spot_checks.spot_checked(case, (one,)) == ({} if none else {1.0: one})

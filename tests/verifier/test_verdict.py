@@ -247,8 +247,8 @@ def test_the_stated_method_alone_goes_on_until_its_bounce_is_certain(monkeypatch
     asked, refinement = {}, at_speed.Case.refinement
 
     def noted(case, method, speed_rpm, **changed):
-        if "certain" in changed:
-            asked[method] = changed["certain"]
+        if "reported" in changed:
+            asked[method] = changed["reported"]
         return refinement(case, method, speed_rpm, **changed)
 
     monkeypatch.setattr(at_speed.Case, "refinement", noted)

@@ -1,5 +1,5 @@
-"""The exact gradient: traced motions, their metrics with cotangents, and the sweep back over a trace.
+"""The exact gradient: traced motions, their metrics with cotangents, and the backward sweep over a trace.
 
-A cotangent of a quantity is the derivative of the final number by that quantity; the sweep carries cotangents from the
-end of a motion back to its start.
+A cotangent of a quantity is the derivative of the final number with respect to that quantity; the sweep propagates
+cotangents from the end of a motion back to its start.
 """

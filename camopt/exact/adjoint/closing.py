@@ -1,4 +1,4 @@
-"""How the valve comes down in a revolution of a traced motion: touch, nominal closing, bounce window."""
+"""Closing of the valve in a revolution of a traced motion: touch, nominal closing, bounce window."""
 
 import numpy as np
 
@@ -10,12 +10,12 @@ from camopt.exact.kernel.tables import SEPARATED, TERMS
 from camopt.programs import inner, njit_no_refcount
 
 SAME_ANGLE = 1e-9
-"""Angle [rad] within which a segment begins at the opening foot."""
+"""Largest angle [rad] between the opening foot and the start of the segment that begins there."""
 
 
 @njit_no_refcount
 def closes(s, trace, k, e):
-    """Whether segment k ends where contact e closes."""
+    """Whether segment k ends with the closing of contact e."""
     slot, watch = trace.slot[k], trace.watch[k]
     return watch >= 0 and s.tables.element[slot, watch] == e and s.tables.states[slot, e] == SEPARATED
 
@@ -31,14 +31,13 @@ def seat_distance(s, y):
 
 @njit_no_refcount
 def next_foot(s, turn):
-    """The angle [rad] at which the valve opens again after a revolution, where its bounce window ends."""
+    """The opening foot [rad] of the next revolution, where the bounce window of revolution `turn` ends."""
     return 2 * np.pi * (turn + 1) + s.opening_foot
 
 
 @njit_no_refcount
 def touch(s, trace, turn):
-    """(the segment that ends with the touch of a revolution, -1 for no touch by the next opening foot; whether the
-    valve opened)."""
+    """(segment that ends with the touch of a revolution, -1 for none by the next foot; whether the valve opened)."""
     top, peak, e, states = 0.0, -1, s.train.seat, s.tables.states
     for k in range(len(trace.length)):
         if abs(trace.angle[k] - 2 * np.pi * turn) <= np.pi and states[trace.slot[k], e] == SEPARATED:
@@ -57,8 +56,8 @@ def touch(s, trace, turn):
 
 @njit_no_refcount
 def leaked(s, trace, turn, touched):
-    """(by how much [m] the adjusters between cam and valve are shorter at the touch, which ends segment `touched`, than
-    at the opening foot of that revolution, and never below zero; the segment that begins there)."""
+    """(length [m], at least zero, that the adjusters between cam and valve have lost from the opening foot of a
+    revolution to its touch, which ends segment `touched`; the segment that begins at the foot)."""
     foot = 0
     while foot < touched and trace.angle[foot] < 2 * np.pi * turn + s.opening_foot - SAME_ANGLE:
         foot += 1
@@ -71,7 +70,7 @@ def leaked(s, trace, turn, touched):
 @inner
 def nominal_closing(s, trace, turn, touched):
     """(segment, length [steps]) where the lift of a revolution, whose touch ends segment `touched`, falls for the last
-    time to the lash and what the adjusters have leaked; -1 for never."""
+    time to the lash plus the length that the adjusters have lost; the segment is -1 if there is none."""
     lash, at, q, w = leaked(s, trace, turn, touched)[0], s.tables.sizes.state, s.tables.sizes.lift, np.zeros(TERMS + 1)
     for e in s.train.cam_side:
         lash += s.train.gap[e]
@@ -93,7 +92,7 @@ def nominal_closing(s, trace, turn, touched):
 
 @inner
 def closed_window(s, trace, turn):
-    """The window in which bounce and impacts are sought, in a revolution.
+    """The window of a revolution in which bounce and impacts are evaluated.
 
     Returns (segment of the touch, whether the valve opened, start [rad], end [rad], segment of the nominal closing if
     the window starts there and -1 otherwise, its length [steps]).
@@ -111,10 +110,10 @@ def closed_window(s, trace, turn):
 
 @inner
 def seed_nominal(s, trace, seeds, k, length, slope):
-    """Adds the cotangents of a value at the nominal closing through the time of that closing.
+    """Add the cotangents of a value at the nominal closing through the time of that closing.
 
-    The value changes by `slope` per second; the time solves lift(time) = lash, the sum of the gaps and of what the
-    adjusters have leaked. Returns the cotangent of this lash.
+    The value changes by `slope` per second. The time solves lift(time) = lash, where the lash is the sum of the gaps
+    and of the length that the adjusters have lost. Returns the cotangent of this lash.
     """
     at = s.tables.sizes.state
     rate = state_at(s, trace, k, length)[at + 1] / s.step
@@ -127,7 +126,7 @@ def seed_nominal(s, trace, seeds, k, length, slope):
 
 @inner
 def seed_leaked(s, trace, seeds, turn, touched, weight):
-    """Adds the cotangents of weight * (what the adjusters have leaked at the touch, which ends segment `touched`)."""
+    """Add the cotangents of weight * (length lost by the adjusters up to the touch, which ends segment `touched`)."""
     total, foot = leaked(s, trace, turn, touched)
     if total == 0.0:
         return

@@ -11,7 +11,7 @@ from camopt.programs import inner, njit_no_refcount
 
 @njit_no_refcount
 def distance_integral(s, trace, k, w, there):
-    """Integral of the seat's distance over segment k [m steps], in which the seat must be apart."""
+    """Integral of the seat's distance over segment k [m steps], in which the seat contact must be separated."""
     slot, length, y = trace.slot[k], trace.length[k], trace.y[k]
     step = min(int(length), s.tables.integral.shape[1] - 1)
     row = s.tables.integral[slot, step]
@@ -30,7 +30,7 @@ def distance_integral(s, trace, k, w, there):
 
 @inner
 def seed_integral(s, trace, seeds, k, weight):
-    """Adds the cotangents of weight times the integral of the seat's distance over segment k [m steps]."""
+    """Add the cotangents of weight times the integral of the seat's distance over segment k [m steps]."""
     weight *= seeds.weight[0]
     seeds.integral[k] += weight
     touch_back(s.train, s.train.seat, weight * trace.length[k], seeds)
@@ -38,7 +38,7 @@ def seed_integral(s, trace, seeds, k, weight):
 
 @inner(fastmath={"contract", "reassoc"})
 def integral_back(s, slot, length, weight, out):
-    """Adds to out (c - 1) the cotangent of y by weight times the integral over the next `length` steps."""
+    """Add to out (c - 1) the cotangent of y of weight times the integral over the next `length` steps."""
     stiffness, watch = touch_line(s.train, s.train.seat)[1], watch_of(s, slot, s.train.seat)
     steps, series, columns = s.tables.steps[slot], s.tables.series[slot, watch], len(out)
     whole = min(int(length), len(steps) - 1)

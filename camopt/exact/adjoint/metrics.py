@@ -1,10 +1,10 @@
-"""The metrics of a traced motion (docs/model.md), each with its cotangents, taken at exact instants and not at samples.
+"""The metrics of a traced motion (docs/model.md) with their cotangents, at exact instants instead of samples.
 
-Names and definitions are those of `camopt.scene.quantities`. A window that runs past the end of the trace ends with
-it. Where the valve opens but never touches its seat again, the metrics of the closing are NaN and have no cotangents.
-Without seeds (None) there are values alone: numba leaves the cotangents out of such a program.
+Names and definitions are those of `camopt.scene.quantities`. A window that would extend beyond the trace ends with it.
+If the valve opens but never touches its seat again, the metrics of the closing are NaN and have no cotangents. Without
+seeds (None) only values are computed: numba omits the code for the cotangents.
 
-A motion grazes where a contact only just touches, or only just fails to: there its gradient is one-sided.
+A motion is grazing if a contact only just touches, or only just fails to; its gradient is then one-sided.
 """
 
 import numpy as np
@@ -28,10 +28,10 @@ METRICS = (
     "impact_velocity_m_per_s",
     "dynamic_area_mm_deg",
 )
-"""Names of the metrics, in the order of the numbers that `measure` takes."""
+"""Names of the metrics, in the order of their numbers in `measure`."""
 NONE = -np.inf
 TIED = 1e-12
-"""A value and its runner-up within this relative difference are one but for rounding, which decides between them."""
+"""Relative difference of a value and its runner-up up to which only rounding decides between them."""
 
 
 @inner
@@ -59,7 +59,7 @@ def bounce(s, trace, seeds, turn):
         return (np.nan if opened else 0.0), NONE
     value, k, length, slope, second = largest(s, trace, s.train.seat, SEPARATED, 1.0, start, end)
     at_start = k >= 0 and abs(trace.angle[k] + length * s.cam.speed * s.step - start) < 1e-12
-    if k < 0 or value <= 0.0 or (at_start and nominal < 0):  # at the touch the distance is zero but for rounding
+    if k < 0 or value <= 0.0 or (at_start and nominal < 0):  # at the touch the distance is zero except for rounding
         return 0.0, NONE
     unit = 1.0 / (touch_line(s.train, s.train.seat)[1] * MM)  # the watch of an open contact is slope times separation
     if seeds is not None:
@@ -74,7 +74,7 @@ def bounce(s, trace, seeds, turn):
 
 @njit_no_refcount
 def event(s, turn):
-    """Angles [rad] between which the contacts between cam and valve are judged: half the duration about the nose."""
+    """Angles [rad] between which jump and contact forces are evaluated: half the duration before and after the nose."""
     return 2 * np.pi * turn - s.half_duration, 2 * np.pi * turn + s.half_duration
 
 
@@ -97,7 +97,7 @@ def jump_height(s, trace, seeds, turn):
 
 @inner
 def contact_force(s, trace, seeds, turn, sign):
-    """The largest (sign 1) or smallest (sign -1) contact force [N]; a contact that does not push has the force zero."""
+    """The largest (sign 1) or smallest (sign -1) contact force [N]; the force of an open contact is zero."""
     best, where, at, slope, contact, second = NONE, -1, 0.0, 0.0, -1, NONE
     low, high = event(s, turn)
     for e in s.train.cam_side:
@@ -141,7 +141,7 @@ def jump_angle(s, trace, seeds, turn):
 
 @inner
 def seed_speed(s, trace, seeds, k):
-    """The speed [m/s] at which the valve falls onto its seat at the end of segment k, with its cotangents."""
+    """The speed [m/s] with which the valve reaches its seat at the end of segment k, with its cotangents."""
     n, y = len(s.train.mass), trace.y[k + 1]
     if seeds is not None:
         observe(seeds, k, trace.length[k])[n + s.train.valve] -= seeds.weight[0]
@@ -174,7 +174,7 @@ def impact_velocity(s, trace, seeds, turn):
 
 @inner
 def dynamic_area(s, trace, seeds, turn):
-    """Integral of the valve's distance from its seat touch over the time at which it is open [mm deg]."""
+    """Integral of the valve's distance from its seat over the cam angle while it is open [mm deg]."""
     total, unit = 0.0, s.cam.speed * s.step / (MM * DEG)
     w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
     for k in range(len(trace.length)):
@@ -188,10 +188,10 @@ def dynamic_area(s, trace, seeds, turn):
 
 @compiled
 def evaluate(s, trace, seeds, metrics, weights, turn, values):
-    """Fills values (l, 2: value, runner-up) of the metrics of a revolution.
+    """Fill values (l, 2: value, runner-up) of the metrics of a revolution.
 
-    `seeds` then holds the cotangents of the sum of the values, each times its weight. They are NaN where a value and
-    its runner-up are TIED: at such a kink there is no gradient.
+    `seeds` then holds the cotangents of the weighted sum of the values. They are NaN if a value and its runner-up are
+    TIED: there the metric has a kink and no gradient.
     """
     last = len(trace.length) - 1
     clear(seeds, last + 1)
@@ -205,9 +205,9 @@ def evaluate(s, trace, seeds, metrics, weights, turn, values):
 
 @compiled
 def closings_margin(s, trace):
-    """(slowest closing of a damped contact [m/s], smallest separation at which one turned back [m]).
+    """(slowest closing of a damped contact [m/s], smallest local minimum of the separation of an open one [m]).
 
-    Each is infinite where nothing of the kind happens.
+    Each is infinite if there is none.
     """
     approach, gap = np.inf, np.inf
     train = s.train
@@ -225,7 +225,7 @@ def closings_margin(s, trace):
 
 @compiled
 def sample(s, trace, segments, lengths, rows):
-    """Fills rows (m, 2n + r + 2 + e) with x, v, z, lift, lift velocity and the elements' forces at m instants."""
+    """Fill rows (m, 2n + r + 2 + e) with x, v, z, lift, lift velocity and the elements' forces at m instants."""
     at = s.tables.sizes.state
     for i in range(len(segments)):
         y = state_at(s, trace, segments[i], lengths[i])
@@ -236,7 +236,7 @@ def sample(s, trace, segments, lengths, rows):
 
 @compiled
 def collect(s, trace, seeds, segments, lengths, bar):
-    """Fills `seeds` with the cotangents bar (m, 2n + r + 2 + e) of the rows that `sample` fills."""
+    """Fill `seeds` from the cotangents bar (m, 2n + r + 2 + e) of the rows of `sample`."""
     begin = s.tables.sizes.state + 2
     clear(seeds, len(trace.length))
     for i in range(len(bar)):

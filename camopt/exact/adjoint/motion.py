@@ -1,4 +1,4 @@
-"""A traced motion: event-exact revolutions that are kept, so that numbers taken from them can be differentiated."""
+"""A traced motion: recorded event-exact revolutions, whose metrics can be differentiated."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -24,30 +24,30 @@ from camopt.scene.shapes import Float, State
 from camopt.scene.train import Train
 
 OBSERVATIONS = 5
-"""Instants that one metric looks at, at most, and one more where it has no gradient."""
+"""Largest number of observations of one metric, including the one that is added where it has no gradient."""
 WINDOW_STEP = 1e-6
-"""Step of the difference by half the duration [rad]: curvature and rounding leave less than 1e-8 of a metric."""
+"""Step [rad] of the central difference by half the duration: its errors are less than 1e-8 of a metric."""
 
 
 @dataclass(frozen=True)
 class Grazing:
-    """How far the motion is from one in which a damped contact closes once more or once less.
+    """Distance of the motion from one in which a damped contact closes once more or once less.
 
-    At such a motion a gradient is one-sided. Both distances are infinite where no damped contact comes near.
+    At such a motion a gradient is one-sided. A distance is infinite if there is no such closing or separation.
     """
 
     approach_m_per_s: float  # speed of the slowest closing
-    gap_m: float  # smallest separation at which an open contact turned back
+    gap_m: float  # smallest local minimum of an open contact's separation
 
 
 @dataclass(frozen=True)
 class Gradient(Slopes):
-    """Values (l) of metrics in the units of their names, and their gradients by SI quantities.
+    """Values (l) of metrics in the units of their names, and their gradients with respect to SI quantities.
 
-    Many metrics are extremes, and `runner_up` (l) says how near the next candidate is: the next highest crest within a
-    thousandth of the extreme (for a smallest force the next lowest), or the extreme at the next contact or closing.
-    Where there is none it is -inf (for a smallest force inf). Where value and runner-up are equal but for rounding,
-    there is no gradient, and it is NaN throughout.
+    Many metrics are extremes, and `runner_up` (l) is the next candidate: the next highest maximum within a thousandth
+    of the extreme (for a smallest force the next lowest minimum), or the extreme of the next contact or closing. It is
+    -inf (for a smallest force inf) if there is none. If value and runner-up are equal except for rounding, there is no
+    gradient, and all its entries are NaN.
     """
 
     metrics: tuple[str, ...]
@@ -59,7 +59,7 @@ class Gradient(Slopes):
 
 @dataclass(frozen=True)
 class Samples:
-    """A motion at m angles, at one of them, or l cotangents of one, each with that shape."""
+    """A motion at the angles *m: m angles, a single one (no axis), or m angles of l cotangents (two axes)."""
 
     x: Float[np.ndarray, " *m n"]  # m
     v: Float[np.ndarray, " *m n"]  # m/s
@@ -70,7 +70,7 @@ class Samples:
 
 
 class TracedMotion:
-    """Event-exact revolutions from a state at -pi, kept so that numbers taken from them can be differentiated."""
+    """Recorded event-exact revolutions from a state at -pi, whose metrics and samples can be differentiated."""
 
     def __init__(
         self,
@@ -82,12 +82,12 @@ class TracedMotion:
         mechanical: bool = False,
         spacing: float | None = None,
     ):
-        """Runs the motion from `start` ([m], [m/s], [m]) at -pi; `cam_speed` is in rad/s.
+        """Simulate the motion from `start` ([m], [m/s], [m]) at -pi; `cam_speed` is in rad/s.
 
-        With `mechanical` there are gradients by the train's parameters too. `spacing` [rad] is the distance between the
-        borders of most pieces of the lift: where it is given, each speed gets tables of its own whose spans end on the
-        borders, which pays for many cams with the same borders at a few speeds. Raises MotionRefused for endless
-        switching or a motion without bound.
+        With `mechanical` there are gradients with respect to the train's parameters too. `spacing` [rad] is the
+        distance between the borders of most pieces of the lift. If it is given, each speed has its own tables, whose
+        spans end on the borders, which is worthwhile for many cams with the same borders at a few speeds. Raises
+        MotionRefused for too many switchings or an unbounded motion.
         """
         self.train, self.lift, self.cam_speed, self.mechanical = train, lift, cam_speed, mechanical
         self.inputs = Inputs(train.forcing, lift.borders)
@@ -98,15 +98,15 @@ class TracedMotion:
         self.end = np.array(start, dtype=float)
         with propagators(train, step, lift.coefficients.shape[1], at_once).lent() as lent:
             self.setting, trace = run(lent, cam, lift, self.end, revolutions)
-            self.trace = Trace(*(part.copy() for part in trace))
+            self.trace = Trace(*(array.copy() for array in trace))
 
     def gradient(
         self, metrics: Sequence[str], revolution: int = 0, cotangent: Float[np.ndarray, " l"] | None = None
     ) -> Gradient:
-        """Values (l) and gradients of metrics in a revolution, with one sweep for each metric.
+        """Values (l) and gradients of metrics in a revolution, with one backward sweep for each metric.
 
-        Where a `cotangent` (l) of the values is given, one sweep gives the gradient of their weighted sum, and the
-        first axis of the gradients has length 1. Raises InputError for an unknown metric.
+        With a `cotangent` (l) of the values, a single sweep gives the gradient of their weighted sum, and the first
+        axis of the gradients has length 1. Raises InputError for an unknown metric.
         """
         values, slopes = self.swept(metrics, revolution, cotangent)
         grazing = Grazing(*map(float, closings_margin(self.setting, self.trace)))
@@ -122,21 +122,21 @@ class TracedMotion:
     def swept(
         self, metrics: Sequence[str], revolution: int = 0, cotangent: Float[np.ndarray, " l"] | None = None
     ) -> tuple[Float[np.ndarray, "l 2"], Slopes]:
-        """(values and runners-up, gradients) as `gradient` gives them, without the distance to grazing."""
+        """(values and runners-up, gradients) like `gradient`, without the distance to grazing."""
         numbers, values = metric_numbers(self.train, metrics), np.empty((len(metrics), 2))
         weights = np.ones(len(metrics)) if cotangent is None else np.asarray(cotangent, dtype=float)
         together = [slice(i, i + 1) for i in range(len(metrics))] if cotangent is None else [slice(None)]
         room, seeds = self._room(len(together)), self._seeds(OBSERVATIONS * len(metrics))
         for j, rows in enumerate(together):
             evaluate(self.setting, self.trace, seeds, numbers[rows], weights[rows], revolution, values[rows])
-            sweep(self.setting, self.trace, seeds, Bars(*(part[j] for part in room)))
+            sweep(self.setting, self.trace, seeds, Bars(*(array[j] for array in room)))
         return values, self._slopes(room)
 
     def values(
         self, metrics: Sequence[str], revolution: int = 0, half_duration: float | None = None
     ) -> Float[np.ndarray, " l"]:
-        """Values of metrics in a revolution; contacts are judged within `half_duration` [rad] of the nose, by default
-        the cam's. Raises InputError for an unknown metric."""
+        """Values of metrics in a revolution. Contacts between cam and valve are evaluated within `half_duration` [rad]
+        of the nose, by default that of the cam. Raises InputError for an unknown metric."""
         setting = self.setting if half_duration is None else self.setting._replace(half_duration=half_duration)
         numbers, values = metric_numbers(self.train, metrics), np.empty((len(metrics), 2))
         seeds = self._seeds(OBSERVATIONS * len(metrics))
@@ -144,17 +144,16 @@ class TracedMotion:
         return values[:, 0]
 
     def by_half_duration(self, metrics: Sequence[str], revolution: int = 0) -> Float[np.ndarray, " l"]:
-        """Gradients [unit per rad] of metrics by half the duration, between whose ends contacts are judged.
+        """Derivatives [unit per rad] of metrics with respect to half the duration, within which contacts are evaluated.
 
-        The motion does not change with it: a central difference of the metrics of this same trace, whose instants are
-        located to round-off.
+        The motion does not depend on it: a central difference of the metrics of this trace suffices.
         """
         half = float(self.lift.half_duration)
         long, short = (self.values(metrics, revolution, half + step) for step in (WINDOW_STEP, -WINDOW_STEP))
         return (long - short) / (2 * WINDOW_STEP)
 
     def at(self, angles: Float[np.ndarray, " m"]) -> Samples:
-        """The motion at m angles [rad], the trace starting at -pi; where a force jumps, its value before the jump."""
+        """The motion at m angles [rad] of the trace, which starts at -pi; at a force jump, the force before it."""
         n, at = len(self.train.mass), self.train.state_size
         rows = np.empty((len(angles), at + 2 + len(self.train.a)))
         sample(self.setting, self.trace, *self._instants(angles), rows)
@@ -167,9 +166,9 @@ class TracedMotion:
         bars: Samples | None = None,
         ends: Float[np.ndarray, "l state"] | None = None,
     ) -> Slopes:
-        """Gradients of l numbers from their cotangents, with one sweep for each number.
+        """Gradients of l numbers from their cotangents, with one backward sweep for each number.
 
-        `bars` are the cotangents of what `at` gives at the m angles [rad], each array with a first axis l; `ends`
+        `bars` are the cotangents of the result of `at` at the m angles [rad], each array with a first axis l; `ends`
         are those of the end state. The angles are held fixed.
         """
         e = len(self.train.a)
@@ -184,7 +183,7 @@ class TracedMotion:
             room.start[:] = ends
         for j in range(count):
             collect(self.setting, self.trace, seeds, *instants, packed[j])
-            sweep(self.setting, self.trace, seeds, Bars(*(part[j] for part in room)))
+            sweep(self.setting, self.trace, seeds, Bars(*(array[j] for array in room)))
         return self._slopes(room)
 
     def _instants(self, angles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -208,7 +207,7 @@ class TracedMotion:
 
 
 def metric_numbers(train: Train, metrics: Sequence[str]) -> np.ndarray:
-    """The numbers by which `measure` knows the metrics of these names.
+    """The numbers of these metrics in `measure`.
 
     Raises InputError for an unknown metric or a train without valve, seat or contact between cam and valve.
     """
@@ -233,14 +232,15 @@ def value_and_gradient(
     mechanical: bool = False,
     spacing: float | None = None,
 ) -> Gradient:
-    """Values of metrics (l) in one revolution of an event-exact motion and their gradients.
+    """Values of metrics (l) in one revolution of an event-exact motion, and their gradients.
 
-    The motion runs `revolutions` from the state `start` ([m], [m/s], [m]) at -pi, which is held fixed. Without a
-    start it runs from rest, and gradients by the train then include how the rest position depends on the train. With
-    a `cotangent` of the values only their weighted sum is differentiated, in one sweep. With `mechanical` there
-    are gradients by the train's parameters too. `spacing` [rad] has the meaning that it has for `TracedMotion`.
+    The motion has a number of `revolutions` and begins in the state `start` ([m], [m/s], [m]) at -pi, which is held
+    fixed. Without a start it begins at rest, and the gradients with respect to the train then include the dependence of
+    the rest position on the train. With a `cotangent` of the values only their weighted sum is differentiated, in one
+    backward sweep. With `mechanical` there are gradients with respect to the train's parameters too. `spacing` [rad]
+    has the meaning that it has for `TracedMotion`.
 
-    Raises MotionRefused for endless switching or a motion without bound, InputError for an unknown metric.
+    Raises MotionRefused for too many switchings or an unbounded motion, InputError for an unknown metric.
     """
     at = rest_of(train) if start is None else start
     motion = TracedMotion(train, lift, cam_speed, at, revolutions, mechanical, spacing)
@@ -251,11 +251,10 @@ def value_and_gradient(
 
 
 def rest_back(train: Train, by_start: Float[np.ndarray, "l state"]) -> ByTrain:
-    """Gradients by the train, through the state at rest, of l numbers of a motion that starts from rest.
+    """Gradients with respect to the train, through the state at rest, of l numbers of a motion that starts from rest.
 
-    `by_start` are their gradients by the start state. At rest the forces of all elements without memory balance, and a
-    memory is its element's compression. The pieces that hold are taken as fixed, which is right unless one of them only
-    just holds.
+    `by_start` are their gradients with respect to the start state. At rest the forces of all elements without memory
+    balance, and a memory is its element's compression. The pieces are fixed, which is wrong if one only just holds.
     """
     arrays, state, n = train_arrays(train), rest_of(train), len(train.mass)
     status = np.empty(len(train.a), dtype=np.int64)

@@ -1,6 +1,6 @@
-"""Derivatives (cotangents) of one number by a traced motion: by states at instants, by switching times, by parameters.
+"""Cotangents of one number of a traced motion, with respect to states at instants, switching times and parameters.
 
-The metrics collect them here one by one; the sweep of `camopt.exact.adjoint.sweep` then carries them to the start.
+The metrics add them here one by one; the sweep of `camopt.exact.adjoint.sweep` then propagates them to the start.
 """
 
 from typing import NamedTuple
@@ -17,7 +17,7 @@ from camopt.programs import inner, njit_no_refcount, pass_by_pointer
 class Seeds(NamedTuple):
     """Cotangents of one number. An observation is an instant at which the number depends on the state.
 
-    The observations of a segment form a chain that begins at `head` and goes on through `following`.
+    The observations of a segment form a linked list that begins at `head` and continues through `following`.
     """
 
     used: np.ndarray  # (1) number of observations
@@ -25,11 +25,11 @@ class Seeds(NamedTuple):
     head: np.ndarray  # (k) first observation of each segment, -1 for none
     following: np.ndarray  # (m) next observation of the same segment, -1 for none
     length: np.ndarray  # (m) steps from the segment's start
-    bar: np.ndarray  # (m, 2n + r + 2): by x, v, z, lift, lift velocity [SI] there, at a fixed time
-    time: np.ndarray  # (k): by the time [s] of the switching that ends each segment
-    integral: np.ndarray  # (k): by the integral of the seat's distance over a segment [m steps]
-    law: np.ndarray  # (2p + w, 4): directly by the forms of the pieces: forces, flows, watches
-    gap: np.ndarray  # (e): directly by the gaps
+    bar: np.ndarray  # (m, 2n + r + 2) of x, v, z, lift, lift velocity [SI] there, at a fixed time
+    time: np.ndarray  # (k) of the time [s] of the switching that ends each segment
+    integral: np.ndarray  # (k) of the integral of the seat's distance over a segment [m steps]
+    law: np.ndarray  # (2p + w, 4) of the forms of the pieces, direct dependence: forces, flows, watches
+    gap: np.ndarray  # (e) of the gaps, direct dependence
 
 
 def empty_seeds(segments: int, observations: int, train: TrainArrays) -> Seeds:
@@ -50,7 +50,7 @@ def empty_seeds(segments: int, observations: int, train: TrainArrays) -> Seeds:
 
 @njit_no_refcount
 def clear(seeds, segments):
-    """Removes all cotangents, for a trace with this number of segments."""
+    """Remove all cotangents, for a trace with this number of segments."""
     seeds.used[0] = 0
     for k in range(segments):
         seeds.head[k], seeds.time[k], seeds.integral[k] = -1, 0.0, 0.0
@@ -59,7 +59,7 @@ def clear(seeds, segments):
 
 @inner
 def observe(seeds, k, length):
-    """Adds an observation of segment k, `length` steps from its start; returns its row of `bar`, which is zero."""
+    """Add an observation of segment k, `length` steps from its start; returns its row of `bar`, set to zero."""
     i = seeds.used[0]
     seeds.used[0] = i + 1
     seeds.following[i], seeds.head[k] = seeds.head[k], i
@@ -70,7 +70,7 @@ def observe(seeds, k, length):
 
 @inner
 def seed_force(s, trace, seeds, k, length, e, weight):
-    """Adds the cotangents of weight * (force of element e) at an instant."""
+    """Add the cotangents of weight * (force of element e) at an instant."""
     y, piece = state_at(s, trace, k, length), s.tables.pieces[trace.slot[k], e]
     d, rate = compression(s.train, e, s.step, y)
     weight *= seeds.weight[0]
@@ -80,7 +80,7 @@ def seed_force(s, trace, seeds, k, length, e, weight):
 
 @njit_no_refcount
 def form_back(train, e, form, weight, bar):
-    """Adds to bar (2n + r + 2: x, v, z, lift, lift velocity) the cotangents of weight * (a form of element e)."""
+    """Add to bar (2n + r + 2: x, v, z, lift, lift velocity) the cotangents of weight * (a form of element e)."""
     n, at = len(train.mass), lift_at(train)
     for mass, sign in ((train.a[e], weight), (train.b[e], -weight)):
         if mass >= 0:
@@ -95,8 +95,8 @@ def form_back(train, e, form, weight, bar):
 
 @njit_no_refcount
 def law_back(train, e, row, form, where, weight, by_law, by_gap):
-    """Adds the cotangents of weight * (a form of element e) at where = (d, d', z) by the form, which stands in `row` of
-    all forms, and by the gap."""
+    """Add the cotangents of weight * (a form of element e) at where = (d, d', z), with respect to the gap and to the
+    form itself, which is `row` of all forms."""
     by_law[row, 0] += weight
     by_law[row, 1] += weight * where[0]
     by_law[row, 2] += weight * where[1]
@@ -106,8 +106,8 @@ def law_back(train, e, row, form, where, weight, by_law, by_gap):
 
 @inner
 def seed_separation(s, seeds, k, length, e, weight):
-    """Adds the cotangents of weight * separation of contact e at an instant; it is -d - constant / slope of the line on
-    which its elastic force begins."""
+    """Add the cotangents of weight * separation of contact e at an instant. The separation is -d - constant / slope,
+    with the line on which the elastic force begins."""
     train = s.train
     weight *= seeds.weight[0]
     bar = observe(seeds, k, length)
@@ -122,7 +122,7 @@ def seed_separation(s, seeds, k, length, e, weight):
 
 @njit_no_refcount
 def touch_back(train, e, weight, seeds):
-    """Adds the cotangents of weight * separation of contact e by its own numbers, its ends held."""
+    """Add the cotangents of weight * separation of contact e with respect to its own parameters, at fixed positions."""
     constant, slope = touch_line(train, e)
     seeds.law[train.touch[e], 0] -= weight / slope
     seeds.law[train.touch[e], 1] += weight * constant / slope**2
@@ -131,9 +131,9 @@ def touch_back(train, e, weight, seeds):
 
 @inner
 def seed_end(s, trace, seeds, k, length, slope):
-    """Adds the cotangent of an extreme at the end of a segment by the time of the switching there.
+    """Add the cotangent of an extreme at the end of a segment with respect to the time of the switching there.
 
-    The watched quantity changes by `slope` per step. Inside a segment an extreme does not depend on its time.
+    The watched quantity changes by `slope` per step. An extreme inside a segment does not depend on its time.
     """
     if length == 0.0 and k > 0 and trace.watch[k - 1] >= 0:
         seeds.time[k - 1] += seeds.weight[0] * slope / s.step

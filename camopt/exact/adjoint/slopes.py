@@ -1,8 +1,7 @@
-"""Gradients by the cam, by the start state and by a train's numbers, under the names that these have.
+"""Gradients with respect to the cam, the start state and a train's parameters, under the names of the parameters.
 
-The forms of the elements' pieces are analytic functions of the numbers, so that a complex step gives their derivatives
-without error (Squire and Trapp 1998, SIAM Rev. 40:110). Elements do not share numbers: one step for all of them at once
-is enough.
+The forms of the elements' pieces are analytic functions of the parameters, so that a complex step gives their
+derivatives to rounding (Squire and Trapp 1998, SIAM Rev. 40:110). Elements share no parameters: one step serves all.
 """
 
 from dataclasses import dataclass, fields, replace
@@ -22,7 +21,7 @@ STEP = 1e-30
 
 @dataclass(frozen=True)
 class ByTrain:
-    """Gradients of l numbers by a train's parameters in SI, under the names that the parameters have in `Train`."""
+    """Gradients of l numbers with respect to a train's parameters in SI units, under their names in `Train`."""
 
     mass: Float[np.ndarray, "l n"]
     mass_damping: Float[np.ndarray, "l n"]
@@ -38,9 +37,9 @@ class ByTrain:
 
 @dataclass(frozen=True)
 class ByTrainAndLaws(ByTrain):
-    """The same for a train with laws or with forces by the cam angle, and the gradients by their numbers.
+    """Gradients for a train with laws or with forces over the cam angle, including those with respect to their numbers.
 
-    `stiffness` is by the coefficients of the laws. Names are those of `Laws`.
+    `stiffness` is the gradient with respect to the coefficients of the laws. The names are those of `Laws`.
     """
 
     dissipation: Float[np.ndarray, "l e"]
@@ -48,15 +47,15 @@ class ByTrainAndLaws(ByTrain):
     leak: Float[np.ndarray, "l e"]
     travel: Float[np.ndarray, "l e"]
     slip: Float[np.ndarray, "l e"]
-    forcing: Float[np.ndarray, "l rows"]  # by the forces in the rows of one forcing after the other
+    forcing: Float[np.ndarray, "l rows"]  # forces in the rows of all forcings, one forcing after the other
 
 
 @dataclass(frozen=True)
 class Slopes:
     """Gradients of g numbers; `by_train` is None unless it was requested."""
 
-    by_coefficients: Float[np.ndarray, "g p q"]  # by lift.coefficients [m/rad^k]
-    by_start: Float[np.ndarray, "g state"]  # by the state at -pi
+    by_coefficients: Float[np.ndarray, "g p q"]  # with respect to lift.coefficients [m/rad^k]
+    by_start: Float[np.ndarray, "g state"]  # with respect to the state at -pi
     by_train: ByTrain | None
 
 
@@ -68,8 +67,8 @@ def room_for_bars(train: TrainArrays, pieces: tuple[int, ...], sweeps: int, mech
 
 
 def by_train(train: Train, bars: Bars, by_rows: np.ndarray | None = None) -> ByTrain:
-    """The gradients of l numbers from their sweeps, under the names of the parameters; `by_rows` (l, rows) are those by
-    the rows of forces by the cam angle, which do not act at rest."""
+    """The gradients of l numbers from their sweeps, under the names of the parameters. `by_rows` (l, rows) are those
+    with respect to the rows of forces over the cam angle; they are zero without it, as at rest."""
     by_mass, gradients = bars.mass.transpose(1, 0, 2), by_numbers(train, bars.law)
     if train.laws is None and not train.forcing:
         return ByTrain(*by_mass, **gradients, gap=bars.gap)
@@ -80,7 +79,7 @@ def by_train(train: Train, bars: Bars, by_rows: np.ndarray | None = None) -> ByT
 def by_numbers(train: Train, by_law: np.ndarray) -> dict[str, np.ndarray]:
     """Gradients of l numbers by `Numbers`, (l, e) or for tables (l, e, q, 2), from those by the forms (l, f, 4).
 
-    A train of linear elements alone has only the first three of them.
+    A train of linear elements only has the first three of them.
     """
     owner, slopes = _slopes(train)
     count, gradients = len(by_law), {}
@@ -93,18 +92,18 @@ def by_numbers(train: Train, by_law: np.ndarray) -> dict[str, np.ndarray]:
 
 @lru_cache(maxsize=64)
 def _slopes(train: Train) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """(which form belongs to which element (f, e), derivatives of the forms (f, 4) by each number of their elements)"""
+    """(one-hot element of every form (f, e), derivatives of the forms (f, 4, ...) by each parameter of the element)."""
     numbers = numbers_of(train)
-    parts = parts_of(train, numbers)
-    pieces = [e for e, element in enumerate(parts) for _ in element.pieces]
-    watches = [e for e, element in enumerate(parts) for piece in element.pieces for _ in piece.watches]
-    owner = np.eye(len(parts))[[*pieces, *pieces, *watches]]
+    elements = parts_of(train, numbers)
+    pieces = [e for e, element in enumerate(elements) for _ in element.pieces]
+    watches = [e for e, element in enumerate(elements) for piece in element.pieces for _ in piece.watches]
+    owner = np.eye(len(elements))[[*pieces, *pieces, *watches]]
     derivatives = {}
     for field in fields(Numbers)[: None if train.laws is not None or train.forcing else 3]:
         value = getattr(numbers, field.name)
         shape = value.shape[1:]
         steps = np.eye(int(np.prod(shape))).reshape(-1, *shape)
         moved = (replace(numbers, **{field.name: value + 1j * STEP * step}) for step in steps)
-        rows = [np.imag(forms_of(parts_of(train, one))) / STEP for one in moved]
+        rows = [np.imag(forms_of(parts_of(train, stepped))) / STEP for stepped in moved]
         derivatives[field.name] = np.stack(rows, axis=-1).reshape(len(owner), 4, *shape)
     return owner, derivatives

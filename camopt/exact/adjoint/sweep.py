@@ -1,13 +1,13 @@
-"""The discrete adjoint of event-exact: one sweep back over a trace, with the saltation where rates jump.
+"""The discrete adjoint of event-exact: one backward sweep over a trace, with the saltation where rates jump.
 
-Within a segment, the exact propagator carries a change of the state forward, so its transpose carries a cotangent back.
-A switching happens where a watch w falls through zero. A change dw of it moves the instant by -dw / w', and the state
-behind it then changes by that time multiplied by the jump of the rates (saltation; Aizerman and Gantmakher 1958,
-Hiskens and Pai 2000). Rates jump at three kinds of switching only: the acceleration where a damped contact closes, as
-its force sets in at damping * d', and where the damper of a law of contacts changes from chord to chord; and the rate
-of a memory where an element begins to slide or to refill, because it follows d'. All jumps are proportional to d', as
-w' is, so that their quotient, the watch's `kick`, is a number of the train and regular however slowly the switching
-comes. At every other switching the saltation matrix is the identity.
+Within a segment the exact propagator carries a perturbation of the state forward, so that its transpose carries a
+cotangent back. A switching happens where a watch w falls through zero. A perturbation dw moves the instant by -dw / w',
+and the state after it changes by that time multiplied by the jump of the rates (saltation; Aizerman and Gantmakher
+1958, Hiskens and Pai 2000). Rates jump at three kinds of switching only: the acceleration where a damped contact
+closes, because its force begins at damping * d', and where the damper of a law of contacts changes from chord to chord;
+and the rate of a memory where an element begins to slide or to refill, because it follows d'. All jumps are
+proportional to d', like w', so that their quotient, the watch's `kick`, depends on the train alone and stays regular at
+arbitrarily slow switchings. At every other switching the saltation matrix is the identity.
 """
 
 from typing import NamedTuple
@@ -33,18 +33,18 @@ for _n in range(1, MOST_POINTS + 1):
 class Bars(NamedTuple):
     """Cotangents of one number, to which a sweep adds."""
 
-    start: np.ndarray  # (2n + r) by the state at the end of the trace, then by that at its start
-    coefficients: np.ndarray  # (p, q + 2f) by the pieces of lift and forces
-    mass: np.ndarray  # (3, n) by mass, damping and force; without rows where they are not wanted
-    law: np.ndarray  # (2p + w, 4) by the forms of the elements' pieces: forces, flows, watches
+    start: np.ndarray  # (2n + r) of the state at the end of the trace; after the sweep, of that at its start
+    coefficients: np.ndarray  # (p, q + 2f) of the pieces of lift and forces
+    mass: np.ndarray  # (3, n) of mass, damping and force; without rows if they are not requested
+    law: np.ndarray  # (2p + w, 4) of the forms of the elements' pieces: forces, flows, watches
     gap: np.ndarray  # (e)
 
 
 @njit_no_refcount
 def inputs_back(bar, forces, offset, scale, by_piece):
-    """Adds to by_piece (q + 2f) the cotangent by a piece's coefficients that follows from `bar`.
+    """Add to by_piece (q + 2f) the cotangent of a piece's coefficients that follows from `bar`.
 
-    `bar` (q + 2f) is the cotangent of what `inputs_at` gives; it is destroyed.
+    `bar` (q + 2f) is the cotangent of the result of `inputs_at`; it is overwritten.
     """
     q, power = len(bar) - 2 * forces, 1.0
     for k in range(q):
@@ -52,7 +52,7 @@ def inputs_back(bar, forces, offset, scale, by_piece):
         power *= scale
     if offset != 0.0:
         for low in range(q - 2, -1, -1):
-            carried = bar[low]  # in a register: half the time
+            carried = bar[low]  # held in a register, which halves the time
             for k in range(low + 1, q):
                 carried = bar[k] + offset * carried
                 bar[k] = carried
@@ -64,8 +64,8 @@ def inputs_back(bar, forces, offset, scale, by_piece):
 
 @njit_no_refcount
 def lift_point_back(lift_bar, rate_bar, offset, cam_speed, q, by_piece):
-    """Adds to by_piece, whose first q numbers are the lift's, the cotangent that follows from those of the lift [m] and
-    its velocity [m/s] at one angle, `offset` [rad] from the piece's start.
+    """Add to by_piece, whose first q numbers belong to the lift, the cotangent that follows from those of the lift [m]
+    and its velocity [m/s] at one angle, `offset` [rad] from the piece's start.
     """
     power, before = 1.0, 0.0
     for k in range(q):
@@ -74,9 +74,9 @@ def lift_point_back(lift_bar, rate_bar, offset, cam_speed, q, by_piece):
 
 
 @njit_no_refcount
-def switch_back(s, trace, seeds, k, bars, seen):
-    """Carries the cotangent bars.start from after the switching that ends segment k to before it; `seen` (2n + r + 2)
-    is room for the cotangents by state, lift and lift velocity."""
+def switch_back(s, trace, seeds, k, bars, state_bar):
+    """Carry the cotangent bars.start from after the switching that ends segment k to before it. `state_bar`
+    (2n + r + 2) is a work array for the cotangents of state, lift and lift velocity."""
     train, sizes, slot, bar = s.train, s.tables.sizes, trace.slot[k], bars.start
     e, w = s.tables.element[slot, trace.watch[k]], s.tables.watch[slot, trace.watch[k]]
     by_force, by_flow = train.kick[w, 0], train.kick[w, 1]
@@ -95,14 +95,14 @@ def switch_back(s, trace, seeds, k, bars, seen):
         pull += by_flow * bar[2 * n + train.memory[e]]
     if pull == 0.0:
         return
-    seen[:] = 0.0
-    form_back(train, e, train.law[w], pull, seen)
+    state_bar[:] = 0.0
+    form_back(train, e, train.law[w], pull, state_bar)
     for i in range(sizes.state):
-        bar[i] += seen[i]
+        bar[i] += state_bar[i]
     if train.cam_driven[e]:
         end = trace.offset[k] + trace.length[k] * s.step * s.cam.speed
         piece = bars.coefficients[trace.piece[k]]
-        lift_point_back(seen[sizes.state], seen[sizes.state + 1], end, s.cam.speed, sizes.lift, piece)
+        lift_point_back(state_bar[sizes.state], state_bar[sizes.state + 1], end, s.cam.speed, sizes.lift, piece)
     d, speed = compression(train, e, s.step, y)
     where = d, speed, memory_of(train, e, y)
     law_back(train, e, w, train.law[w], where, pull, bars.law, bars.gap)
@@ -120,7 +120,7 @@ def watch_rate(s, slot, watch, y):
 
 @njit_no_refcount
 def rates_back(s, slot, y, bar, share, bars):
-    """Adds share times the cotangent `bar` (of y) times the derivatives of all rates by the numbers of the train."""
+    """Add share times the cotangent `bar` of y times the derivatives of all rates by the parameters of the train."""
     train, sizes, by_mass = s.train, s.tables.sizes, bars.mass
     n = sizes.masses
     for m in range(n):  # -bar_v / mass * acceleration, the acceleration force by force
@@ -133,7 +133,7 @@ def rates_back(s, slot, y, bar, share, bars):
         by_mass[0, m] -= share * bar[n + m] * y[sizes.state + sizes.lift + 2 * j] / train.mass[m] ** 2
     for e in range(len(train.a)):
         if s.tables.states[slot, e] != ACTING:
-            continue  # no number of the train stands in such a piece
+            continue  # such a piece depends on no parameter of the train
         d, rate = compression(train, e, s.step, y)
         piece, p, q, push = s.tables.pieces[slot, e], train.a[e], train.b[e], 0.0
         where = d, rate, memory_of(train, e, y)
@@ -156,13 +156,12 @@ def rates_back(s, slot, y, bar, share, bars):
 
 @inner
 def parameters_back(s, trace, k, length, bar, weight, bars, work):
-    """Adds what the numbers of the train contribute between the start of segment k and the instant `length` steps
-    later.
+    """Add the cotangents of the train's parameters from the first `length` steps of segment k.
 
-    That is the integral of the cotangent times the derivatives of the rates. `bar` (2n + r) is the cotangent at
-    `length`; `weight` is that of the integral of the seat's distance on the way.
+    They are the integral of the cotangent times the derivatives of the rates. `bar` (2n + r) is the cotangent at
+    `length`; `weight` is that of the integral of the seat's distance over these steps.
     """
-    # the product of state and cotangent turns by 3 rad per step at most: so many points leave 1e-7 of the highest mode
+    # the phase of state times cotangent advances by at most 3 rad per step: the error is then 1e-7 of the highest mode
     slot, h, count = trace.slot[k], s.step, min(int(np.ceil(1.25 * length)) + 4, MOST_POINTS)
     there = np.empty(trace.y.shape[1])
     for i in range(count):
@@ -176,10 +175,10 @@ def parameters_back(s, trace, k, length, bar, weight, bars, work):
 
 @compiled
 def sweep(s, trace, seeds, bars):
-    """Carries bars.start, the cotangent of the end state, back to the start in place, and adds the seeds on the way.
+    """Propagate bars.start, the cotangent of the end state, back to the start in place, adding the seeds on the way.
 
-    Adds to all other `bars`; to those by masses and by laws what the motion between switchings contributes only where
-    bars.mass has rows.
+    The other `bars` are added to. The contributions of the motion between switchings to those of masses and laws are
+    computed only if bars.mass has rows.
     """
     bar, mechanical, per_step = bars.start, len(bars.mass) > 0, s.cam.speed * s.step
     width, n2, q, forces = trace.y.shape[1], len(bars.start), s.tables.sizes.lift, s.tables.sizes.forces
@@ -192,21 +191,21 @@ def sweep(s, trace, seeds, bars):
         slot, piece, i = trace.slot[k], bars.coefficients[trace.piece[k]], seeds.head[k]
         start[:] = 0.0
         while i >= 0:
-            seen, length = seeds.bar[i], seeds.length[i]
-            if seen[n2] != 0.0 or seen[n2 + 1] != 0.0:
-                lift_point_back(seen[n2], seen[n2 + 1], trace.offset[k] + length * per_step, cam_speed, q, piece)
+            seed, length = seeds.bar[i], seeds.length[i]
+            if seed[n2] != 0.0 or seed[n2 + 1] != 0.0:
+                lift_point_back(seed[n2], seed[n2 + 1], trace.offset[k] + length * per_step, cam_speed, q, piece)
             if length == trace.length[k]:
                 for j in range(n2):
-                    bar[j] += seen[j]
+                    bar[j] += seed[j]
             elif length == 0.0:
                 for j in range(n2):
-                    start[j] += seen[j]
+                    start[j] += seed[j]
             else:
-                carry_back(s.tables, slot, h, length, seen[:n2], out, work)
+                carry_back(s.tables, slot, h, length, seed[:n2], out, work)
                 for j in range(width):
                     start[j] += out[j]
                 if mechanical:
-                    parameters_back(s, trace, k, length, seen[:n2], 0.0, bars, work)
+                    parameters_back(s, trace, k, length, seed[:n2], 0.0, bars, work)
             i = seeds.following[i]
         if mechanical:
             parameters_back(s, trace, k, trace.length[k], bar, seeds.integral[k], bars, work)

@@ -1,1 +1,1 @@
-"""A train's elements as pieces in which force and memory are affine, and the way back to the numbers of the scene."""
+"""A train's elements as pieces with affine laws of force and memory, and forces over the cam angle as inputs."""

@@ -1,6 +1,6 @@
-"""What the cam angle imposes: the lift and the forces that repeat with it, on pieces that end where one of them bends.
+"""The inputs given over the cam angle, lift and forces, on common pieces that end where either of them has a border.
 
-In a piece a force is constant + slope (angle - start). Without such forces the lift's pieces stay as they are.
+In a piece a force is constant + slope (angle - start). Without such forces the lift's pieces are unchanged.
 """
 
 from collections.abc import Sequence
@@ -12,11 +12,11 @@ import numpy as np
 from camopt.scene.train import Forcing
 
 APART = 1e-12
-"""Angle [rad] within which the row of a force stands on a border of the lift."""
+"""Angle [rad] within which a row of a force coincides with a border of the lift."""
 
 
 class Inputs:
-    """The cut of p pieces of a lift by the rows of f forces, into m pieces."""
+    """The division of p pieces of a lift into m pieces by the rows of f forces."""
 
     def __init__(self, forcing: Sequence[Forcing], borders: np.ndarray):
         self.forcing, self.lift_borders, self.borders = tuple(forcing), borders, borders
@@ -27,12 +27,12 @@ class Inputs:
 
     @cached_property
     def _piece(self) -> np.ndarray:
-        """The lift's piece (m) of every piece."""
+        """The lift's piece that contains each piece (m)."""
         return np.searchsorted(self.lift_borders, self.borders[:-1], "right") - 1
 
     @cached_property
     def _moved(self) -> np.ndarray:
-        """Binomials and powers with which coefficients move to the new starts, (m, q, q) for the largest q."""
+        """Matrices (m, q, q), for the largest q, that shift polynomial coefficients to the starts of the pieces."""
         k = np.arange(64)
         binomial = np.array([[float(comb(j, i)) for j in k] for i in k])
         offset = self.borders[:-1] - self.lift_borders[self._piece]
@@ -40,8 +40,8 @@ class Inputs:
 
     @cached_property
     def _rows(self) -> list[tuple[np.ndarray, np.ndarray, np.ndarray]]:
-        """Of each force: the row (m) before each piece, how far on to the next one it begins (m), and how far rows are
-        apart (m) [rad]."""
+        """For each force: the row before the start of each piece (m), the position of this start between the row and
+        the next one as a share (m), and the distance of the two rows (m) [rad]."""
         rows = []
         for force in self.forcing:
             i = np.clip(np.searchsorted(force.angle, self.borders[:-1] + APART, "right") - 1, 0, len(force.angle) - 2)
@@ -62,8 +62,8 @@ class Inputs:
         return np.concatenate(columns, axis=1)
 
     def back(self, by_pieces: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Gradients of l numbers by the lift's coefficients (l, p, q) and the forces' rows (l, rows), one force after
-        another, from those by the inputs' pieces (l, m, q + 2f)."""
+        """Gradients of l numbers with respect to the lift's coefficients (l, p, q) and to the rows of all forces
+        (l, rows), from those with respect to the inputs' pieces (l, m, q + 2f)."""
         count, q = len(by_pieces), by_pieces.shape[2] - 2 * len(self.forcing)
         if not self.forcing:
             return by_pieces, np.zeros((count, 0))

@@ -1,15 +1,15 @@
-"""Elastic laws as straight lines: tables as they are, curved laws by chords.
+"""Piecewise linear elastic laws: tables are used as given, curved laws are replaced by chords.
 
-A chord of width w under a curvature p'' misses by p'' w^2 / 8 at most. Knots are set where a law of contacts has the
-forces F (i / N)^2, with F the force up to which chords are laid. For p = k u^m all chords then miss by the same,
-(m - 1) / (2 m) F / N^2, which is F / (6 N^2) for a point contact, m = 3/2. Beyond F, where a contact only comes when it
-hammers, a chord's force grows by (1 + 1 / N)^4, so that its error keeps one share of the force there:
-2 (m - 1) / (m N^2), which is four times that at F. Beyond `REACH` times F the last chord goes on. Numbers may be
-complex, which is how they are differentiated (`camopt.exact.adjoint.slopes`).
+The error of a chord of width w under a curvature p'' is at most p'' w^2 / 8. The knots of a law of contacts have the
+forces F (i / N)^2, where F is CHORD_FORCE. For p = k u^m all chords then have the same error,
+(m - 1) / (2 m) F / N^2, which is F / (6 N^2) for a point contact, m = 3/2. Beyond F, which a contact reaches only in
+hard impacts, the force grows by (1 + 1 / N)^4 from knot to knot, so that the error is a constant share of the force,
+2 (m - 1) / (m N^2), which is four times that at F. The last chord is continued beyond `REACH` times F. Numbers may be
+complex, by which they are differentiated (`camopt.exact.adjoint.slopes`).
 
-A law that loses energy, p (1 + dissipation d'), has on every chord the damper of the chord's mean force. What it takes
-from a body that crosses the whole chord at a constant speed is then the law's own, and its error falls with the square
-of the number of chords as that of the elastic force does.
+For a dissipative law, p (1 + dissipation d'), every chord has the damper that belongs to its mean force. The energy
+that it takes from a body that crosses the whole chord at constant speed is then exactly the law's, and its error falls
+with the square of the number of chords like that of the elastic force.
 """
 
 from dataclasses import replace
@@ -24,23 +24,23 @@ from camopt.scene.rest import state_at_rest
 from camopt.scene.train import Train
 
 CHORDS = 16
-"""Chords of a curved law, unless the caller wants others (`with_chords`)."""
+"""Default number of chords of a curved law (`with_chords`)."""
 CHORD_FORCE = 5000.0
-"""Force [N] up to which the chords of a law of contacts miss it by the same."""
+"""Force [N] up to which all chords of a law of contacts have the same error."""
 REACH = 20.0
-"""Multiple of that force up to which chords are laid at all."""
+"""Multiple of CHORD_FORCE up to which further chords are used."""
 
 
 class Lines(NamedTuple):
     """The r straight lines of an element's elastic force."""
 
-    straight: np.ndarray  # (r, 2) force [N] at compression zero, and slope [N/m]
+    straight: np.ndarray  # (r, 2) force [N] at zero compression, and slope [N/m]
     borders: np.ndarray  # (r - 1) compressions [m] where they meet
-    mean: np.ndarray  # (r) N, of the force between the rows at the ends of each
+    mean: np.ndarray  # (r) N, mean of the forces at both ends of each line
 
 
 def lines(kind: int, stiffness, preload, own_number: float, rows: np.ndarray) -> Lines:
-    """The lines of an element's law; `rows` are its table's own."""
+    """The lines of an element's law; `rows` are those of its table."""
     if kind == LINEAR:
         return Lines(np.array([[preload, stiffness]]), np.empty(0), np.zeros(1))
     if kind in CURVED:
@@ -51,8 +51,10 @@ def lines(kind: int, stiffness, preload, own_number: float, rows: np.ndarray) ->
 
 
 def chords(kind: int, stiffness, preload, own_number: float, rows: np.ndarray, count: int) -> np.ndarray:
-    """Rows (compression [m], force [N]) of about `count` chords of a curved law, laws of contacts up to CHORD_FORCE and
-    with more chords beyond it; `rows` are its stiffness table."""
+    """Rows (compression [m], force [N]) of about `count` chords of a curved law; `rows` are its stiffness table.
+
+    A law of contacts has `count` chords up to CHORD_FORCE and more beyond it.
+    """
     if kind in OF_CONTACTS:
         more = int(np.ceil(np.log(REACH) / (4.0 * np.log1p(1.0 / count))))  # chords beyond CHORD_FORCE
         beyond = (1.0 + 1.0 / count) ** (2 * np.arange(1, more + 1))
@@ -68,22 +70,21 @@ def chords(kind: int, stiffness, preload, own_number: float, rows: np.ndarray, c
 
 
 def knots(rows: np.ndarray, count: int) -> np.ndarray:
-    """Compressions [m] of about `count` chords of equal error under a stiffness table, each of its rows among them."""
-    d, parts = rows[:, 0], chords_per_row(rows, count)
-    inner = [d[i] + (d[i + 1] - d[i]) * np.arange(n) / n for i, n in enumerate(parts)]
+    """Compressions [m] of the ends of about `count` chords of equal error for a stiffness table, including its rows."""
+    d, counts = rows[:, 0], chords_per_row(rows, count)
+    inner = [d[i] + (d[i + 1] - d[i]) * np.arange(n) / n for i, n in enumerate(counts)]
     return np.concatenate([*inner, d[-1:]])
 
 
 def chords_per_row(rows: np.ndarray, count: int) -> np.ndarray:
-    """How many of `count` chords each interval of a stiffness table gets: in proportion to width times root of
-    curvature."""
+    """Chords in each interval of a stiffness table, about `count` in all, by width times square root of curvature."""
     d, k = np.real(rows).T
     weight = np.sqrt(np.abs(np.diff(k)) * np.diff(d))
     return np.maximum(1, np.ceil(count * weight / max(weight.sum(), 1e-300) - 1e-9)).astype(int)
 
 
 def integral(rows: np.ndarray, at: np.ndarray) -> np.ndarray:
-    """Integral [N] of a stiffness table from its first row; the stiffness is constant beyond its ends."""
+    """Integral [N] of a stiffness table from its first row to `at` [m]; the stiffness is constant beyond both ends."""
     d, k = rows.T
     beyond = at[:, None] - d
     bends = np.diff(np.concatenate([[0.0], np.diff(k) / np.diff(d), [0.0]]))
@@ -92,9 +93,9 @@ def integral(rows: np.ndarray, at: np.ndarray) -> np.ndarray:
 
 @lru_cache(maxsize=64)
 def with_chords(train: Train, count: int = CHORDS) -> Train:
-    """The train with `count` chords in place of every curved law, of laws of contacts with more beyond CHORD_FORCE.
+    """The train with every curved law replaced by `count` chords; laws of contacts have more beyond CHORD_FORCE.
 
-    Event-exact puts the default number of chords in by itself; this train carries another number of them.
+    Event-exact itself uses the default number of chords. Give it this train for another number.
     """
     laws = train.laws
     if laws is None or train.straight:
@@ -105,12 +106,12 @@ def with_chords(train: Train, count: int = CHORDS) -> Train:
         if kind in CURVED:
             rows = chords(kind, laws.coefficient[e], train.preload[e], laws.own_number[e], rows, count)
         tables.append(rows)
-    own = np.array([len(rows) for rows in tables])
+    row_counts = np.array([len(rows) for rows in tables])
     kinds = np.where(np.isin(laws.kind, CURVED), TABLE, laws.kind)
-    table = np.stack([lengthened(rows, own.max(), last_slope(rows)) for rows in tables])
-    return replace(train, laws=replace(laws, kind=kinds, table=table, rows=own))
+    table = np.stack([lengthened(rows, row_counts.max(), last_slope(rows)) for rows in tables])
+    return replace(train, laws=replace(laws, kind=kinds, table=table, rows=row_counts))
 
 
 def rest_of(train: Train) -> np.ndarray:
-    """State (2n + r) at rest of the train as event-exact moves it, with chords in place of curved laws."""
+    """State (2n + r) at rest of the train as simulated by event-exact, with chords in place of curved laws."""
     return state_at_rest(with_chords(train))

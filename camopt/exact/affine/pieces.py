@@ -1,11 +1,11 @@
-"""The elements of a train as pieces: data that the kernel reads without knowing what kind of element it moves.
+"""The elements of a train as pieces: data by which the kernel handles all kinds of elements alike.
 
-Let d be the compression of an element, d' its rate and z its memory. In a piece its force and the rate of its memory
+Let d be the compression of an element, d' its rate and z its memory. In a piece the force and the rate of the memory
 are affine forms, constant + by_d d + by_rate d' + by_z z, and so are the piece's watches: each is positive while the
-piece holds, and where it turns negative another piece follows. Force and memory are continuous where two pieces meet,
-but for three things, which a watch's `kick` tells per rate of the watch: the force of a damped contact sets in at its
-closing, its damper changes from chord to chord where its law loses energy by itself, and the rate of a memory starts
-where an element slides or refills.
+piece holds, and where it turns negative another piece follows. Force and rate of the memory are continuous where two
+pieces meet, with three exceptions, whose jump is given by the watch's `kick`, per rate of the watch: the force of a
+damped contact jumps at its closing, the damper of a dissipative law changes from chord to chord, and the rate of a
+memory jumps where an element begins to slide or to refill.
 """
 
 from dataclasses import dataclass
@@ -21,15 +21,15 @@ from camopt.scene.train import Train
 Form = tuple  # of four numbers: constant, by_d, by_rate, by_z
 NOTHING: Form = (0.0, 0.0, 0.0, 0.0)
 FOLLOWING: Form = (0.0, 0.0, 1.0, 0.0)
-"""The flow of a memory that moves with the compression."""
+"""Flow of a memory that follows the compression."""
 
 
 class Watch(NamedTuple):
-    """What is watched in a piece."""
+    """A quantity that is positive while a piece holds."""
 
     form: Form
-    then: int  # number within the element of the piece that follows
-    kick: tuple = (0.0, 0.0)  # jump of the force and of the memory's rate there, over the rate of the form
+    then: int  # piece that follows when it turns negative, by its number within the element
+    kick: tuple = (0.0, 0.0)  # jumps of the force and of the memory's rate there, over the rate of the form
 
 
 class Piece(NamedTuple):
@@ -42,18 +42,18 @@ class Piece(NamedTuple):
 
 
 class Parts(NamedTuple):
-    """An element in pieces."""
+    """The pieces of an element."""
 
     pieces: list[Piece]
-    touch: int = 0  # the piece whose elastic force begins at the touch of a contact
+    touch: int = 0  # piece whose elastic force begins at the touch of a contact
     reach: tuple = (-np.inf, np.inf)  # bounds of d - z [m]
 
 
 @dataclass(frozen=True)
 class Numbers:
-    """The numbers of all elements (e) that laws are made of, real or complex; `Train` and `Laws` tell their units."""
+    """The parameters of the laws of all elements (e), real or complex; their units are stated in `Train` and `Laws`."""
 
-    stiffness: np.ndarray  # (e) the coefficient of the law
+    stiffness: np.ndarray  # (e) coefficient of the law
     damping: np.ndarray  # (e)
     preload: np.ndarray  # (e)
     dissipation: np.ndarray  # (e)
@@ -64,7 +64,7 @@ class Numbers:
 
 
 def numbers_of(train: Train) -> Numbers:
-    """The numbers that a train has now."""
+    """The parameters of a train's laws."""
     laws, none = train.laws, np.zeros(len(train.a))
     if laws is None:
         tables = np.zeros((len(none), 1, 2))
@@ -74,7 +74,7 @@ def numbers_of(train: Train) -> Numbers:
 
 
 def parts_of(train: Train, numbers: Numbers) -> list[Parts]:
-    """Every element of a train in pieces, with these numbers."""
+    """The pieces of every element of a train, with these parameters."""
     return [_element(train, numbers, e) for e in range(len(train.a))]
 
 
@@ -93,14 +93,14 @@ def _element(train: Train, numbers: Numbers, e: int) -> Parts:
         return oil(k, numbers.leak[e], numbers.travel[e])
     if kind == FRICTION:
         return friction(k, numbers.slip[e])
-    own = 1 if train.laws is None else train.laws.rows[e]
-    straight, borders, mean = lines(kind, k, numbers.preload[e], own_number, numbers.table[e, :own])
+    row_count = 1 if train.laws is None else train.laws.rows[e]
+    straight, borders, mean = lines(kind, k, numbers.preload[e], own_number, numbers.table[e, :row_count])
     damping = numbers.damping[e] + numbers.dissipation[e] * mean
     return (contact if train.contact[e] else spring)(straight, borders, damping)
 
 
 def spring(straight: np.ndarray, borders: np.ndarray, damping: np.ndarray) -> Parts:
-    """An element that pushes and pulls: a piece per line."""
+    """The pieces of an element that pushes and pulls: one per line."""
     pieces = []
     for i, (constant, slope) in enumerate(straight):
         force = constant, slope, damping[i], 0.0
@@ -109,10 +109,10 @@ def spring(straight: np.ndarray, borders: np.ndarray, damping: np.ndarray) -> Pa
 
 
 def contact(straight: np.ndarray, borders: np.ndarray, damping: np.ndarray) -> Parts:
-    """An element that pushes: apart, and on every line above the touch acting; with a damper also pressed in without
-    force, which its damper cancels. Each of the r lines has its own damper (r)."""
+    """The pieces of a contact: separated, and acting on every line above the touch; with a damper also compressed
+    without force, because the damper cancels it. Each of the r lines has its own damper (r)."""
     zero = np.real(-straight[:, 0] / straight[:, 1])
-    first = int(np.sum(zero[:-1] > np.real(borders)))  # the line on which the force falls to zero
+    first = int(np.sum(zero[:-1] > np.real(borders)))  # line on which the force falls to zero
     straight, borders, damping, r = straight[first:], borders[first:], damping[first:], len(straight) - first
     damped = bool(np.real(damping[0]) > 0.0)
     pressed, acting = 1, 1 + r * damped
@@ -132,8 +132,8 @@ def contact(straight: np.ndarray, borders: np.ndarray, damping: np.ndarray) -> P
 
 
 def _neighbours(borders: np.ndarray, i: int, base: int, damping: np.ndarray | None = None) -> tuple[Watch, ...]:
-    """The watches of line i at the compressions where it meets the lines beside it; `base` is the piece of line 0, and
-    `damping` (r) that of every line where they act."""
+    """The watches of line i at the compressions where it meets its neighbouring lines. `base` is the piece of line 0;
+    `damping` (r) is given for pieces that act."""
     step = np.zeros(len(borders)) if damping is None else np.diff(damping)
     below = (Watch((-borders[i - 1], 1.0, 0.0, 0.0), base + i - 1, (-step[i - 1], 0.0)),) if i else ()
     above = (Watch((borders[i], -1.0, 0.0, 0.0), base + i + 1, (-step[i], 0.0)),) if i < len(borders) else ()
@@ -141,8 +141,8 @@ def _neighbours(borders: np.ndarray, i: int, base: int, damping: np.ndarray | No
 
 
 def oil(stiffness, leak, travel) -> Parts:
-    """The oil column of a hydraulic adjuster: its ball on the way, on its seat while the column leaks, or open while
-    oil refills the column without force."""
+    """The pieces of the oil column of a hydraulic adjuster: the check ball is within its travel, or on its seat while
+    the column leaks, or open while oil refills the column without force."""
     between, seated, refill = range(3)
     force = -stiffness * travel, stiffness, 0.0, -stiffness
     leaking = tuple(f / leak for f in force)
@@ -161,7 +161,7 @@ def oil(stiffness, leak, travel) -> Parts:
 
 
 def friction(stiffness, slip) -> Parts:
-    """Dry friction behind a spring (Jenkins element): it sticks, or slides one way or the other."""
+    """The pieces of dry friction in series with a spring (Jenkins element): sticking, sliding in either direction."""
     stick, forward, back = range(3)
     follows = np.real(1.0 / stiffness)
     onward = Watch((slip, -stiffness, 0.0, stiffness), forward, (0.0, -follows))

@@ -1,1 +1,1 @@
-"""The compiled kernel of event-exact: it crosses spans by exact propagators and locates every switching inside them."""
+"""The compiled kernel of event-exact: exact propagation over spans, with every switching inside them located."""

@@ -1,24 +1,24 @@
-"""Advances a state by any length within a span, and carries a cotangent back over it by the transposed operation.
+"""Propagation of a state over any length within a span, and of a cotangent back over it by the transposed operation.
 
-A length is divided into whole steps, a fine node and a small rest. The first two have ready propagators; the rest takes
-a short power series of the equations of motion, so that any instant costs little more than a node.
+A length is divided into whole steps, a fine node and a small remainder. The first two have stored propagators. The
+remainder is a short power series of the equations of motion, so that any instant costs little more than a node.
 """
 
 from camopt.exact.kernel.tables import FINE
 from camopt.programs import njit_no_refcount
 
 ORDER = 7
-"""Highest power of the series that follows a fine node: its remainder is below 1e-15 of the highest mode's motion."""
+"""Highest power of the series after a fine node: its truncation error is below 1e-15 of the highest mode's motion."""
 
 
 @njit_no_refcount(fastmath={"contract"})
 def apply(matrix, y, columns, used, out):
-    """Writes to out (used) the first rows of a transposed matrix times the first `columns` of y, plus its constant."""
+    """Write to out (used) the first rows of a transposed matrix times the first `columns` of y, plus its constant."""
     constant = matrix[len(y)]
     for i in range(used):
         out[i] = constant[i]
     j = 0
-    while j + 8 <= columns:  # many columns per pass: the result is loaded and stored an eighth as often
+    while j + 8 <= columns:  # eight columns per pass, so that the result is loaded and stored an eighth as often
         a, b, c, d = y[j], y[j + 1], y[j + 2], y[j + 3]
         e, f, g, h = y[j + 4], y[j + 5], y[j + 6], y[j + 7]
         for i in range(used):
@@ -39,16 +39,16 @@ def apply(matrix, y, columns, used, out):
 
 @njit_no_refcount
 def split(length, most):
-    """(whole steps, fine node, rest) of a length [steps] of at most `most`; the rest is at most 1 / (2 FINE) steps."""
+    """(whole steps, fine node, remainder) of a length [steps] up to `most`; the remainder is at most 1 / (2 FINE)."""
     nearest = min(max(int(length * FINE + 0.5), 0), most * FINE)
     return nearest // FINE, nearest % FINE, length - nearest / FINE
 
 
 @njit_no_refcount(fastmath={"contract"})
 def short_series(motion, sizes, h, used, tau, y, term, rates):
-    """Adds to x, v and z in y their change over tau, a small part of a step, by power series.
+    """Add to x, v and z in y their change over tau, a small part of a step, by power series.
 
-    Only the first `used` of the inputs in y differ from zero: none or all of them.
+    Only the first `used` of the inputs in y, none or all of them, differ from zero.
     """
     n, at, m, power = sizes.masses, sizes.state, len(rates), 1.0
     lift = min(used, sizes.lift)
@@ -85,7 +85,7 @@ def short_series(motion, sizes, h, used, tau, y, term, rates):
 
 @njit_no_refcount
 def add_memories_and_forces(motion, sizes, k, power, y, term, rates):
-    """Adds to rates (n + r) what memories and forces by the cam angle contribute to term k of a power series."""
+    """Add to rates (n + r) the contributions of memories and forces over the cam angle to term k of a power series."""
     at = sizes.state
     for j in range(2 * sizes.masses, at):
         for i in range(len(rates)):
@@ -98,14 +98,14 @@ def add_memories_and_forces(motion, sizes, k, power, y, term, rates):
 
 @njit_no_refcount
 def copy(source, target):
-    """Writes one vector over another; for so short ones quicker than an assignment of slices."""
+    """Copy one vector to another; faster than an assignment of slices for such short vectors."""
     for i in range(len(target)):
         target[i] = source[i]
 
 
 @njit_no_refcount
 def advance(tables, slot, h, columns, length, y, work):
-    """Advances y, of which the first `columns` may differ from zero, by `length` steps within a span."""
+    """Advance y, of which only the first `columns` differ from zero, by `length` steps within a span."""
     there, term, rates = work
     whole, node, rest = split(length, tables.steps.shape[1] - 1)
     if whole > 0:
@@ -121,7 +121,7 @@ def advance(tables, slot, h, columns, length, y, work):
 
 @njit_no_refcount(fastmath={"contract", "reassoc"})
 def apply_transposed(matrix, g, used, rows, out):
-    """Writes to out (rows) the first `used` columns of a transposed propagator times g: the transpose of `apply`."""
+    """Write to out (rows) the first `used` columns of a transposed propagator times g: the transpose of `apply`."""
     for j in range(rows):
         total = 0.0
         for i in range(used):
@@ -131,10 +131,10 @@ def apply_transposed(matrix, g, used, rows, out):
 
 @njit_no_refcount(fastmath={"contract"})
 def short_series_back(rates, sizes, h, tau, g, term, push):
-    """Replaces g, of the length of y, by exp(tau S)' g, where S is the system of x, v, z and the inputs per step.
+    """Replace g, of the length of y, by exp(tau S)' g, where S is the system of x, v, z and the inputs per step.
 
-    |tau| must be small. `rates` (n + r, 2n + r + 2 + f) holds the derivatives of the rates of v and z by x, v, z, lift,
-    lift velocity and the forces by the cam angle.
+    |tau| must be small. `rates` (n + r, 2n + r + 2 + f) holds the derivatives of the rates of v and z with respect to
+    x, v, z, lift, lift velocity and the forces over the cam angle.
     """
     n, at, q, (rows, m) = sizes.masses, sizes.state, sizes.lift, rates.shape
     copy(g, term)
@@ -167,7 +167,7 @@ def short_series_back(rates, sizes, h, tau, g, term, push):
 
 @njit_no_refcount
 def memories_and_forces_back(sizes, share, h, term, push):
-    """Writes the next term of the series of `short_series_back` by memories and forces by the cam angle."""
+    """Write the next term of the series of `short_series_back` for memories and forces over the cam angle."""
     for i in range(2 * sizes.masses, sizes.state):
         term[i] = share * h * push[i]
     for j in range(sizes.forces):
@@ -178,8 +178,7 @@ def memories_and_forces_back(sizes, share, h, term, push):
 
 @njit_no_refcount
 def carry_back(tables, slot, h, length, bar, out, work):
-    """Writes to out the cotangent of y at a start that belongs to the cotangent `bar` (2n + r) of the state, `length`
-    steps later."""
+    """Write to out the cotangent of y at the start of `length` steps, from that of the state at their end, `bar`."""
     g, term, push = work
     at, c = len(bar), len(g)
     whole, node, rest = split(length, tables.steps.shape[1] - 1)

@@ -1,4 +1,4 @@
-"""The propagators of one combination of pieces, by compiled code: the equations of motion and their exponential."""
+"""The propagators of one combination of pieces in compiled code: the equations of motion and their exponential."""
 
 import numpy as np
 
@@ -7,13 +7,13 @@ from camopt.exact.kernel.tables import FINE, SEPARATED, TERMS
 from camopt.programs import compiled, inner
 
 ORDERS = 16
-"""Powers in the series of an exponential whose matrix has a spectral radius below 0.1."""
+"""Highest power in the series of an exponential whose matrix has a spectral radius below 0.1."""
 
 
 @compiled
 def linear_system(train, status):
-    """Rates (2n + r) of x, v, z in SI by x, v, z, lift, lift velocity, the forces by the cam angle and 1, as a matrix
-    (2n + r, 2n + r + 3 + f), for the pieces `status` (e), which are numbered within their elements."""
+    """Matrix (2n + r, 2n + r + 3 + f) that gives the rates of x, v, z from x, v, z, lift, lift velocity, the forces
+    over the cam angle and 1, in SI units, for the pieces `status` (e), which are numbered within their elements."""
     n, at = len(train.mass), lift_at(train)
     motion = np.zeros((at, at + 3 + len(train.forced)))
     for i in range(n):
@@ -37,7 +37,7 @@ def linear_system(train, status):
 
 @inner
 def by_state(row, h, sizes, out):
-    """Writes to out (c) the row by y and 1 that belongs to a row of `linear_system`; h [s] is the step."""
+    """Write to out (c) the coefficients of y and 1 that correspond to a row of `linear_system`; h [s] is the step."""
     at, q = sizes.state, sizes.lift
     out[:] = 0.0
     out[: at + 1] = row[: at + 1]
@@ -50,7 +50,7 @@ def by_state(row, h, sizes, out):
 
 @inner
 def per_step(motion, h, sizes):
-    """d/dtau of (x, v, z, u, 1), shape (c, c), from `linear_system`; tau is the time in steps h [s]."""
+    """Matrix (c, c) of d/dtau of (x, v, z, u, 1), from `linear_system`; tau is the time in steps h [s]."""
     at, q = sizes.state, sizes.lift
     c = at + q + 2 * sizes.forces + 1
     system = np.zeros((c, c))
@@ -65,12 +65,11 @@ def per_step(motion, h, sizes):
 
 @inner(fastmath={"contract"})
 def product(left, right, out):
-    """Writes left @ right to out; zeros on the left, of which the lift's rows have many, cost nothing where four of
-    them stand side by side."""
+    """Write left @ right to out. Groups of four zeros in `left`, of which the lift's rows have many, are skipped."""
     out[:] = 0.0
     count = len(right)
     for i in range(len(left)):
-        for k in range(0, count - 3, 4):  # the result is loaded and stored a quarter as often
+        for k in range(0, count - 3, 4):  # so that the result is loaded and stored a quarter as often
             a, b, c, d = left[i, k], left[i, k + 1], left[i, k + 2], left[i, k + 3]
             if a != 0.0 or b != 0.0 or c != 0.0 or d != 0.0:
                 for j in range(right.shape[1]):
@@ -85,10 +84,10 @@ def product(left, right, out):
 
 @inner
 def exponential(matrix):
-    """exp(matrix) by its plain power series, for a spectral radius below 0.1.
+    """exp(matrix) by its power series, for a spectral radius below 0.1.
 
-    The elements have very different sizes (a position by a velocity, a coefficient of the lift by another). The series
-    keeps the relative accuracy of each; scaling and squaring would lose it.
+    The entries of the matrix differ by many orders of magnitude (a position by a velocity, a coefficient of the lift by
+    another). The series keeps the relative accuracy of each; scaling and squaring would lose it.
     """
     total, term, new = np.eye(len(matrix)), np.eye(len(matrix)), np.empty_like(matrix)
     for k in range(1, ORDERS + 1):
@@ -100,7 +99,7 @@ def exponential(matrix):
 
 @inner
 def powers(leap, most):
-    """leap^i for i = 0 to most, each from two halves, so that rounding grows with the logarithm of `most` only."""
+    """leap^i for i = 0 to most, each a product of two halves: rounding grows only as the logarithm of `most`."""
     result = np.empty((most + 1, len(leap), len(leap)))
     result[0] = np.eye(len(leap))
     result[1] = leap
@@ -111,7 +110,7 @@ def powers(leap, most):
 
 @inner
 def watches(train, h, tables, slot, rows):
-    """Writes what is watched in a combination of pieces: rows (w, c), their elements and numbers."""
+    """Write the watches of a combination of pieces: their rows (w, c), elements and numbers. Returns their count."""
     count, row = 0, np.empty(tables.motion.shape[1])
     for e in range(len(train.a)):
         piece = tables.pieces[slot, e]
@@ -126,33 +125,32 @@ def watches(train, h, tables, slot, rows):
 
 @inner
 def seat_row(train, sizes, row):
-    """Writes the row (c) of the signed distance [m] of the valve from its seat touch."""
+    """Write the row (c) of the signed distance [m] of the valve from its seat."""
     row[:], seat = 0.0, train.seat
     if seat < 0:
         return
     constant, slope = touch_line(train, seat)
-    one = np.empty(sizes.state + 3 + sizes.forces)
-    form_row(train, seat, np.array([-constant / slope, -1.0, 0.0, 0.0]), one)
-    by_state(one, 1.0, sizes, row)
+    si_row = np.empty(sizes.state + 3 + sizes.forces)
+    form_row(train, seat, np.array([-constant / slope, -1.0, 0.0, 0.0]), si_row)
+    by_state(si_row, 1.0, sizes, row)
 
 
 @inner
 def write_looks(rows, system, steps, count, at, out):
-    """Writes values and slopes by the step of `count` rows at every step to the columns of out from `at` on."""
+    """Write values and slopes per step of `count` rows at every step to the columns of out from `at` on."""
     both = np.empty((2 * count, len(system)))
     both[:count] = rows[:count]
     product(rows[:count], system, both[count:])
-    seen = np.empty_like(both)
+    values = np.empty_like(both)
     for i in range(len(steps)):
-        product(both, steps[i], seen)
+        product(both, steps[i], values)
         for w in range(2 * count):
-            out[:, at + 2 * count * i + w] = seen[w]
+            out[:, at + 2 * count * i + w] = values[w]
 
 
 @inner
 def slot_of(train, h, tables, status):
-    """The slot of the tables for the pieces `status` (e), which are built where they are missing; -1 where there is no
-    room for them."""
+    """The slot of the tables for the pieces `status` (e), which is filled if it is new; -1 if the tables are full."""
     key, built = 0, tables.built[0]
     for e in range(len(status)):
         key += train.place[e] * status[e]
@@ -166,9 +164,9 @@ def slot_of(train, h, tables, status):
     return built
 
 
-@inner(_nrt=True)  # as numba would take it from a caller that makes no array
+@inner(_nrt=True)  # stated because numba would take over the flag of a caller that allocates no array
 def fill(train, h, tables, slot, status):
-    """Writes the tables of the pieces `status` (e), which are numbered within their elements, to a slot."""
+    """Write the tables of the pieces `status` (e), which are numbered within their elements, to a slot."""
     n, c = len(train.mass), tables.span.shape[1]
     for e in range(len(train.a)):
         tables.pieces[slot, e] = train.first[e] + status[e]
@@ -199,21 +197,21 @@ def fill(train, h, tables, slot, status):
 
 @inner
 def write_integral(train, tables, slot):
-    """Writes the seat's distance, integrated over so many steps: from its power series while the seat is apart, step
-    by step, and zero otherwise."""
+    """Write the integral of the seat's distance over 0 to m steps: step by step from its power series if the seat
+    contact is separated, and zero otherwise."""
     rows, c, seat = tables.integral[slot], tables.span.shape[1], train.seat
     rows[:] = 0.0
     if seat < 0 or tables.states[slot, seat] != SEPARATED:
         return
-    one, slope = np.zeros(c), touch_line(train, seat)[1]
+    per_step, slope = np.zeros(c), touch_line(train, seat)[1]
     for w in range(tables.count[slot]):
         if tables.element[slot, w] == seat:
             for k in range(TERMS + 1):
-                one += tables.series[slot, w, :, k] / ((k + 1) * slope)
+                per_step += tables.series[slot, w, :, k] / ((k + 1) * slope)
     for i in range(len(rows) - 1):
         for j in range(c):
             total = 0.0
             for r in range(c - 1):
-                total += tables.steps[slot, i, j, r] * one[r]
+                total += tables.steps[slot, i, j, r] * per_step[r]
             rows[i + 1, j] = rows[i, j] + total
-        rows[i + 1, c - 1] += one[c - 1]
+        rows[i + 1, c - 1] += per_step[c - 1]

@@ -1,17 +1,17 @@
-"""The elements in a state y, which is (x, v, z) and then the lift's coefficients: compression, force and piece."""
+"""Compression, force and piece of the elements in a state y, which is (x, v, z) and then the lift's coefficients."""
 
 from camopt.programs import compiled, njit_no_refcount
 
 
 @njit_no_refcount
 def lift_at(train):
-    """Where the lift stands in y: behind the 2n + r numbers of the state."""
+    """Index of the lift in y, after the 2n + r numbers of the state."""
     return 2 * len(train.mass) + len(train.reach)
 
 
 @njit_no_refcount
 def closeness(a, b, gap, n, y):
-    """(d, d') [m], [m/s] of an element between the masses a and b that the cam does not drive."""
+    """(d, d') [m], [m/s] of an element between the masses a and b, without the lift."""
     d, rate = -gap, 0.0
     if a >= 0:
         d += y[a]
@@ -35,7 +35,7 @@ def compression(train, e, h, y):
 
 @njit_no_refcount
 def memory_of(train, e, y):
-    """The memory z [m] of element e, zero where it has none."""
+    """The memory z [m] of element e, zero if it has none."""
     return y[2 * len(train.mass) + train.memory[e]] if train.memory[e] >= 0 else 0.0
 
 
@@ -47,11 +47,11 @@ def value(form, d, rate, z):
 
 @compiled(_nrt=False)
 def element_forces(train, pieces, slots, rows, forces):
-    """Writes the forces [N] of the elements into `forces` (k, e), at `rows` (k, 2n + r + 2 or more) of x, v, z, lift
-    and lift velocity. The force of a contact that has just opened may be a rounding error below zero; it is set to 0.
+    """Write the forces [N] of the elements into `forces` (k, e), at `rows` (k, 2n + r + 2 or more) of x, v, z, lift and
+    lift velocity. The force of a contact that has just opened may be a rounding error below zero; it is set to zero.
 
-    `pieces` (s, e) are those of each combination, `slots` (k) the combinations of the rows. The outer loop runs over
-    the elements, so that the numbers of an element are read once for all rows.
+    `pieces` (s, e) are those of each combination, and `slots` (k) are the combinations of the rows. The outer loop is
+    over the elements, so that the data of each element are loaded once.
     """
     n, at, law = len(train.mass), lift_at(train), train.law
     for e in range(len(train.a)):
@@ -71,7 +71,7 @@ def element_forces(train, pieces, slots, rows, forces):
 
 @compiled
 def classify(train, h, y, status):
-    """Writes the pieces (e) that hold in an arbitrary state; a memory out of reach of its element is brought within."""
+    """Write the pieces (e) that hold in an arbitrary state; a memory beyond its element's reach is moved within."""
     for e in range(len(train.a)):
         d, rate = compression(train, e, h, y)
         if train.memory[e] >= 0:
@@ -83,8 +83,11 @@ def classify(train, h, y, status):
 
 @njit_no_refcount
 def piece_that_holds(train, e, d, rate, z):
-    """The piece of element e none of whose watches is negative: from its first piece on, a negative watch leads to the
-    piece that follows. Where rounding lets two pieces point at each other, it is the one that came first."""
+    """The piece of element e that has no negative watch.
+
+    The search begins at its first piece, and a negative watch leads to the piece that follows it. If two pieces lead to
+    each other because of rounding, the one visited first is returned.
+    """
     before, piece = -1, 0
     for _ in range(2 * (train.first[e + 1] - train.first[e])):
         then = -1
@@ -102,15 +105,15 @@ def piece_that_holds(train, e, d, rate, z):
 
 @njit_no_refcount
 def touch_line(train, e):
-    """(force at compression zero [N], stiffness [N/m]) of the line on which a contact's elastic force begins."""
+    """(force at zero compression [N], stiffness [N/m]) of the line on which a contact's elastic force begins."""
     form = train.law[train.touch[e]]
     return form[0], form[1]
 
 
 @compiled(_nrt=False)
 def form_row(train, e, form, row):
-    """Writes the row (2n + r + 3 + f) of an affine form of element e by x, v, z, lift, lift velocity, the forces by the
-    cam angle and 1."""
+    """Write the row (2n + r + 3 + f) of an affine form of element e: its coefficients of x, v, z, lift, lift velocity,
+    the forces over the cam angle and 1."""
     n, at = len(train.mass), lift_at(train)
     for i in range(len(row)):
         row[i] = 0.0

@@ -1,4 +1,4 @@
-"""The motion at instants inside a trace, and the place where a watched quantity is largest, from its power series."""
+"""The motion at instants inside a trace, and extremes of watched quantities from their power series."""
 
 import numpy as np
 
@@ -8,18 +8,18 @@ from camopt.exact.kernel.tables import SEPARATED, TERMS
 from camopt.programs import inner, njit_no_refcount
 
 LOOKS = 8
-"""A crest is sought in this many intervals of a step: the highest mode turns by less than 0.2 rad in one."""
+"""Intervals per step in which maxima are searched for; the highest mode advances by less than 0.2 rad in each."""
 TIE = 1e-3
-"""The runner-up of a crest is looked for within this relative difference of it."""
+"""Largest relative difference of a maximum and its runner-up; smaller maxima are not searched for."""
 FLAT = 1e-10
-"""Slope in a step, as a share of the size of the series, that is none. Where a watch turns back at the end of a step or
-of a segment (friction reverses where the valve stops), rounding would else say on which side the crest stands, if on
-any."""
+"""Slope per step, relative to the size of the series, that counts as zero. If a watch has its maximum at the end of a
+step or of a segment (friction reverses where the valve stops), rounding would otherwise decide on which side of this
+end the maximum is found, if at all."""
 
 
 @inner
 def state_at(s, trace, k, length):
-    """y, that is x, v, z and the inputs, at `length` steps from the start of segment k."""
+    """y (x, v, z and the inputs) at `length` steps from the start of segment k."""
     at, (inputs, rates) = s.tables.sizes.state, s.tables.motion.shape[1:]
     y = trace.y[k].copy()
     if length != 0.0:
@@ -32,7 +32,7 @@ def state_at(s, trace, k, length):
 
 @njit_no_refcount
 def acceleration(s, slot, y, mass):
-    """Acceleration of a mass [m/s^2] in a combination of pieces; from n on, the rate of a memory [m/s]."""
+    """Acceleration of a mass [m/s^2] in a combination of pieces or, for numbers from n on, rate of a memory [m/s]."""
     sizes, motion = s.tables.sizes, s.tables.motion[slot]
     at, total = sizes.state, motion[len(motion) - 1, mass]
     for j in range(at + 1):
@@ -45,7 +45,7 @@ def acceleration(s, slot, y, mass):
 
 @njit_no_refcount
 def watch_of(s, slot, e):
-    """The first watch of element e in a combination of pieces; -1 where it has none."""
+    """The first watch of element e in a combination of pieces; -1 if it has none."""
     for w in range(s.tables.count[slot]):
         if s.tables.element[slot, w] == e:
             return w
@@ -54,7 +54,7 @@ def watch_of(s, slot, e):
 
 @njit_no_refcount
 def series_at(s, trace, k, step, watch, w, there):
-    """Writes to w (TERMS + 1) the power series of a watch about the start of a step of segment k."""
+    """Write to w (TERMS + 1) the power series of a watch about the start of a step of segment k."""
     slot = trace.slot[k]
     y, c = trace.y[k], trace.y.shape[1]
     apply(s.tables.steps[slot, step], y, c, c, there)
@@ -74,7 +74,7 @@ def evaluate(w, t):
 
 @njit_no_refcount
 def crest(w, sign, low, high):
-    """(t, value, slope) of the largest sign * w in [low, high], and whether it is a crest inside the interval."""
+    """(t, value, slope) of the largest sign * w in [low, high], and whether it is a maximum inside the interval."""
     best, at, steep, inside = -np.inf, low, 0.0, False
     rise, t, flat = 0.0, low, FLAT * (abs(w[0]) + abs(w[1]) + abs(w[2]))
     for i in range(LOOKS + 1):
@@ -94,7 +94,7 @@ def crest(w, sign, low, high):
 
 @njit_no_refcount
 def _summit(w, sign, low, high):
-    """Root of the slope in a bracket in which it falls through zero, by Newton's method kept inside the bracket."""
+    """Root of the slope in a bracket in which it falls through zero, by Newton's method safeguarded by bisection."""
     t = 0.5 * (low + high)
     for _ in range(60):
         _, slope, curve = evaluate(w, t)
@@ -114,7 +114,7 @@ def _summit(w, sign, low, high):
 
 @njit_no_refcount
 def _highest_look(s, trace, e, status, sign, low, high):
-    """Largest sign * watch over the ends of the steps inside [low, high] [rad]; -inf where no step ends there."""
+    """Largest sign * watch over the ends of the steps inside [low, high] [rad]; -inf if no step ends there."""
     best = -np.inf
     for k in range(len(trace.length)):
         slot = trace.slot[k]
@@ -130,9 +130,9 @@ def _highest_look(s, trace, e, status, sign, low, high):
 def largest(s, trace, e, status, sign, low, high):
     """Largest sign * watch of element e at angles in [low, high] [rad] at which its contact has the state `status`.
 
-    Returns (value, segment, length [steps], slope [1/step], runner-up); the segment is -1 where there is no such angle.
-    The runner-up is the next highest crest, if it lies within `TIE` of the highest, and -inf otherwise. Crests less
-    than a step apart are one: the highest mode does not turn twice in a step.
+    Returns (value, segment, length [steps], slope [1/step], runner-up); the segment is -1 if there is no such angle.
+    The runner-up is the next highest maximum if it lies within `TIE` of the highest, and -inf otherwise. Maxima less
+    than a step apart count as one, since the highest mode does not have two maxima in a step.
     """
     value, second, where, length, steep = -np.inf, -np.inf, -1, 0.0, 0.0
     per_step, crested, angle = s.cam.speed * s.step, False, 0.0
@@ -152,13 +152,13 @@ def largest(s, trace, e, status, sign, low, high):
             series_at(s, trace, k, i, watch, w, there)
             t, top, slope, inside = crest(w, sign, max(begin - i, 0.0), min(end - i, 1.0))
             here = trace.angle[k] + (i + t) * per_step
-            other = here - angle > per_step
+            distinct = here - angle > per_step
             if top > value:
-                if crested and other:
+                if crested and distinct:
                     second = max(second, value)
                 value, where, length, steep, angle = top, k, i + t, slope, here
-                crested = inside or (crested and not other)
-            elif inside and other:
+                crested = inside or (crested and not distinct)
+            elif inside and distinct:
                 second = max(second, top)
     if where >= 0 and abs(length - trace.length[where]) < 1e-12:
         length = trace.length[where]
@@ -167,7 +167,7 @@ def largest(s, trace, e, status, sign, low, high):
 
 @njit_no_refcount
 def _bound(looks, k, at, count, sign):
-    """A level that sign * watch does not exceed within a step, from its values and slopes at the step's ends."""
+    """Upper bound of sign * watch within a step, from its values and slopes at the step's ends."""
     f0, g0 = sign * looks[k, at], sign * looks[k, at + count]
     f1, g1 = sign * looks[k, at + 2 * count], sign * looks[k, at + 3 * count]
     return max(max(f0, f1), max(f0 + g0, f1 - g1))
@@ -175,7 +175,7 @@ def _bound(looks, k, at, count, sign):
 
 @inner
 def nearest_miss(s, trace, e):
-    """How close contact e came to closing: its smallest watch [N] where it turned back while apart; inf for never."""
+    """Smallest local minimum of the watch [N] of contact e while it is separated; inf if there is none."""
     least, looks, states = np.inf, trace.looks, s.tables.states
     w, there = np.zeros(TERMS + 1), np.zeros(trace.y.shape[1])
     for k in range(len(trace.length)):

@@ -1,8 +1,8 @@
 """Exact propagators over fixed spans, one set per combination of pieces, built only for combinations that occur.
 
-With lift and forces by the cam angle as polynomials in tau = t / step, the motion (x, v), the memories z, these
-polynomials' coefficients u and the constant 1 form one linear system; its matrix exponential advances them exactly,
-whatever the stiffness. The quantity that decides whether an element switches is linear in them too, so its values,
+If lift and forces over the cam angle are polynomials in tau = t / step, the motion (x, v), the memories z, the
+polynomials' coefficients u and the constant 1 form one linear system. Its matrix exponential advances them exactly,
+whatever the stiffness. The quantity that decides whether an element switches is linear in them too, so that its values,
 slopes and power series are rows of matrices.
 """
 
@@ -27,21 +27,20 @@ from camopt.scene.rest import rest_position
 from camopt.scene.train import Train, kept_with_train
 
 LARGEST_PHASE = 1.5
-"""Product of default step and highest frequency [rad]: switchings are sought well within a quarter period of any mode.
-"""
+"""Product of default step and highest frequency [rad]: a step is well below a quarter period of any mode."""
 FIRST_COMBINATIONS = 256
-"""Number of combinations for which there is room at first; the system provides it as it is written to."""
+"""Initial capacity of the tables in combinations; the operating system provides the memory only as it is written to."""
 FIRST_SEGMENTS = 1024
-"""Number of segments per revolution for which a trace has room at first."""
+"""Initial capacity of a trace in segments per revolution."""
 GROWTH = 4
-"""Factor by which the room grows when it is used up."""
+"""Factor by which a full buffer is enlarged."""
 KEPT, KEPT_BYTES = 24, 500_000_000
-"""Sets of tables that are kept for later motions, and their memory together [bytes]: three progressive springs in
-chords have thousands of combinations, and each takes a seventh of a megabyte."""
+"""Largest number of sets of tables that are cached for later motions, and their largest total memory [bytes]: three
+progressive springs replaced by chords have thousands of combinations, and each takes a seventh of a megabyte."""
 
 
 def highest_frequency(train: Train) -> float:
-    """Largest eigenvalue magnitude [rad/s] with every element in its stiffest piece, of several the most damped."""
+    """Largest eigenvalue magnitude [rad/s] with every element in its stiffest piece, the most damped of several."""
     arrays = train_arrays(train)
     pieces = (np.arange(*ends) for ends in zip(arrays.first[:-1], arrays.first[1:], strict=True))
     motion = linear_system(arrays, np.array([np.lexsort(arrays.law[p, 2:0:-1].T)[-1] for p in pieces]))
@@ -50,7 +49,7 @@ def highest_frequency(train: Train) -> float:
 
 @kept_with_train
 def _leap(train: Train) -> Leap:
-    """The leap of a train; none where nothing holds it at rest."""
+    """The leap of a train; an empty one if the train has no position of rest."""
     try:
         return leap_of(train_arrays(train), rest_position(with_chords(train)))
     except InputError:
@@ -58,13 +57,13 @@ def _leap(train: Train) -> Leap:
 
 
 _ROOM = local()
-"""The room for traces of every thread."""
+"""Trace buffer of every thread."""
 
 
 class Propagators:
-    """The tables of one train for one step [s], lift width q (coefficients per piece) and number m of steps at once.
+    """The tables of one train for one step [s], lift width q (coefficients per piece) and m steps per span.
 
-    The kernel adds the combinations of pieces that a motion meets, so that only one thread at a time may use them.
+    The kernel adds the combinations of pieces that occur in a motion, so that only one thread at a time may use them.
     """
 
     def __init__(self, train: Train, step: float, width: int, at_once: int):
@@ -78,53 +77,53 @@ class Propagators:
 
     @property
     def size(self) -> int:
-        """Memory of the combinations that are written [bytes]."""
-        return int(self.tables.built[0]) * sum(part[0].nbytes for part in self.tables[1:-2])
+        """Memory of the written combinations [bytes]."""
+        return int(self.tables.built[0]) * sum(array[0].nbytes for array in self.tables[1:-2])
 
     def trace(self, revolutions: int) -> Trace:
-        """Room for the trace of so many revolutions, which all motions of a thread share: what it held before is
-        overwritten. New room costs as much as a short motion, because the system has to clear it."""
+        """A trace buffer for a number of revolutions. All motions of a thread share it, so that it is overwritten by
+        the next one: a new buffer costs as much as a short motion, because the system has to clear it."""
         self._segments = max(self._segments, FIRST_SEGMENTS * revolutions)
-        width, kept = self.tables.steps.shape[3], vars(_ROOM).get("trace", NO_TRACE)
+        width, buffer = self.tables.steps.shape[3], vars(_ROOM).get("trace", NO_TRACE)
         looks = self.tables.span.shape[2] - width
-        if len(kept.length) < self._segments or (kept.y.shape[1], kept.looks.shape[1]) != (width, looks):
-            kept = _ROOM.trace = empty_trace(self._segments, width, looks)
-        return kept
+        if len(buffer.length) < self._segments or (buffer.y.shape[1], buffer.looks.shape[1]) != (width, looks):
+            buffer = _ROOM.trace = empty_trace(self._segments, width, looks)
+        return buffer
 
     def grow(self, code: int) -> None:
-        """Makes room for what `camopt.exact.kernel.revolution` says is full: combinations, or segments of the trace."""
+        """Enlarge what is full by a `code` of `camopt.exact.kernel.revolution`: the tables or the trace buffer."""
         if code != TABLES_FULL:
             self._segments *= GROWTH
             return
-        built, *parts, leap, sizes = self.tables
-        longer = [np.empty((GROWTH * len(part), *part.shape[1:]), part.dtype) for part in parts]
-        for new, part in zip(longer, parts, strict=True):
-            new[: len(part)] = part
+        built, *arrays, leap, sizes = self.tables
+        longer = [np.empty((GROWTH * len(array), *array.shape[1:]), array.dtype) for array in arrays]
+        for new, array in zip(longer, arrays, strict=True):
+            new[: len(array)] = array
         self.tables = Tables._make([built, *longer, leap, sizes])
 
 
 class Lending:
-    """Tables of one train, step, lift width and number of steps at once, for one thread after the other."""
+    """A pool of tables of one train, step, lift width and steps per span, each used by one thread at a time."""
 
     def __init__(self, *of: Any) -> None:
         self._of, self._free = of, list[Propagators]()
 
     @property
     def size(self) -> int:
-        """Memory of the tables that no thread uses [bytes]."""
-        return sum(one.size for one in self._free)
+        """Memory of the tables that are not in use [bytes]."""
+        return sum(tables.size for tables in self._free)
 
     @contextmanager
     def lent(self) -> Iterator[Propagators]:
-        """Tables that no other thread uses meanwhile; those of earlier motions where there are any."""
+        """Tables for exclusive use within the context; those of an earlier motion if any are free."""
         try:
-            one = self._free.pop()
+            tables = self._free.pop()
         except IndexError:
-            one = Propagators(*self._of)
+            tables = Propagators(*self._of)
         try:
-            yield one
+            yield tables
         finally:
-            self._free.append(one)
+            self._free.append(tables)
 
 
 _kept: OrderedDict[tuple, Lending] = OrderedDict()
@@ -134,8 +133,7 @@ _lock = Lock()
 def propagators(train: Train, step: float, width: int, at_once: int) -> Lending:
     """The propagators of a train, shared by all speeds and cams that use the same step and lift width.
 
-    Those that were used last are kept, as many as `KEPT` and no more than `KEPT_BYTES`, which is seen to where others
-    are added.
+    The most recently used ones are cached, at most `KEPT` and `KEPT_BYTES`.
     """
     key = train, step, width, at_once
     with _lock:
@@ -143,14 +141,14 @@ def propagators(train: Train, step: float, width: int, at_once: int) -> Lending:
             _kept.move_to_end(key)
         else:
             _kept[key] = Lending(*key)
-            size = sum(one.size for one in _kept.values())
+            size = sum(lending.size for lending in _kept.values())
             while len(_kept) > 1 and (len(_kept) > KEPT or size > KEPT_BYTES):
                 size -= _kept.popitem(last=False)[1].size
         return _kept[key]
 
 
 def forget_propagators() -> None:
-    """Frees the kept tables, as after motions of many drawn trains, none of which moves again."""
+    """Free all cached tables, for example after motions of many drawn trains that are not simulated again."""
     with _lock:
         _kept.clear()
     trim_heaps()
@@ -158,5 +156,5 @@ def forget_propagators() -> None:
 
 @kept_with_train
 def default_step(train: Train) -> float:
-    """Step [s] at which the highest mode turns by `LARGEST_PHASE`."""
+    """Step [s] in which the phase of the highest mode advances by `LARGEST_PHASE`."""
     return LARGEST_PHASE / highest_frequency(train)

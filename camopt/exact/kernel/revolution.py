@@ -1,4 +1,4 @@
-"""One revolution, event-exact: spans by the exact propagator, jumps to the switchings and piece borders inside them."""
+"""One event-exact revolution: spans by the exact propagator, shortened at switchings and at borders of the lift."""
 
 from typing import NamedTuple
 
@@ -16,12 +16,13 @@ from camopt.programs import compiled, inner, njit_no_refcount
 from camopt.scene.settled import UNBOUND
 
 DONE, TABLES_FULL, TRACE_FULL = range(3)
+"""Codes of a revolution that was completed, or for which the tables or the trace must be enlarged."""
 WHOLE = 2.0 * np.pi
 """A whole revolution [rad]."""
 CHATTER, NO_BOUND = -1, -2
-"""Why a revolution ended: codes below zero refuse the motion."""
+"""Codes of a revolution whose motion is refused: too many switchings, or an unbounded motion."""
 MOST_SWITCHINGS = 20_000
-"""A motion with more contact switchings than this in one revolution is refused as chatter."""
+"""Largest number of switchings in one revolution; a motion with more is refused as chatter."""
 
 
 class Setting(NamedTuple):
@@ -39,7 +40,7 @@ class Setting(NamedTuple):
 def inputs_at(piece, forces, offset, scale, u):
     """Coefficients u (q + 2f) in tau of lift and `forces` about the angle `offset` [rad] inside a piece (q + 2f).
 
-    `scale` [rad] is the angle per tau. Returns how many of them to use: none where all are zero, as on the base circle.
+    `scale` [rad] is the angle per tau. Returns the number of coefficients to use: 0 if all vanish (base circle).
     """
     q, still = len(piece) - 2 * forces, True
     for k in range(len(piece)):
@@ -49,7 +50,7 @@ def inputs_at(piece, forces, offset, scale, u):
         return 0
     if offset != 0.0:
         for low in range(q - 1):
-            carried = u[q - 1]  # in a register: half the time
+            carried = u[q - 1]  # held in a register, which halves the time
             for k in range(q - 2, low - 1, -1):
                 carried = u[k] + offset * carried
                 u[k] = carried
@@ -65,8 +66,8 @@ def inputs_at(piece, forces, offset, scale, u):
 
 @njit_no_refcount
 def next_stop(cam, piece, t, target, step):
-    """(border, target, end) of the span that begins at t [s]: where the lift's piece ends, where the span was to end
-    (moved onto a border within its rounding), and the earlier of the two."""
+    """(border, target, end) of the span that begins at t [s]: end of the lift's piece, intended end of the span (moved
+    onto the border if it is equal except for rounding), and the earlier of the two."""
     last = piece + 2 >= len(cam.borders)
     border = 2.0 * np.pi / cam.speed if last else (cam.borders[piece + 1] - cam.borders[0]) / cam.speed
     if abs(target - border) < 1e-11 * step:
@@ -75,11 +76,11 @@ def next_stop(cam, piece, t, target, step):
 
 
 class Workspace(NamedTuple):
-    """Room for one revolution."""
+    """Work arrays of one revolution."""
 
     y: np.ndarray  # (2n + r + q + 2f) x, v, z and the inputs
     status: np.ndarray  # (e) pieces that hold, by their numbers within the elements
-    out: np.ndarray  # (len(y) + looks) what the table of a span gives
+    out: np.ndarray  # (len(y) + looks) result of the table of a span
     scratch: tuple  # of `next_switch`
     inside: tuple  # of `advance`
     modes: np.ndarray  # (2 m) of the leap
@@ -88,9 +89,9 @@ class Workspace(NamedTuple):
 
 @njit_no_refcount
 def cross(tables, slot, h, columns, remaining, work):
-    """Advances y by the span whose table gave `out`, or by `remaining` steps of it, or to the first switching.
+    """Advance y by the span whose table gave `out`, or by `remaining` steps of it, or to the first switching.
 
-    Returns (steps taken, watch that switched or -1, whether the whole span was taken without a look inside).
+    Returns (steps taken, watch that switched or -1, whether the whole span was taken without a search for switchings).
     """
     y, out, steps = work.y, work.out, tables.steps.shape[1] - 1
     if abs(remaining - steps) < 2e-11 and first_suspect(out, len(y), tables.count[slot], steps) == steps:
@@ -112,16 +113,16 @@ def follow(s, state, starts, regular, trace):
 
 @inner
 def follow_inside(s, state, starts, regular, trace, last):
-    """Runs revolutions from `state` (2n + r), which it changes in place, one after the other in the trace: whole ones,
-    the last by the angle `last` [rad].
+    """Simulate successive revolutions from `state` (2n + r), which is overwritten by the end state.
 
-    `starts` (revolutions + 1) receives the segments at which they begin and where the last one ends. Returns (code,
-    number of switchings of the last revolution); `regular` and `trace` are those of `revolve`.
+    All revolutions are whole, except that the last one covers the angle `last` [rad]. `starts` (revolutions + 1)
+    receives the segments of the trace at which they begin, and the end of the last one. Returns (code, number of
+    switchings of the last revolution); `regular` and `trace` have the meaning that they have in `revolve`.
     """
     switchings = 0
     for turn in range(len(starts) - 1):
         if len(trace.length) > 0 and starts[turn] == len(trace.length):
-            return TRACE_FULL, switchings  # a rest without room would not be traced
+            return TRACE_FULL, switchings  # a revolution without room would not be traced
         rest = cut(trace, starts[turn], len(trace.length))
         angle = last if turn == len(starts) - 2 else WHOLE
         code, count, switchings = revolve(s, state, regular, rest, angle)
@@ -136,11 +137,11 @@ def follow_inside(s, state, starts, regular, trace, last):
 
 @inner
 def revolve(s, state, regular, trace, angle):
-    """Runs one revolution, or its first `angle` [rad], which ends at a border of the pieces, from `state` (2n + r),
-    which it changes in place.
+    """Simulate one revolution, or its first `angle` [rad], from `state` (2n + r), which is overwritten by its end.
 
-    Returns (code, number of segments, number of switchings). Where `trace` has room, every segment is written there.
-    Spans end `regular`ly, at whole multiples of their length, or they begin anew at every switching.
+    The angle must end at a border of the lift's pieces. Returns (code, number of segments, number of switchings). Every
+    segment is written to `trace`, unless this is empty. With `regular` spans end at whole multiples of their length;
+    otherwise a new span begins at every switching.
     """
     tables, at = s.tables, len(state)
     modes, (inputs, rates), c = tables.leap.rate.shape[1], tables.motion.shape[1:], at + s.cam.pieces.shape[1]
@@ -162,7 +163,7 @@ def revolve(s, state, regular, trace, angle):
 
 @njit_no_refcount
 def turn(s, work, regular, trace, angle):
-    """The revolution of `revolve`, with everything made ready in `work`."""
+    """The revolution of `revolve`, with the start state and its pieces in `work`."""
     train, cam, h, tables = s.train, s.cam, s.step, s.tables
     at, forces, period, scale = tables.sizes.state, tables.sizes.forces, angle / cam.speed, cam.speed * h
     traced, span = len(trace.length) > 0, (tables.steps.shape[1] - 1) * h

@@ -5,21 +5,20 @@ from camopt.exact.kernel.tables import TERMS
 from camopt.programs import njit_no_refcount
 
 TICK = 1e-13
-"""Smallest time [s] between two switchings that is resolved. It is far below any step and above the series' rounding.
-"""
+"""Smallest resolved time [s] between two switchings. It is far below any step and above the series' rounding."""
 CONVERGED = 1e-9
-"""Newton step [steps] that is the last: what it leaves is of the order of its square."""
+"""Newton step [steps] at which the iteration ends: the remaining error is of the order of its square."""
 SAMPLES = 15
-"""Number of samples of the series per step: the highest mode turns by less than 0.1 rad between two samples, so that at
-most one extremum lies there."""
+"""Number of intervals per step at whose ends the series is sampled: the phase of the highest mode advances by less than
+0.1 rad in each, so that it contains at most one extremum."""
 
 
 @njit_no_refcount
 def suspect(out, at, w, count):
-    """Whether a watch may turn negative within a step, judged from values and slopes at the step's two ends.
+    """Whether a watch may turn negative within a step, from its values and slopes at the step's two ends.
 
-    The answer is sometimes a needless yes, never a wrong no. `at` is where the values at the step's start stand in
-    `out`; the slopes there follow, then values and slopes at its end.
+    The test may be true for a watch that stays positive, but is never false for one that turns negative. `at` is the
+    index in `out` of the values at the step's start; the slopes there follow, and then values and slopes at its end.
     """
     before, after = out[at + w], out[at + 2 * count + w]
     return before < 0.0 or after < 0.0 or before + out[at + count + w] < 0.0 or after - out[at + 3 * count + w] < 0.0
@@ -27,13 +26,13 @@ def suspect(out, at, w, count):
 
 @njit_no_refcount
 def first_suspect(out, at, count, steps):
-    """The first of the steps in which any watch is suspect; `steps` if there is none."""
+    """The first step in which any watch is suspect; `steps` if there is none."""
     low = 0
     for i in range(steps + 1):
         begin = at + 2 * count * i
         for w in range(begin, begin + count):
             low += out[w] < abs(out[w + count])
-    if low == 0:  # no tangent reaches zero within a step, to either side
+    if low == 0:  # no tangent reaches zero within a step in either direction
         return steps
     for i in range(steps):
         begin = at + 2 * count * i
@@ -45,10 +44,10 @@ def first_suspect(out, at, count, steps):
 
 @njit_no_refcount
 def next_switch(tables, slot, y, columns, out, length, tick, scratch):
-    """The first switching in (0, length] steps, as (whole steps before it, rest [steps], watch).
+    """The first switching in (0, length] steps, as (whole steps before it, remainder [steps], watch).
 
-    Where there is none, (0, length, -1). Where there is one, the first array of `scratch` holds the state after the
-    whole steps. `out` holds the watches of the span, `tick` [steps] is the smallest time that is resolved.
+    Without a switching the result is (0, length, -1). With one, the first array of `scratch` holds the state after the
+    whole steps. `out` holds the watches of the span, and `tick` [steps] is the smallest resolved time.
     """
     count, begin, series = tables.count[slot], tables.steps[slot], tables.series[slot]
     there, w, value, slope = scratch
@@ -85,8 +84,7 @@ def _value_and_slope(w, t):
 
 @njit_no_refcount(fastmath={"contract"})
 def _sample(w, value, slope):
-    """Writes values and slopes at i / SAMPLES, i = 0 to SAMPLES, in one loop, so that the processor does several at
-    once."""
+    """Write values and slopes at i / SAMPLES, i = 0 to SAMPLES, in one loop that the compiler can vectorise."""
     for i in range(SAMPLES + 1):
         value[i], slope[i] = w[TERMS], 0.0
     for k in range(TERMS - 1, -1, -1):
@@ -100,9 +98,9 @@ def _sample(w, value, slope):
 def first_negative(w, start, end, value, slope):
     """The first t in [start, end] at which the series w turns negative, or -1; 0 <= start << 1 and end <= 1.
 
-    A dip between two samples is found even where the series returns before the second one. A series that is negative
-    without having been positive, and still sinks, switches where that is first seen: at the start, if the contact has
-    just switched the other way.
+    A dip below zero between two samples is found even if the series is positive again at the second one. A series that
+    is negative and decreasing without having been positive switches at the first sample where this is detected: at the
+    start, if the contact has just switched the other way.
     """
     _sample(w, value, slope)
     if start > 0.0:
@@ -138,16 +136,16 @@ def _dip(w, start, high):
             low = middle
         else:
             high = middle
-        if value - abs(slope) * (high - low) > 0.0:  # no lower than that between
+        if value - abs(slope) * (high - low) > 0.0:  # lower bound on the interval
             return -1.0
     return -1.0
 
 
 @njit_no_refcount
 def _root(w, low, high, above, below):
-    """The t at which w turns negative, by Newton's method kept inside a bracket that shrinks.
+    """The t at which w turns negative, by Newton's method safeguarded by bisection.
 
-    The bracket is [low, high], with w(low) = above >= 0 > below = w(high).
+    The initial bracket is [low, high], with w(low) = above >= 0 > below = w(high).
     """
     t = low + (high - low) * above / (above - below)
     for _ in range(60):

@@ -1,7 +1,6 @@
-"""Every declared metric of one revolution of a traced motion, in compiled code and without cotangents.
+"""All declared metrics of one revolution of a traced motion, in compiled code and without cotangents.
 
-Excess lift comes from the seat's distance and its slope at every step, between which they are cubics, as
-`camopt.measure.metrics` has them.
+Excess lift is computed from cubics through the seat's distance and its slope at every step.
 """
 
 import numpy as np
@@ -13,13 +12,14 @@ from camopt.programs import inner, njit_no_refcount
 from camopt.scene.units import MM
 
 NAMES = (*METRICS, "excess_lift_mm")
-"""The metrics in the order of the rows that `figures` fills."""
+"""Names of the metrics, in the order of the rows of `figures`."""
 HALVINGS = 40
+"""Number of bisections for the zero of the lift above the lash in a step."""
 
 
 @inner
 def figures(s, trace, turn, row):
-    """Writes the metrics (9) of revolution `turn` to row; the trace reaches to the next opening foot."""
+    """Write the metrics (9) of revolution `turn` to row; the trace must extend to the next opening foot."""
     for metric in range(len(METRICS)):
         row[metric] = measure(metric, s, trace, None, turn)[0]
     row[len(METRICS)] = excess_lift(s, trace, turn)
@@ -27,34 +27,34 @@ def figures(s, trace, turn, row):
 
 @inner
 def excess_lift(s, trace, turn):
-    """Largest distance of the valve from its seat beyond the lift above the lash in a revolution [mm]."""
+    """Largest excess [mm] of the valve's distance from its seat over the lift above the lash in a revolution."""
     lash, steps, begin = 0.0, s.tables.steps.shape[1] - 1, s.tables.sizes.state
     for e in s.train.cam_side:
         lash += s.train.gap[e]
-    best, seen, u = -np.inf, np.empty(2 * (steps + 1)), np.empty(s.tables.sizes.lift)
+    best, distances, u = -np.inf, np.empty(2 * (steps + 1)), np.empty(s.tables.sizes.lift)
     for k in range(len(trace.length)):
         if abs(0.5 * (trace.angle[k] + trace.angle[k + 1]) - 2 * np.pi * turn) > np.pi:
             continue
         y = trace.y[k]
-        apply(s.tables.distance[trace.slot[k]], y, len(y), 2 * (steps + 1), seen)
+        apply(s.tables.distance[trace.slot[k]], y, len(y), 2 * (steps + 1), distances)
         for j in range(len(u)):
             u[j] = y[begin + j]
         whole = min(int(trace.length[k]), steps)
-        parts = whole + 1 if trace.length[k] - whole > 0.0 else whole
-        for i in range(parts):
+        spans = whole + 1 if trace.length[k] - whole > 0.0 else whole
+        for i in range(spans):
             width = 1.0 if i < whole else trace.length[k] - whole
             if i < whole:
-                f, m = seen[2 * i + 2], seen[2 * i + 3]
+                f, m = distances[2 * i + 2], distances[2 * i + 3]
             else:
                 f, m = seat_distance(s, trace.y[k + 1])
-            cubic = seen[2 * i], seen[2 * i + 1] * width, f, m * width
+            cubic = distances[2 * i], distances[2 * i + 1] * width, f, m * width
             best = max(best, excess(cubic, lifted(u, float(i), width, lash), best))
     return best / MM
 
 
 @njit_no_refcount
 def lifted(u, tau, width, lash):
-    """Lift above the lash and its slope at both ends of a part of a step, as a cubic: (value, slope, value, slope)."""
+    """Cubic (value, slope, value, slope) of the lift above the lash at both ends of a part of a step."""
     v0, m0, v1, m1 = 0.0, 0.0, 0.0, 0.0
     for k in range(len(u) - 1, -1, -1):
         m0 = m0 * tau + v0
@@ -66,7 +66,7 @@ def lifted(u, tau, width, lash):
 
 @njit_no_refcount
 def excess(distance, lift, best):
-    """Largest distance - max(0, lift) on [0, 1], where it exceeds `best`, of cubics (value, slope, value, slope)."""
+    """Largest distance - max(0, lift) on [0, 1] of cubics (value, slope, value, slope), if it exceeds `best`."""
     apart = (distance[0] - lift[0], distance[1] - lift[1], distance[2] - lift[2], distance[3] - lift[3])
     if lift[0] > 0.0 and lift[2] > 0.0:
         return top(apart, 0.0, 1.0, best)
@@ -93,7 +93,7 @@ def value(cubic, t):
 
 @njit_no_refcount
 def top(cubic, low, high, best):
-    """Largest value of a cubic in [low, high], where it may exceed `best`; otherwise any value below that."""
+    """Largest value of a cubic in [low, high] if it may exceed `best`; otherwise some value not above `best`."""
     f0, m0, f1, m1 = cubic
     if max(max(f0, f1), max(f0 + max(m0, 0.0), f1 + max(-m1, 0.0))) <= best:
         return min(f0, f1)

@@ -1,9 +1,9 @@
-"""A lift law on as few pieces as it needs, so that a motion does not stop at borders where the lift is smooth.
+"""Compression of a lift law to few pieces, so that the kernel does not stop at borders where the lift is smooth.
 
-A ground cam has hundreds of pieces and a Polydyne high powers; a span of the kernel stops at every border, and its
-tables grow with the powers. Here neighbouring pieces become one polynomial of degree 7 wherever that gives the
-lift back within `LIFT_ERROR` and its slope within `SLOPE_ERROR`, and a piece that it does not follow is halved.
-The polynomials take over value and slope of the lift at both their ends; between them they are its least-squares fits.
+A ground cam has hundreds of pieces, and a Polydyne has high powers; a span of the kernel ends at every border, and its
+tables grow with the powers. Neighbouring pieces are therefore merged to one polynomial of degree 7 if this reproduces
+the lift within `LIFT_ERROR` and its slope within `SLOPE_ERROR`, and a piece that it does not reproduce is halved. The
+polynomials have the lift's value and slope at both ends, and are least-squares fits in between.
 """
 
 from functools import lru_cache
@@ -14,21 +14,22 @@ import numpy as np
 from camopt.cam.lift import Lift, without_narrow
 
 LIFT_ERROR = 1e-10
-"""Largest error of the lift [m], a tenth of a nanometre: against a contact of 1e8 N/m it is 0.01 N."""
+"""Largest error of the lift [m], a tenth of a nanometre: at a contact of 1e8 N/m it causes 0.01 N."""
 SLOPE_ERROR = 3e-8
-"""Largest error of its slope [m/rad]: against a damper of 1000 N s/m at 400 rad/s it is 0.01 N."""
+"""Largest error of the slope [m/rad]: at a damper of 1000 N s/m and 400 rad/s it causes 0.01 N."""
 WIDTH = 8
-"""Coefficients per piece."""
+"""Number of coefficients per piece."""
 WIDEST = np.radians(30.0)
-"""Pieces are not merged beyond this width, since few pieces stop a motion anyway."""
+"""Largest width of a merged piece [rad]; pieces of this width are few enough."""
 HALVINGS = 6
+"""Largest number of times that a piece is halved."""
 NODES = -np.cos(np.pi * np.arange(17) / 16)
-"""Where the fit and its error are taken, on [-1, 1]."""
+"""Nodes on [-1, 1] of the fit and of its error."""
 
 
 @lru_cache(maxsize=256)
 def compress_lift(lift: Lift) -> tuple[np.ndarray, np.ndarray]:
-    """Borders (p + 1) [rad] and coefficients (p, WIDTH) [m/rad^k] of a lift law; base circle stays base circle."""
+    """Borders (p + 1) [rad] and coefficients (p, WIDTH) [m/rad^k] of a lift law; they are zero on the base circle."""
     borders, flat = lift.borders, ~np.any(lift.coefficients, axis=1)
     begin, end, still = borders[:-1], borders[1:], flat
     if lift.coefficients.shape[1] > WIDTH:
@@ -44,8 +45,10 @@ def compress_lift(lift: Lift) -> tuple[np.ndarray, np.ndarray]:
 
 
 def lift_between(lift: Lift, borders: np.ndarray) -> Lift:
-    """The lift on the pieces between `borders` (p + 1) [rad], which are halved where a polynomial of degree 7 does not
-    follow it: a ground cam on those of the cam as designed."""
+    """The lift on the pieces between `borders` (p + 1) [rad], for example a ground cam on those of the designed cam.
+
+    A piece is halved if a polynomial of degree 7 does not reproduce the lift.
+    """
     borders = without_narrow(borders)
     begin, end, _ = _halved(lift, borders[:-1], borders[1:], np.zeros(len(borders) - 1, bool))
     pieces = _fitted(lift, begin, end)[0]
@@ -53,7 +56,7 @@ def lift_between(lift: Lift, borders: np.ndarray) -> Lift:
 
 
 def _halved(lift: Lift, begin, end, still):
-    """Pieces halved where a polynomial of degree 7 does not follow the lift."""
+    """The pieces after halving those on which a polynomial of degree 7 does not reproduce the lift."""
     for _ in range(HALVINGS):
         bad = ~still & ~_fitted(lift, begin, end)[1]
         if not bad.any():
@@ -66,7 +69,7 @@ def _halved(lift: Lift, begin, end, still):
 
 
 def _merged(lift: Lift, begin, end, still, parity: int):
-    """Every second pair of neighbours as one piece, where that follows the lift."""
+    """The pieces after merging every second pair of neighbours if one polynomial reproduces the lift."""
     first = np.arange(parity, len(begin) - 1, 2)
     alike = still[first] == still[first + 1]
     first = first[alike & (still[first] | (end[first + 1] - begin[first] <= WIDEST))]
@@ -78,7 +81,7 @@ def _merged(lift: Lift, begin, end, still, parity: int):
 
 
 def _fitted(lift: Lift, begin: np.ndarray, end: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Polynomials (k, WIDTH) [m/rad^k] about the starts of k intervals, and whether they follow the lift there."""
+    """Polynomials (k, WIDTH) [m/rad^k] about the starts of k intervals, and whether they reproduce the lift there."""
     half = 0.5 * (end - begin)[:, None]
     angle = begin[:, None] + half * (NODES + 1.0)
     angle[:, -1] = end

@@ -1,4 +1,4 @@
-"""Settling revolution by revolution and measuring what has settled, for many motions of one train in compiled code."""
+"""Settling and measurement of many motions of one train, revolution by revolution, in compiled code."""
 
 from typing import NamedTuple
 
@@ -13,22 +13,22 @@ from camopt.scene import settled
 
 goes_on, goes_back, shrinks = inner(settled.goes_on), inner(settled.goes_back), inner(settled.shrinks)
 SETTLING, PERIODIC, APERIODIC, REFUSED = 0, 1, 2, 3
-"""How far a motion has come: it still settles; it repeats; it did not settle; it cannot be followed."""
+"""Stages of a motion: still settling, periodic, not settled, refused."""
 
 
 class Plan(NamedTuple):
-    """How long motions may settle, and what is measured."""
+    """Tolerances of settling, and numbers of measured revolutions."""
 
     position: float  # m
     velocity: float  # m/s
-    measured: int
-    aperiodic: int  # a whole number of blocks
-    block: int  # revolutions of a wandering motion that are measured together
-    watched: bool  # whether what is measured is long enough to see that the motion settles
+    measured: int  # revolutions of a periodic motion
+    aperiodic: int  # revolutions of an aperiodic motion, a whole number of blocks
+    block: int  # revolutions of an aperiodic motion that are measured together
+    watched: bool  # whether there are enough measured revolutions to confirm that the motion settles
 
 
 class Cams(NamedTuple):
-    """k cams, the pieces of cam j being `first[j]` to `first[j + 1]`."""
+    """k cams; the pieces of cam j are `first[j]` to `first[j + 1]`."""
 
     borders: np.ndarray  # (pieces + k) rad
     pieces: np.ndarray  # (pieces, q) m/rad^k
@@ -40,33 +40,33 @@ class Cams(NamedTuple):
 class SettlingMotions(NamedTuple):
     """m motions of one train: their cams and speeds, their states, and their metrics."""
 
-    cam: np.ndarray  # (m) its number
+    cam: np.ndarray  # (m) number of the cam
     speed: np.ndarray  # (m) rad/s
-    left: np.ndarray  # (m) way left in changes over the last revolution
-    most: np.ndarray  # (m) revolutions to settle, at most
-    state: np.ndarray  # (m, 2n + r) start, then where settling has come to, then the end of the measured revolutions
+    remaining: np.ndarray  # (m) remaining change until settled, as a multiple of the change over the last revolution
+    most: np.ndarray  # (m) largest number of revolutions to settle
+    state: np.ndarray  # (m, 2n + r) at the start, then while settling, then at the end of the measured revolutions
     stage: np.ndarray  # (m)
-    revolutions: np.ndarray  # (m) run to settle
-    within: np.ndarray  # (m) the last of them that changed the state by less than the tolerances
-    apart: np.ndarray  # (m, 3) distances over a revolution, in the tolerances: largest within them, last but one, last
-    turns: np.ndarray  # (m) measured
-    lowest: np.ndarray  # (m, metrics) over the measured revolutions; NaN where one is NaN
+    revolutions: np.ndarray  # (m) simulated to settle
+    within: np.ndarray  # (m) number of latest consecutive ones whose remaining change is within the tolerances
+    apart: np.ndarray  # (m, 3) changes over a revolution, in the tolerances: largest within them, last but one, last
+    turns: np.ndarray  # (m) measured revolutions
+    lowest: np.ndarray  # (m, metrics) over the measured revolutions; NaN if any of them is NaN
     highest: np.ndarray  # (m, metrics)
 
 
 @compiled
 def run(s, plan, cams, motions, trace, begin):
-    """Runs the motions from `begin` on; the setting s gives the train and its tables.
+    """Simulate the motions from number `begin` on; the setting s holds the train and its tables.
 
-    Stops where room for tables or in the trace is missing; called again, it goes on from the last revolution. Returns
+    Stops if the tables or the trace are full; the next call continues after the last completed revolution. Returns
     (number of the motion, code of `revolve`).
     """
     for i in range(begin, len(motions.cam)):
-        one = setting_for(s, cams, motions, i)
-        while wanted(plan, motions, i):
-            code = settle(one, plan, motions, trace, i) if motions.stage[i] == SETTLING else DONE
+        setting = setting_for(s, cams, motions, i)
+        while needs_more(plan, motions, i):
+            code = settle(setting, plan, motions, trace, i) if motions.stage[i] == SETTLING else DONE
             if code == DONE:
-                code = measured(one, plan, motions, trace, i)
+                code = measured(setting, plan, motions, trace, i)
             if code < 0:
                 motions.stage[i] = REFUSED
             elif code != DONE:
@@ -77,8 +77,8 @@ def run(s, plan, cams, motions, trace, begin):
 
 
 @inner
-def wanted(plan, motions, i):
-    """Whether more revolutions of motion i are wanted."""
+def needs_more(plan, motions, i):
+    """Whether motion i needs more revolutions."""
     stage = motions.stage[i]
     most = plan.measured if stage == PERIODIC else plan.aperiodic
     return stage == SETTLING or (stage != REFUSED and motions.turns[i] < most)
@@ -95,13 +95,13 @@ def setting_for(s, cams, motions, i):
 
 
 @inner
-def note(s, plan, motions, i, after):
-    """Takes the state a revolution later; whether the change that is still to come is within the tolerances."""
+def accept(s, plan, motions, i, after):
+    """Move on to the state a revolution later; returns whether the remaining change is within the tolerances."""
     distance, n, apart = 0.0, len(s.train.mass), motions.apart[i]
     for j in range(len(after)):
         unit = plan.velocity if n <= j < 2 * n else plan.position
         distance = max(distance, abs(after[j] - motions.state[i, j]) / unit)
-    within = motions.left[i] * distance < 1.0
+    within = motions.remaining[i] * distance < 1.0
     motions.state[i] = after
     motions.within[i] = motions.within[i] + 1 if within else 0
     apart[0], apart[1], apart[2] = (max(apart[0], distance) if within else 0.0), apart[2], distance
@@ -110,14 +110,14 @@ def note(s, plan, motions, i, after):
 
 @inner
 def settle(s, plan, motions, trace, i):
-    """Revolutions until the way that is left is short enough, or there have been the most: the code."""
+    """Simulate revolutions until the remaining change is small enough or the limit is reached; returns the code."""
     after, untraced = motions.state[i].copy(), cut(trace, 0, 0)
     while goes_on(motions.revolutions[i], motions.most[i], motions.within[i]):
         code = revolve(s, after, False, untraced, WHOLE)[0]
         if code != DONE:
             return code
         motions.revolutions[i] += 1
-        if note(s, plan, motions, i, after):
+        if accept(s, plan, motions, i, after):
             motions.stage[i] = PERIODIC
             return DONE
     motions.stage[i] = APERIODIC
@@ -126,10 +126,10 @@ def settle(s, plan, motions, trace, i):
 
 @inner
 def measured(s, plan, motions, trace, i):
-    """The metrics of measured revolutions and one more for the last bounce window: the code.
+    """Measure revolutions, followed by one more for the last bounce window; returns the code.
 
-    The revolutions show whether a motion that stands settles, and one that wanders after all; it else goes on settling.
-    Of a motion that stands and is not watched the last revolution ends with the window, at the next opening foot.
+    If the measured revolutions contradict the stage, periodic or not, the motion continues to settle. The last
+    revolution of a periodic motion that is not watched ends with the bounce window, at the next opening foot.
     """
     periodic = motions.stage[i] == PERIODIC
     turns = plan.measured if periodic else plan.block
@@ -140,7 +140,7 @@ def measured(s, plan, motions, trace, i):
         return code
     apart, start = motions.apart[i], motions.apart[i, 2] if periodic else 0.0
     for turn in range(turns + (last == WHOLE)):
-        note(s, plan, motions, i, trace.y[starts[turn + 1], : len(state)])
+        accept(s, plan, motions, i, trace.y[starts[turn + 1], : len(state)])
     settles = shrinks(apart[0], start, apart[1], apart[2], motions.within[i] - 2)
     late = motions.revolutions[i] + motions.turns[i] - motions.most[i]
     if plan.watched and (not settles if periodic else goes_back(settles, late, motions.within[i])):

@@ -1,7 +1,7 @@
-"""The independent methods, one file each: own assembly, own contact law, nothing shared but train, lift law and record.
+"""The independent methods, one file each: they share only the train, the lift law and the record of the response.
 
-Nothing of camopt is imported but what they share: the method's own assembly is the point. docs/how-to/add-a-method.md
-adds one; what of a method is too long for one file stands in a file `of_<method>` beside it.
+Every method has its own assembly of the equations and its own contact law, and imports nothing else of camopt.
+docs/how-to/add-a-method.md shows how to add one. A method that is too long for one file continues in `of_<method>`.
 """
 
 INDEPENDENT = {
@@ -10,7 +10,7 @@ INDEPENDENT = {
     "houbolt": "camopt.verifier.methods.houbolt",
     "dop853": "camopt.verifier.methods.dop853",
 }
-"""Every method of this package by its name on the command line, and the module whose `prepare` it is."""
+"""Every method of this package: its name on the command line, and the module that defines its `prepare`."""
 METHOD_NAMES = {
     "event": "event-exact",
     "rkg": "Runge-Kutta-Gill",
@@ -19,9 +19,9 @@ METHOD_NAMES = {
     "dop853": "DOP853",
     "smooth": "smooth",
 }
-"""What readers are shown for a method's name on the command line; a method without an entry is shown by that one."""
+"""Display name of every method by its name on the command line; a method without an entry is shown by the latter."""
 
 
 def verdict_methods() -> tuple[str, ...]:
-    """Names of the methods that a verdict can ask: event-exact, and those of this package."""
+    """Names of the methods that a verdict can use: event-exact and those of this package."""
     return "event", *INDEPENDENT

@@ -1,12 +1,12 @@
 """DOP853, order 8 (Hairer, Norsett, Wanner 1993; SciPy's), with every switching of an element located as a root.
 
-Between switchings the motion is smooth; each ends an integration and starts the next one. A contact is apart, pushing,
-or pressed without force; a table is on one of its rows; oil pushes, waits for its valve or is filled; friction sticks
-or slides (`of_dop853` says where each gives way to the next). An integration also ends where a force that is
-given by the cam angle has a corner.
+Between switchings the motion is smooth; each switching ends one integration and starts the next. A contact is apart,
+pushing, or pressed without force; a table is on one of its rows; oil pushes, is without force while its check valve
+shuts, or is refilled; friction sticks or slides (`of_dop853` defines the transitions between these phases). An
+integration also ends at the corners of forces that are given over the cam angle.
 
-The method takes every law of a scene. The steps per revolution decide how often the motion is recorded and how often it
-is searched for switchings. They also decide the relative error permitted, which is the cube of the step [rad].
+The method implements every law of a scene. The steps per revolution determine how often the motion is recorded and
+searched for switchings, and the permitted relative error, which is the cube of the step [rad].
 """
 
 from bisect import bisect_right
@@ -35,10 +35,11 @@ from camopt.verifier.methods.of_dop853 import (
 )
 
 LEAST_ERROR = 1e-12
+"""Smallest permitted relative error."""
 FLOORS = 1e-3, 1.0
-"""Length [m] and velocity [m/s] to which the permitted error relates where the motion itself is smaller."""
+"""Length [m] and velocity [m/s] to which the permitted error relates if the motion itself is smaller."""
 MOST_SWITCHINGS = 20_000
-"""A motion with more switchings than this in one revolution is refused as chatter."""
+"""Largest number of switchings in one revolution; a motion with more is refused as chatter."""
 ROOT = 1e-18
 """Accuracy with which the time of a switching is located [s], besides the rounding of the time itself."""
 
@@ -47,7 +48,7 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     """One revolution as a function of its start state (2n + r: [m], [m/s], memories [m]); any laws.
 
     `cam_speed` [rad/s]. The response has steps_per_revolution + 1 samples and two at every switching, before and after
-    it. Raises MotionRefused for endless switching, or where no step meets the permitted error.
+    it. Raises MotionRefused if there are too many switchings, or if no step meets the permitted error.
     """
     train.require_kinds("DOP853", WRITTEN, "camopt/verifier/methods/of_dop853.py")
     motion = _Motion(train, lift, cam_speed)
@@ -57,17 +58,17 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
 
     def revolve(state: np.ndarray) -> Response:
         t, y = 0.0, np.asarray(state, dtype=float)
-        phases, parts = motion.phases(y), []
+        phases, spans = motion.phases(y), []
         while t < grid[-1]:
-            part, switched = motion.until_switching(t, y, phases, (grid, stops[bisect_right(stops, t)]), error)
-            parts.append(part)
-            t, y, phases = part[0][-1], part[1][-1], phases | switched
-            if len(parts) > MOST_SWITCHINGS:
+            span, switched = motion.until_switching(t, y, phases, (grid, stops[bisect_right(stops, t)]), error)
+            spans.append(span)
+            t, y, phases = span[0][-1], span[1][-1], phases | switched
+            if len(spans) > MOST_SWITCHINGS:
                 raise MotionRefused(
                     f"DOP853 at {cam_speed * 30 / np.pi:g} cam r/min: contacts switch more than {MOST_SWITCHINGS} "
                     f"times in one revolution: give the contacts damping, or check masses and stiffnesses"
                 )
-        time, states, force = (np.concatenate([p[i] for p in parts]) for i in range(3))
+        time, states, force = (np.concatenate([p[i] for p in spans]) for i in range(3))
         angle = time * cam_speed - np.pi
         angle[-1] = np.pi
         n = len(train.mass)
@@ -94,7 +95,7 @@ class _Motion:
         self.laws, self.forcing = PieceLaws(train), train.forcing
 
     def stops(self, end: float) -> list[float]:
-        """The times [s] at which an integration ends: the corners of the forces by the cam angle, and `end`."""
+        """Times [s] at which an integration ends: the corners of the forces given over the cam angle, and `end`."""
         corners = {float((angle + np.pi) / self.cam_speed) for f in self.forcing for angle in f.angle}
         return [*sorted(t for t in corners if 0.0 < t < end), end]
 
@@ -105,7 +106,7 @@ class _Motion:
         return d, self.rows @ y[n : 2 * n] + self.driven * lift_rate
 
     def surfaces(self, y: np.ndarray, lift, lift_rate, acting: Acting) -> tuple[np.ndarray, ...]:
-        """What of the elements decides where they switch, in states y (2n + r, m); rows `of_dop853.U` to SLACK."""
+        """The surfaces that determine the switchings, `of_dop853.U` to SLACK, in states y (2n + r, m)."""
         n, (d, rate) = len(self.mass), self.compressions(y, lift, lift_rate)
         elastic = self.laws.force(d, y[2 * n :], acting)
         force = elastic + (self.damping + self.laws.dissipation * elastic) * rate
@@ -122,7 +123,7 @@ class _Motion:
         return lift, slope * self.cam_speed
 
     def given(self, begin: float, end: float) -> tuple[np.ndarray, np.ndarray]:
-        """The given forces on the masses as value at time zero (n) [N] and slope (n) [N/s], between two stops."""
+        """The given forces on the masses between two stops [s]: value at time zero (n) [N] and slope (n) [N/s]."""
         value, slope = self.load.copy(), np.zeros(len(self.load))
         for f in self.forcing:
             i = np.searchsorted(f.angle, 0.5 * (begin + end) * self.cam_speed - np.pi, "right") - 1
@@ -132,20 +133,20 @@ class _Motion:
         return value, slope
 
     def phases(self, y: np.ndarray) -> Phases:
-        """Every phase in a state (2n + r) at -180 degrees."""
+        """The phases of all elements in a state (2n + r) at -180 degrees."""
         cam = self.cam(0.0)
         d, rate = self.compressions(y[:, None], *cam)
-        others = self.laws.first_phases(d[:, 0], rate[:, 0], y[2 * len(self.mass) :])
-        u, f, *_ = self.surfaces(y[:, None], *cam, self.laws.acting(others))
-        found = {(int(e), CONTACT): APART if u[e] <= 0 else PUSHING if f[e] > 0 else PRESSED for e in self.contacts}
-        return found | others
+        other_phases = self.laws.first_phases(d[:, 0], rate[:, 0], y[2 * len(self.mass) :])
+        u, f, *_ = self.surfaces(y[:, None], *cam, self.laws.acting(other_phases))
+        phases = {(int(e), CONTACT): APART if u[e] <= 0 else PUSHING if f[e] > 0 else PRESSED for e in self.contacts}
+        return phases | other_phases
 
-    def until_switching(self, t: float, y: np.ndarray, phases: Phases, looked: tuple[np.ndarray, float], error: float):
-        """Integrates from t to the first switching or to a stop; `looked` are the times of all samples, and the stop.
+    def until_switching(self, t: float, y: np.ndarray, phases: Phases, targets: tuple[np.ndarray, float], error: float):
+        """Integrate from t to the first switching or to the stop; `targets` are the times of all samples and the stop.
 
-        Returns times (k), states (k, 2n + r), forces (k, e) and the phase that begins at the end.
+        Returns times (k), states (k, 2n + r) and forces (k, e), and the phase that begins at the end, by its key.
         """
-        n, memory, (grid, stop) = len(self.mass), self.memory, looked
+        n, memory, (grid, stop) = len(self.mass), self.memory, targets
         acting = self.laws.acting(phases)
         watched = self.laws.switchings(phases, error * FLOORS[0], error * FLOORS[1])
         load, ramp = self.given(t, stop)
@@ -153,7 +154,7 @@ class _Motion:
             d, _ = self.compressions(y[:, None], *self.cam(t))
             y = np.append(y[: 2 * n], self.laws.followed(d[:, 0], y[2 * n :], phases))
 
-        floors: Any = error * self.floors  # SciPy takes an array here, its stubs do not say so
+        floors: Any = error * self.floors  # SciPy accepts an array here, although its stubs do not
         rate = self.rate_with(acting, load, ramp)
         solver = DOP853(rate, t, y, stop, max_step=grid[-1] / 360, rtol=error, atol=floors)
         times, states, after = [np.array([t])], [y[:, None]], None
@@ -164,8 +165,8 @@ class _Motion:
             assert solver.t_old is not None, "a step was taken"
             reached = slice(*np.searchsorted(grid, [solver.t_old, solver.t], "right"))
             dense, inside = solver.dense_output(), grid[reached]
-            look = np.array([solver.t_old, *inside, solver.t])
-            end, after = self._first(dense, look, (acting, watched), solver.t_old == t)
+            times_in_step = np.array([solver.t_old, *inside, solver.t])
+            end, after = self._first(dense, times_in_step, (acting, watched), solver.t_old == t)
             if after is not None or solver.status == "finished":
                 inside = np.append(inside[inside < end], end)
             times.append(inside)
@@ -177,28 +178,28 @@ class _Motion:
         return (time, state.T, force.T), {} if after is None else after
 
     def rate_with(self, acting: Acting, load: np.ndarray, ramp: np.ndarray) -> Callable:
-        """The derivative of the state (2n + r) by the time [s], with the laws of a set of phases and given forces.
+        """The time derivative of the state (2n + r) as a function, for the laws of a set of phases and given forces.
 
-        Straight lines are one matrix on the state, the lift, its rate, one and the time; bent laws are added to it.
+        Linear laws form one matrix on state, lift, lift rate, one and time [s]; the forces of curved laws are added.
         """
         n, size, bent, memory = len(self.mass), len(self.floors), self.laws.bent, self.memory
-        x, v, z, lift, slope, one, time = (slice(0, n), slice(n, 2 * n), slice(2 * n, size), *range(size, size + 4))
+        x, v, z, lift, slope, unit, time = (slice(0, n), slice(n, 2 * n), slice(2 * n, size), *range(size, size + 4))
         d, rate, force = np.zeros((3, len(self.rows), size + 4))
-        d[:, x], d[:, lift], d[:, one] = self.rows, self.driven[:, 0], -self.gap[:, 0]
+        d[:, x], d[:, lift], d[:, unit] = self.rows, self.driven[:, 0], -self.gap[:, 0]
         rate[:, v], rate[:, slope] = self.rows, self.driven[:, 0]
         force[:] = acting.slope * d + self.damping * rate
         force[:, z] += acting.by_memory
-        force[:, one] += acting.base[:, 0]
+        force[:, unit] += acting.base[:, 0]
         force[~acting.acts], force[bent] = 0.0, 0.0
         moved = np.zeros((size, size + 4))
         moved[x, v], moved[v] = np.eye(n), -self.rows.T @ force
         moved[v, v] -= np.diag(self.drag)
-        moved[v, one] += load
+        moved[v, unit] += load
         moved[v, time] = ramp
         moved[v] /= self.mass[:, None]
         moved[z] = acting.follows[:, None] * rate[memory] + acting.per_leak[:, None] * force[memory]
         pushes = -(acting.acts[:, None] * self.rows)[bent].T / self.mass[:, None]
-        seen, damping, dissipation = (
+        observed, damping, dissipation = (
             np.concatenate([d[bent], rate[bent]]),
             self.damping[bent],
             self.laws.dissipation[bent],
@@ -211,7 +212,7 @@ class _Motion:
             state[time] = t
             change = moved @ state
             if count:
-                u = (seen @ state)[:, None]
+                u = (observed @ state)[:, None]
                 elastic = self.laws.bent_force(u[:count])
                 change[v] += pushes @ (elastic + (damping + dissipation * elastic) * u[count:])[:, 0]
             return change
@@ -222,18 +223,18 @@ class _Motion:
         theta = time * self.cam_speed - np.pi
         return self.surfaces(state, self.lift(theta), self.lift(theta, 1) * self.cam_speed, acting)
 
-    def _first(self, dense, look: np.ndarray, laws: tuple[Acting, list[Switching]], begins: bool):
+    def _first(self, dense, times: np.ndarray, laws: tuple[Acting, list[Switching]], begins: bool):
         """The time of the first switching within a step, and the phase that it begins, by its key.
 
-        The step is examined at the times `look`. Where it has no switching, its end and None are returned. Where a
-        phase begins, round-off may already have put a surface beyond its zero; if it moves on from there, the switching
-        is at the beginning.
+        The step is examined at these `times`. If it has no switching, its end and None are returned. At the
+        beginning of a phase, round-off may already have moved a surface beyond its zero; if the surface moves further
+        away from zero, the switching is at the beginning.
         """
         acting, watched = laws
-        found = self._surfaces_at(look, dense(look), acting)
-        time, after = look[-1], None
+        surfaces = self._surfaces_at(times, dense(times), acting)
+        time, after = times[-1], None
         for w in watched:
-            g = w.sign * (found[w.surface][w.row] - w.border)
+            g = w.sign * (surfaces[w.surface][w.row] - w.border)
             crossed = (g[1:] > 0) & (g[:-1] <= 0)
             crossed[0] |= begins and 0 < g[0] < g[1]
             if not crossed.any():
@@ -243,9 +244,9 @@ class _Motion:
             def surface(t, w=w):
                 return w.sign * (self.surfaces(dense(t)[:, None], *self.cam(t), acting)[w.surface][w.row, 0] - w.border)
 
-            at = look[i]
+            at = times[i]
             if surface(at) < 0:
-                at = root_scalar(surface, bracket=(at, look[i + 1]), xtol=ROOT).root
+                at = root_scalar(surface, bracket=(at, times[i + 1]), xtol=ROOT).root
             if at < time or after is None:
                 time, after = at, {w.key: w.phase}
         return time, after

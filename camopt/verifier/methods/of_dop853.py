@@ -1,18 +1,18 @@
-"""The laws of a train's elements as DOP853 reads them: smooth pieces, and the surfaces where one gives way to the next.
+"""The laws of a train's elements for DOP853: smooth phases, and the switching surfaces between them.
 
 With u the compression beyond the touch, d the compression, p the elastic force, f = p + c d' and z a memory:
 
-    contact    apart -> pushing where u rises through zero (the force jumps by c u'), pushing -> pressed without force
-               where f falls through zero, pressed -> pushing where f rises again, pressed -> apart where u falls
+    contact    apart -> pushing where u rises through zero (the force jumps by c u'); pushing -> pressed without force
+               where f falls through zero; pressed -> pushing where f rises again; pressed -> apart where u falls
                through zero; without damping pushing -> apart there
-               under f = p (1 + dissipation d') a contact is pressed without force where d' is below -1 / dissipation;
-               f and p reach zero together otherwise
+               under f = p (1 + dissipation d') a contact is pressed without force while d' is below -1 / dissipation;
+               otherwise f and p reach zero together
     table      from row to row where d passes a row's compression
     oil        pushing: f = k (d - z - travel), z' = f / leak; waiting: no force, z' = 0; filling: no force, z = d
     friction   sticking: f = k (d - z), z' = 0; forward and backward: f = slip and -slip, z' = d'
 
-A surface of a table or a memory counts as passed where it is beyond zero by the permitted error: a train at rest stands
-on such surfaces, and round-off must not switch it to and fro.
+A surface of a table or a memory counts as passed only when it exceeds zero by the permitted error: a train at rest lies
+on such surfaces, and round-off must not switch it back and forth.
 """
 
 from collections.abc import Callable
@@ -24,28 +24,28 @@ from scipy.interpolate import PPoly
 from camopt.scene.train import Train
 
 CONTACT, ROW, MEMORY = range(3)
-"""What of an element has phases."""
+"""Parts of an element that have phases of their own."""
 APART, PRESSED, PUSHING = range(3)
 PUSHES, WAITS, FILLS = range(3)
 STICKS, FORWARD, BACKWARD = range(3)
 U, F, D, RATE, SLACK = range(5)
-"""Rows of surfaces: compression beyond the touch [m], p + c d' [N], compression [m], its rate [m/s], d - z [m]."""
+"""Surfaces: compression beyond the touch [m], p + c d' [N], compression [m], its rate [m/s], d - z [m]."""
 LINEAR, HERTZ, PROGRESSIVE, TABLE, OIL, FRICTION, HUNT_CROSSLEY = WRITTEN = range(7)
-"""Numbers of the laws that are written here, as `camopt.scene.laws.KINDS` has them."""
+"""Numbers of the laws that are implemented here, as in `camopt.scene.laws.KINDS`."""
 FAR = 10.0
-"""The last stiffness of a table is continued up to this compression [m] beyond the table's ends."""
+"""Compression [m] beyond the ends of a table up to which its first and last stiffness are continued."""
 
 Force = Callable[[np.ndarray], np.ndarray]
-"""Elastic force [N] by the compressions (b, m) [m] of some elements."""
+"""Elastic forces [N] of some elements as a function of their compressions (b, m) [m]."""
 Phases = dict[tuple[int, int], int]
-"""The phase of every element (first of the key) that has any, in its contact, row or memory (second)."""
+"""Phases by (element, part), where the part is CONTACT, ROW or MEMORY."""
 
 
 class Switching(NamedTuple):
-    """What `key` names enters `phase` where sign * (surface - border) rises through zero."""
+    """The part of an element named by `key` enters `phase` where sign * (surface - border) rises through zero."""
 
     key: tuple[int, int]
-    row: int  # of the surface: an element, or of SLACK a memory
+    row: int  # index of the element or, on the surface SLACK, of the memory
     surface: int
     sign: float
     phase: int
@@ -60,11 +60,11 @@ class Acting(NamedTuple):
     by_memory: np.ndarray  # (e, r) N/m
     follows: np.ndarray  # (r) 0 or 1
     per_leak: np.ndarray  # (r) m/(N s)
-    acts: np.ndarray  # (e) whether its force reaches the masses
+    acts: np.ndarray  # (e) whether the element's force acts on the masses
 
 
 class PieceLaws:
-    """The laws of one train, by phases."""
+    """The laws of one train in every set of phases."""
 
     def __init__(self, train: Train):
         self.stiffness, self.preload = train.stiffness[:, None], train.preload[:, None]
@@ -73,8 +73,8 @@ class PieceLaws:
         self.bent, self.lines = (
             [],
             {},
-        )  # elements whose force is no straight line of the compression; those with a table
-        self.bends = []  # for each law among `bent`: how many elements, and their force by their compressions
+        )  # elements whose force is a curve of the compression; elements with a force table
+        self.bends = []  # for each law among `bent`: number of elements, and their force by their compressions
         self.dissipation = np.zeros_like(self.preload)
         self.memory, self.oil = list(train.memory), np.zeros(0, dtype=int)
         if train.laws is None:
@@ -89,11 +89,11 @@ class PieceLaws:
             self._bend([e], work.roots(extrapolate=False), work)
         for e in np.flatnonzero(laws.kind == TABLE):
             self.lines[int(e)] = c, base, slope = _lines(laws.table[e])
-            row = np.searchsorted(base + slope * np.append(c, np.inf), 0.0)  # whose end has a force above zero
+            row = np.searchsorted(base + slope * np.append(c, np.inf), 0.0)  # first row that ends above zero force
             self.touch[e] = -base[row] / slope[row]
 
     def _bend(self, elements, touch: np.ndarray, force: Force) -> None:
-        """Gives elements (b) the compressions [m] at which they touch, and a force by their compressions (b, m)."""
+        """Assign elements (b) the compressions [m] at which they touch, and their force by compressions (b, m)."""
         if len(elements):
             self.touch[elements] = touch
             self.bent += list(elements)
@@ -117,8 +117,8 @@ class PieceLaws:
         return forces[0] if len(forces) == 1 else np.concatenate(forces)
 
     def first_phases(self, d: np.ndarray, rate: np.ndarray, z: np.ndarray) -> Phases:
-        """The rows and memories at compressions d (e) with rates (e) and memories z (r)."""
-        found = {(e, ROW): int(np.searchsorted(c, d[e], "right")) for e, (c, _, _) in self.lines.items()}
+        """The phases of rows and memories at compressions d (e) with rates (e) and memories z (r)."""
+        phases = {(e, ROW): int(np.searchsorted(c, d[e], "right")) for e, (c, _, _) in self.lines.items()}
         for j, e in enumerate(self.memory):
             slack = d[e] - z[j]
             if e in self.oil:
@@ -128,8 +128,8 @@ class PieceLaws:
             else:
                 slides = abs(slack) >= self.slip[e] / self.stiffness[e, 0] and slack * rate[e] > 0.0
                 phase = (FORWARD if slack > 0 else BACKWARD) if slides else STICKS
-            found[e, MEMORY] = phase
-        return found
+            phases[e, MEMORY] = phase
+        return phases
 
     def acting(self, phases: Phases) -> Acting:
         """The laws in these phases."""
@@ -154,7 +154,7 @@ class PieceLaws:
         return Acting(base, slope, by_memory, follows, per_leak, acts)
 
     def followed(self, d: np.ndarray, z: np.ndarray, phases: Phases) -> np.ndarray:
-        """The memories z (r), those that follow their compressions d (e) exactly where they do."""
+        """The memories z (r); those that follow their compression d (e) in these phases are set to it exactly."""
         z = z.copy()
         for j, e in enumerate(self.memory):
             phase, reach = phases[e, MEMORY], self.slip[e] / self.stiffness[e, 0]
@@ -165,31 +165,31 @@ class PieceLaws:
         return z
 
     def switchings(self, phases: Phases, length: float, velocity: float) -> list[Switching]:
-        """The switchings that may come next; `length` [m] and `velocity` [m/s] are the permitted errors."""
-        found = []
+        """The possible next switchings; `length` [m] and `velocity` [m/s] are the permitted errors."""
+        next_switchings = []
         for key, phase in phases.items():
             e, part = key
             if part == CONTACT:
-                found += self._of_contact(key, phase)
+                next_switchings += self._of_contact(key, phase)
             elif part == ROW:
                 corners = self.lines[e][0]
                 if phase < len(corners):
-                    found.append(Switching(key, e, D, 1.0, phase + 1, corners[phase] + length))
+                    next_switchings.append(Switching(key, e, D, 1.0, phase + 1, corners[phase] + length))
                 if phase > 0:
-                    found.append(Switching(key, e, D, -1.0, phase - 1, corners[phase - 1] - length))
+                    next_switchings.append(Switching(key, e, D, -1.0, phase - 1, corners[phase - 1] - length))
             elif e in self.oil:
-                found += self._of_oil(key, phase, length, velocity)
+                next_switchings += self._of_oil(key, phase, length, velocity)
             else:
-                found += self._of_friction(key, phase, length, velocity)
-        return found
+                next_switchings += self._of_friction(key, phase, length, velocity)
+        return next_switchings
 
     def _of_contact(self, key, phase) -> list[Switching]:
         e, dissipation = key[0], self.dissipation[key[0], 0]
         if phase == APART:
             return [Switching(key, e, U, 1.0, PUSHING)]
         if dissipation > 0.0:
-            sign, other = (1.0, PUSHING) if phase == PRESSED else (-1.0, PRESSED)
-            return [Switching(key, e, U, -1.0, APART), Switching(key, e, RATE, sign, other, -1.0 / dissipation)]
+            sign, next_phase = (1.0, PUSHING) if phase == PRESSED else (-1.0, PRESSED)
+            return [Switching(key, e, U, -1.0, APART), Switching(key, e, RATE, sign, next_phase, -1.0 / dissipation)]
         if phase == PRESSED:
             return [Switching(key, e, F, 1.0, PUSHING), Switching(key, e, U, -1.0, APART)]
         return [Switching(key, e, F, -1.0, PRESSED) if self.damped[e] else Switching(key, e, U, -1.0, APART)]
@@ -217,7 +217,7 @@ class PieceLaws:
 
 
 def _powers(coefficient: np.ndarray, exponent: np.ndarray, preload: np.ndarray) -> tuple[np.ndarray, Force]:
-    """Touch (b, 1) [m] and force of contacts under a power of the depth; all numbers (b, 1).
+    """Compression at touch (b, 1) [m] and force of contacts whose law is a power of the depth; all arguments (b, 1).
 
     The force is continued as an odd function about the touch, so that it is smooth enough to locate a root across it.
     """
@@ -231,7 +231,7 @@ def _powers(coefficient: np.ndarray, exponent: np.ndarray, preload: np.ndarray) 
 
 
 def _curve(table: np.ndarray, preload: float) -> PPoly:
-    """Elastic force by the compression [m] under a table of stiffnesses (q, 2)."""
+    """Elastic force over the compression [m] for a table of stiffnesses (q, 2)."""
     c, k = table.T
     c, k = np.array([c[0] - FAR, *c, c[-1] + FAR]), np.array([k[0], *k, k[-1]])
     work = PPoly(np.stack([np.diff(k) / np.diff(c), k[:-1]]), c).antiderivative()
@@ -240,7 +240,7 @@ def _curve(table: np.ndarray, preload: float) -> PPoly:
 
 
 def _lines(table: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Compressions [m] of a table's corners, and of each line between them force [N] at zero and slope [N/m]."""
+    """Compressions [m] of a force table's corners, and force at zero [N] and slope [N/m] of each line between them."""
     c, force = table.T
     slope = np.diff(force) / np.diff(c)
     return c[1:-1], force[:-1] - slope * c[:-1], slope

@@ -1,5 +1,5 @@
-"""What Houbolt's method alone reads: elements and forces, the matrices of every set of pieces that occurs, and MOTORI's
-explicit form of the differences, which `houbolt` tells."""
+"""Parts of Houbolt's method: elements and their forces, the matrices of every set of pieces that occurs, and MOTORI's
+explicit form, which is described in `houbolt`."""
 
 from typing import NamedTuple
 
@@ -12,14 +12,14 @@ from camopt.scene.train import Train
 
 LINEAR, TABLE, OIL, FRICTION = 0, 3, 4, 5
 MOST_KEYS = 2**62
-"""Sets of pieces are numbered in 64 bits."""
+"""Largest number of sets of pieces, which are numbered by 64-bit integers."""
 
 
 class Elements(NamedTuple):
-    """The elements for one step h. A memory z (r) was `held` at its beginning; what its law makes of it is in `forces`.
+    """The elements for the step h. Memories enter a step by their values `held` (r), from which `forces` updates them.
 
-    Oil that leaks by the trapezoidal rule over the step, z1 = z0 + h (f0 + f1) / (2 leak), has at the end of it the
-    force f1 = soft (d - held - travel) with held = z0 + flow f0, flow = h / (2 leak) and soft = k / (1 + k flow).
+    Oil that leaks by the trapezoidal rule over the step, z1 = z0 + h (f0 + f1) / (2 leak), has the force
+    f1 = soft (d - held - travel) at its end, with held = z0 + flow f0, flow = h / (2 leak) and soft = k / (1 + k flow).
     """
 
     rows: np.ndarray  # (e, n) compression of each element by position
@@ -30,21 +30,21 @@ class Elements(NamedTuple):
     gap: np.ndarray  # (e)
     kind: np.ndarray  # (e)
     pieces: np.ndarray  # (e) number of pieces of its law
-    soft: np.ndarray  # (e) N/m: the stiffness but for oil
+    soft: np.ndarray  # (e) N/m: as above for oil, the stiffness for all others
     table: np.ndarray  # (e, q, 3) compression [m], force [N], and slope [N/m] up to the next row
-    memory: np.ndarray  # (e) which memory is its own, -1 where it has none
-    reach: np.ndarray  # (e) m, of oil its travel, of friction slip / stiffness
-    flow: np.ndarray  # (e) m/N, of oil
-    forced: np.ndarray  # (q) masses of the forces by the cam angle
+    memory: np.ndarray  # (e) index of the element's memory, -1 if it has none
+    reach: np.ndarray  # (e) m: travel for oil, slip / stiffness for friction
+    flow: np.ndarray  # (e) m/N, for oil
+    forced: np.ndarray  # (q) masses on which the forces given over the cam angle act
 
 
 def elements_of(train: Train, h: float) -> Elements:
-    """The elements of a train for the step h [s]; zero, for the forces of a state by themselves.
+    """The elements of a train for the step h [s]; h = 0 gives the forces in a state without a step.
 
-    Raises InputError where the elastic force of an element follows no straight lines.
+    Raises InputError if the elastic force of an element is not piecewise linear.
     """
     e, laws = len(train.a), train.laws
-    padded = np.eye(len(train.mass) + 1)[:, :-1]  # index -1 (ground) reads the row of zeros
+    padded = np.eye(len(train.mass) + 1)[:, :-1]  # index -1 (ground) selects the row of zeros
     kind = np.zeros(e, dtype=int) if laws is None else laws.kind
     train.require_straight("Houbolt's method", 'use method "dop853" or "rkg"')
     table = np.array([[[0.0, 0.0], [1.0, 0.0]]] * e) if laws is None else laws.table
@@ -68,7 +68,7 @@ def elements_of(train: Train, h: float) -> Elements:
 
 @compiled
 def hold(elements, force, z, held):
-    """`held` (r) at the beginning of a step, from forces (e) and memories z (r) there."""
+    """Fill `held` (r) for a step from the forces (e) and memories z (r) at its beginning."""
     for e in range(len(elements.contact)):
         j = elements.memory[e]
         if j >= 0:
@@ -77,7 +77,7 @@ def hold(elements, force, z, held):
 
 @compiled
 def _of_table(table, e, d):
-    """Row of the table of element e at compression d, and its force there."""
+    """Row of element e's table at compression d, and the force there."""
     row = 0
     while row < table.shape[1] - 2 and d >= table[e, row + 1, 0]:
         row += 1
@@ -86,7 +86,7 @@ def _of_table(table, e, d):
 
 @compiled
 def _returned(oil, soft, reach, flow, d, held):
-    """Piece, force and memory of oil or friction at compression d: the trial force, returned to what the law admits."""
+    """Piece, force and memory of oil or friction at compression d: the trial force, returned to the law's range."""
     trial = d - held
     if oil:
         if trial <= reach:
@@ -102,7 +102,7 @@ def _returned(oil, soft, reach, flow, d, held):
 
 @compiled
 def forces(x, v, cam, elements, held, force, z):
-    """Forces into `force` (e) and memories into `z` (r) by the laws; returns the number of the set of pieces."""
+    """Write forces to `force` (e) and memories to `z` (r) by the laws; returns the number of the set of pieces."""
     key = 0
     for e in range(len(elements.contact)):
         compression, rate = -elements.gap[e], 0.0
@@ -141,7 +141,7 @@ class Sets(NamedTuple):
     keys: np.ndarray  # (s)
     inverse: np.ndarray  # (s, n, n)
     damping: np.ndarray  # (s, n, n)
-    load: np.ndarray  # (s, n, 3 + r) by 1, lift, lift velocity and what is held of the memories
+    load: np.ndarray  # (s, n, 3 + r) factors of 1, lift, lift velocity and the held memories
 
 
 class PieceSets:
@@ -160,10 +160,10 @@ class PieceSets:
         self.inverse, self.damping, self.load = np.zeros((0, n, n)), np.zeros((0, n, n)), np.zeros((0, n, 3 + r))
 
     def build(self, key: int) -> int:
-        """Place of a set of pieces, built if it is new."""
-        known = np.flatnonzero(self.keys == key)
-        if len(known):
-            return int(known[0])
+        """Index of a set of pieces, whose matrices are built if it is new."""
+        places = np.flatnonzero(self.keys == key)
+        if len(places):
+            return int(places[0])
         t, rows = self.train, self.elements.rows
         acting, piece = self._decoded(key)
         base, line, holding = self._lines(piece)
@@ -171,8 +171,8 @@ class PieceSets:
         damping = np.diag(t.mass_damping) + np.einsum("e,ei,ej->ij", c, rows, rows)
         stiffness = np.einsum("e,ei,ej->ij", k, rows, rows)
         effective = self.m * np.diag(t.mass) + self.c * damping + stiffness
-        parts = base * acting - k * t.gap, k * t.cam_driven, c * t.cam_driven, *holding
-        load = np.stack([-p @ rows for p in parts], axis=1)
+        loads = base * acting - k * t.gap, k * t.cam_driven, c * t.cam_driven, *holding
+        load = np.stack([-p @ rows for p in loads], axis=1)
         load[:, 0] += t.mass_force
         self.inverse = np.concatenate([self.inverse, np.linalg.inv(effective)[None]])
         self.damping = np.concatenate([self.damping, damping[None]])
@@ -184,7 +184,7 @@ class PieceSets:
         return Sets(self.train.mass, self.elements, self.keys, self.inverse, self.damping, self.load)
 
     def _decoded(self, key: int) -> tuple[np.ndarray, np.ndarray]:
-        """(which elements act, the piece of each), each (e)."""
+        """Whether each element acts, and its piece, (e) each."""
         q, contact = self.elements, self.train.contact
         acting, piece = np.ones(len(contact), dtype=bool), np.zeros(len(contact), dtype=int)
         for e in range(len(contact) - 1, -1, -1):
@@ -195,8 +195,7 @@ class PieceSets:
         return acting, piece
 
     def _lines(self, piece: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Force where compression and what is held are zero (e), its slope by the compression (e) and by the latter
-        (r, e)."""
+        """Elastic force at zero compression and held memory (e); slopes by compression (e) and held memory (r, e)."""
         q, holding = self.elements, np.zeros((len(self.train.memory), len(piece)))
         base, line = q.preload.copy(), q.soft.copy()
         for e in np.flatnonzero(q.kind != LINEAR):
@@ -214,7 +213,7 @@ class PieceSets:
 
 
 def explicit_form(train: Train, angle, cam, cam_speed: float, h: float) -> Revolve:
-    """One revolution on the samples `angle` (k), with lift, its velocity and the given forces at them in `cam`."""
+    """One revolution on the samples `angle` (k); the columns of `cam` are lift, lift velocity and the given forces."""
     n, r, samples = len(train.mass), len(train.memory), len(angle)
     masses, elements = (train.mass, train.mass_damping, train.mass_force), elements_of(train, h)
     at_once = elements_of(train, 0.0)
@@ -232,24 +231,24 @@ def explicit_form(train: Train, angle, cam, cam_speed: float, h: float) -> Revol
 
 @compiled
 def _march(motion, cam, h, masses, elements):
-    """All steps from x[2], v[0] on, x being two rows ahead of v; forces at every point but the first."""
+    """All steps from x[2], v[0] on; x is two rows ahead of v. Computes the forces at every point but the first."""
     mass, mass_damping, mass_force = masses
     x, v, force, z = motion
     held = np.empty(z.shape[1])
-    given = np.zeros(len(mass))
+    forcing = np.zeros(len(mass))
     for step in range(len(v)):
         if step > 0:
             hold(elements, force[step - 1], z[step - 1], held)
             forces(x[step + 2], v[step], cam[step], elements, held, force[step], z[step])
         for j in range(len(elements.forced)):
-            given[elements.forced[j]] = 0.0
+            forcing[elements.forced[j]] = 0.0
         for j in range(len(elements.forced)):
-            given[elements.forced[j]] += cam[step, 2 + j]
+            forcing[elements.forced[j]] += cam[step, 2 + j]
         for i in range(len(mass)):
             acceleration = mass_force[i] - mass_damping[i] * v[step, i]
             for e in range(len(elements.rows)):
                 acceleration -= elements.rows[e, i] * force[step, e]
-            acceleration = (acceleration + given[i]) / mass[i]
+            acceleration = (acceleration + forcing[i]) / mass[i]
             x0 = x[step + 2, i]
             if step == 0:
                 x[1, i] = x0 - h * v[0, i] + 0.5 * h**2 * acceleration

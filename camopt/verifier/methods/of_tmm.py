@@ -1,4 +1,4 @@
-"""One step of a train on one set of pieces as a matrix, by Taylor series as printed or by the exact exponential."""
+"""Matrix of one step of a train on one set of pieces, by the Taylor series as printed or by the exact exponential."""
 
 import math
 from typing import NamedTuple
@@ -10,7 +10,7 @@ from scipy.linalg import expm
 class Memories(NamedTuple):
     """The memories z (r) of one set of pieces: z' = by_position x - decay z + constant + by_lift lift."""
 
-    by_memory: np.ndarray  # (n, r) N/m: forces on the masses by z
+    by_memory: np.ndarray  # (n, r) N/m: forces on the masses per memory
     by_position: np.ndarray  # (r, n) 1/s
     decay: np.ndarray  # (r) 1/s
     constant: np.ndarray  # (r) m/s
@@ -20,12 +20,12 @@ class Memories(NamedTuple):
 def printed(inverse_mass, damping, stiffness, h: float, memories: Memories) -> np.ndarray:
     """Eq. (14): (x, v, z) after a step from (x, v, z, F, F', F'', G, G', G''), shape (2n + r, 5n + 4r).
 
-    F are the forces on the masses and G what else moves the memories, z' = by_position x - decay z + G.
+    F are the forces on the masses, and G is the remaining term of the memories, z' = by_position x - decay z + G.
     """
     n, r = memories.by_memory.shape
-    x, v, z, *others = np.split(np.eye(5 * n + 4 * r), np.cumsum([n, n, r, n, n, n, r, r]))
+    x, v, z, *inputs = np.split(np.eye(5 * n + 4 * r), np.cumsum([n, n, r, n, n, n, r, r]))
     derivatives, of_memory = [x, v], [z]
-    for force, moved in zip(others[:3], others[3:], strict=True):
+    for force, moved in zip(inputs[:3], inputs[3:], strict=True):
         resisting = force - damping @ derivatives[-1] - stiffness @ derivatives[-2]
         derivatives.append(inverse_mass @ (resisting + memories.by_memory @ of_memory[-1]))
         of_memory.append(memories.by_position @ derivatives[-3] - memories.decay[:, None] * of_memory[-1] + moved)
@@ -37,7 +37,7 @@ def printed(inverse_mass, damping, stiffness, h: float, memories: Memories) -> n
 
 
 def exact(inverse_mass, damping, stiffness, h: float, memories: Memories) -> np.ndarray:
-    """As `printed`, exact for F and G of second degree in time."""
+    """Like `printed`, but exact if F and G are quadratic in time."""
     n, r = memories.by_memory.shape
     size = 2 * n + r
     system = np.zeros((5 * n + 4 * r, 5 * n + 4 * r))

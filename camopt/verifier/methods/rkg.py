@@ -1,16 +1,16 @@
 """Runge-Kutta-Gill: explicit, order 4 on smooth motion, order 1 across a damped closing (no event is located), order 2
-across a corner of a force: a row of a table, friction that starts or ends to slide, oil that starts or ends to push.
+across a corner of a force: a row of a table, friction that starts or stops sliding, oil that starts or stops pushing.
 
 S. Gill, A process for the step-by-step integration of differential equations in an automatic digital computing machine,
-Proc. Cambridge Philosophical Society 47 (1951). Stable up to about omega h = 2.8. The right-hand side is assembled
-element by element at every stage; a contact pushes f = max(0, p + c d') where its elastic force p > 0, and 0 elsewhere.
-Every law of a scene is carried: p = preload + k d, p = k u^exponent of a contact pressed by u, under "hunt-crossley"
-with f = p (1 + dissipation d'), p = preload + integral of the stiffness table from 0 to d, and p on the straight lines
-of a force table. A memory z is a component of the state. Friction takes f = k (d - z), cut off at -slip and slip, at
-every stage, and z follows at the end of a step (the return mapping of plasticity: Simo and Hughes 1998, Computational
-Inelasticity, section 1.4). Oil takes f = k max(0, d - min(z, d) - travel) and z' = f / leak, and z falls to d at the
-end of a step that is beyond it.
-The criterion "displacement" is Kodama's printed one, for reproduction only: a contact is open where it is not
+Proc. Cambridge Philosophical Society 47 (1951). The method is stable up to about omega h = 2.8. The right-hand side is
+assembled element by element at every stage. A contact has the force f = max(0, p + c d') while its elastic force p > 0,
+and 0 otherwise. All laws of a scene are implemented: p = preload + k d; p = k u^exponent for a contact compressed by u,
+with f = p (1 + dissipation d') under "hunt-crossley"; p = preload + integral of the stiffness table from 0 to d; and p
+by linear interpolation in a force table. A memory z is a component of the state. Friction has f = k (d - z), clipped to
+-slip and slip, at every stage, and z is updated at the end of a step (the return mapping of plasticity: Simo and Hughes
+1998, Computational Inelasticity, section 1.4). Oil has f = k max(0, d - min(z, d) - travel) and z' = f / leak; at the
+end of a step, z is set to d if it is larger.
+The criterion "displacement" is the one that Kodama prints, for reproduction only: a contact is open if it is not
 compressed (their x_3 > x_2), and until then its damper may pull, f = p + c d' of either sign.
 """
 
@@ -31,16 +31,16 @@ RENEWED = np.array([0.5, 1.0 - ROOT, 1.0 + ROOT, 0.5])
 STAGE = np.array([0, 1, 1, 2])
 """Stage times in half steps."""
 LINEAR, HERTZ, PROGRESSIVE, TABLE, OIL, FRICTION, HUNT_CROSSLEY = WRITTEN = range(7)
-"""Numbers of the laws that are written here, as `camopt.scene.laws.KINDS` has them."""
+"""Numbers of the laws that are implemented here, as in `camopt.scene.laws.KINDS`."""
 MAY_PULL = {"force": False, "displacement": True}
-"""By separation criterion: whether a compressed contact's force may be below zero."""
+"""Whether the force of a compressed contact may be below zero, by separation criterion."""
 
 
 def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: int, criterion: str = "force") -> Revolve:
     """One revolution by Runge-Kutta-Gill as a function of its start state (2n + r: [m], [m/s], memories [m]).
 
-    `cam_speed` [rad/s]; `criterion`: a contact opens by "force", or by "displacement" alone (Kodama's). The response
-    has steps_per_revolution + 1 samples. Raises InputError for another criterion.
+    `cam_speed` [rad/s]; `criterion` states whether a contact opens by "force" or by "displacement" alone (Kodama's).
+    The response has steps_per_revolution + 1 samples. Raises InputError for another criterion.
     """
     if criterion not in MAY_PULL:
         raise InputError(f"separation criterion {criterion!r}: expected {' or '.join(MAY_PULL)}")
@@ -53,7 +53,7 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     ends = train.a, train.b, train.contact, train.cam_driven
     numbers = train.damping, train.preload, train.gap, MAY_PULL[criterion]
     forced = np.array([f.on for f in train.forcing], dtype=int)
-    parts = _TrainAsRead(*masses, *ends, *_elastic_arrays(train), *numbers, *_memory_arrays(train), forced)
+    arrays = _TrainAsRead(*masses, *ends, *_elastic_arrays(train), *numbers, *_memory_arrays(train), forced)
     push = np.zeros((2 * steps + 1, len(forced)))
     for j, f in enumerate(train.forcing):
         push[:, j] = np.interp(halves, f.angle, f.force)
@@ -61,7 +61,7 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
     def revolve(state: np.ndarray) -> Response:
         states = np.empty((steps + 1, len(state)))
         force = np.empty((steps + 1, len(train.a)))
-        _march(np.asarray(state, dtype=float), (rise, rate, push), h, parts, states, force)
+        _march(np.asarray(state, dtype=float), (rise, rate, push), h, arrays, states, force)
         n = len(train.mass)
         x, v, z = states[:, :n], states[:, n : 2 * n], states[:, 2 * n :]
         return Response(train, cam_speed, halves[::2], rise[::2], x, v, force, z)
@@ -70,7 +70,7 @@ def prepare(train: Train, lift: Lift, cam_speed: float, steps_per_revolution: in
 
 
 class _TrainAsRead(NamedTuple):
-    """A train as the compiled code reads it."""
+    """The arrays of a train for the compiled code."""
 
     mass: np.ndarray  # (n)
     mass_damping: np.ndarray  # (n)
@@ -79,20 +79,20 @@ class _TrainAsRead(NamedTuple):
     b: np.ndarray  # (e)
     contact: np.ndarray  # (e)
     cam_driven: np.ndarray  # (e)
-    kind: np.ndarray  # (e) of the elastic law, with its coefficient, exponent, dissipation and table (e, q, 2)
+    kind: np.ndarray  # (e) number of the elastic law
     coefficient: np.ndarray  # (e)
     exponent: np.ndarray  # (e)
     dissipation: np.ndarray  # (e)
-    table: np.ndarray
+    table: np.ndarray  # (e, q, 2)
     damping: np.ndarray  # (e)
     preload: np.ndarray  # (e)
     gap: np.ndarray  # (e)
-    may_pull: bool  # a compressed contact's damper may exceed its spring
-    memory: np.ndarray  # (e) which memory is its own, -1 where it has none
+    may_pull: bool  # whether a compressed contact's damper may exceed its spring
+    memory: np.ndarray  # (e) index of the element's memory, -1 if it has none
     leak: np.ndarray  # (e)
     travel: np.ndarray  # (e)
     slip: np.ndarray  # (e)
-    forced: np.ndarray  # (q) masses of the forces by the cam angle
+    forced: np.ndarray  # (q) masses on which the forces given over the cam angle act
 
 
 def _elastic_arrays(train: Train) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -104,7 +104,7 @@ def _elastic_arrays(train: Train) -> tuple[np.ndarray, np.ndarray, np.ndarray, n
 
 
 def _memory_arrays(train: Train) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """By element: which memory is its own or -1, leak, travel and slip."""
+    """Index of the memory or -1, leak, travel and slip of every element, (e) each."""
     memory = np.full(len(train.a), -1)
     memory[list(train.memory)] = np.arange(len(train.memory))
     zero = np.zeros(len(train.a))
@@ -115,7 +115,7 @@ def _memory_arrays(train: Train) -> tuple[np.ndarray, np.ndarray, np.ndarray, np
 
 @compiled
 def _elastic(kind, coefficient, exponent, table, preload, d):
-    """Elastic force [N] at compression d [m], of a law without memory."""
+    """Elastic force [N] of a law without memory at compression d [m]."""
     if kind == LINEAR:
         return preload + coefficient * d
     if kind == HERTZ or kind == HUNT_CROSSLEY:
@@ -129,20 +129,20 @@ def _elastic(kind, coefficient, exponent, table, preload, d):
         return table[row, 1] + share * (table[row + 1, 1] - table[row, 1])
     if kind == PROGRESSIVE:
         return preload + _work(table, d) - _work(table, 0.0)
-    return np.nan  # of a law without its branch here
+    return np.nan  # for a law that is not implemented here
 
 
 @compiled
 def _work(table, d):
-    """Integral of the stiffness from the first row of `table` (q, 2) to d; constant beyond the first and last row."""
+    """Integral from the first row of a stiffness `table` (q, 2) to d; the stiffness is constant outside the rows."""
     if d <= table[0, 0]:
         return table[0, 1] * (d - table[0, 0])
     total = 0.0
     for i in range(len(table) - 1):
         width = table[i + 1, 0] - table[i, 0]
-        part = min(d, table[i + 1, 0]) - table[i, 0]
+        length = min(d, table[i + 1, 0]) - table[i, 0]
         slope = (table[i + 1, 1] - table[i, 1]) / width
-        total += part * (table[i, 1] + 0.5 * slope * part)
+        total += length * (table[i, 1] + 0.5 * slope * length)
         if d <= table[i + 1, 0]:
             return total
     return total + table[-1, 1] * (d - table[-1, 0])
@@ -150,7 +150,7 @@ def _work(table, d):
 
 @compiled
 def _remembering(kind, coefficient, travel, slip, d, z):
-    """Force [N] and memory [m] of oil or friction at compression d [m], where the memory was z [m]."""
+    """Force [N] and updated memory [m] of oil or friction at compression d [m], with the memory z [m] before."""
     if kind == OIL:
         z = min(z, d)
         return coefficient * max(0.0, d - z - travel), z
@@ -162,22 +162,22 @@ def _remembering(kind, coefficient, travel, slip, d, z):
 
 
 @compiled
-def _march(start, cam, h, parts, states, force):
+def _march(start, cam, h, arrays, states, force):
     """All steps of one revolution. Gill's q carries three times the round-off of each step's sum into the next.
 
-    The stages stand in one loop over plain arrays: reading them from `parts` at every element, or calling a function at
-    every stage, counts references and takes ten times as long.
+    All stages are one loop over plain arrays: reading them from the record `arrays` at every element, or calling a
+    function at every stage, counts references and takes ten times as long.
     """
-    mass, mass_damping, mass_force, a, b, contact, cam_driven = parts[:7]
-    kind, coefficient, exponent, dissipation, table, damping, preload, gap, may_pull = parts[7:16]
-    memory, leak, travel, slip, forced = parts[16:]
+    mass, mass_damping, mass_force, a, b, contact, cam_driven = arrays[:7]
+    kind, coefficient, exponent, dissipation, table, damping, preload, gap, may_pull = arrays[7:16]
+    memory, leak, travel, slip, forced = arrays[16:]
     rise, rate, push = cam
     n, last = len(mass), len(states) - 1
     y = start.copy()
     q, dy = np.zeros_like(y), np.empty_like(y)
     for stage in range(4 * last + 1):
-        step, part = divmod(stage, 4)
-        at = 2 * step + STAGE[part]
+        step, substage = divmod(stage, 4)
+        at = 2 * step + STAGE[substage]
         for i in range(n):
             dy[i] = y[n + i]
             dy[n + i] = mass_force[i] - mass_damping[i] * y[n + i]
@@ -202,23 +202,23 @@ def _march(start, cam, h, parts, states, force):
                 i = 2 * n + memory[e]
                 elastic, z = _remembering(kind[e], coefficient[e], travel[e], slip[e], d, y[i])
                 dy[i] = elastic / leak[e] if kind[e] == OIL else 0.0
-                if part == 0 and z != y[i]:
+                if substage == 0 and z != y[i]:
                     y[i], q[i] = z, 0.0
             f = elastic + (damping[e] + dissipation[e] * elastic) * d_rate
             if contact[e] and (elastic <= 0.0 or (f < 0.0 and not may_pull)):
                 f = 0.0
-            if part == 0:
+            if substage == 0:
                 force[step, e] = f
             if a[e] >= 0:
                 dy[n + a[e]] -= f
             if b[e] >= 0:
                 dy[n + b[e]] += f
-        if part == 0:
+        if substage == 0:
             states[step] = y
         if stage == 4 * last:
             break
         for i in range(len(y)):
             k = h * (dy[i] / mass[i - n] if n <= i < 2 * n else dy[i])
-            moved = y[i] + WEIGHT[part] * (k - CARRIED[part] * q[i])
-            q[i] += 3.0 * (moved - y[i]) - RENEWED[part] * k
+            moved = y[i] + WEIGHT[substage] * (k - CARRIED[substage] * q[i])
+            q[i] += 3.0 * (moved - y[i]) - RENEWED[substage] * k
             y[i] = moved

@@ -14,21 +14,21 @@ from pathlib import Path
 import numpy as np
 
 from camopt.verifier.outside.engine import ExudynModel, FiledMotion, exu
-from camopt.verifier.outside.figures import figures, sampled
+from camopt.verifier.outside.figures import figures, hermite
 from camopt.verifier.outside.filed import FiledCam, FiledTrain, OutsideRefused, read_cam, read_train
 from camopt.verifier.outside.forces import LAWS_OF_CONTACT
 
 COARSEST, FINEST = 1e-8, 1e-11
-"""Relative tolerances of the solver, from the first to the last: below, its shortest steps are at round-off."""
+"""First and last relative tolerance of the solver. Below the last one its shortest steps reach round-off."""
 STANDS_NM = 0.3
-"""The valve stands where a tenfold tightening moves it by less than this [nm]."""
+"""The valve's motion has converged if a tenfold smaller tolerance changes it by less than this [nm]."""
 SETTLED = 1e-9
-"""Tolerance of settled motions, whose figures are held against 1e-4 mm."""
+"""Relative tolerance for settled motions, whose metrics are compared to within 1e-4 mm."""
 NM = 1e-9
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Writes the motions at all speeds as JSON; exit code 2 with a sentence for what cannot be expressed."""
+    """Write the motions at all speeds as JSON; exit code 2, with a sentence, if the scene cannot be expressed."""
     args = _parser().parse_args(arguments)
     try:
         train, cam = read_train(args.scene), read_cam(args.design)
@@ -61,17 +61,18 @@ def _at_speed(train: FiledTrain, cam: FiledCam, args: argparse.Namespace, speed_
     speed, tolerance = train.cam_speed(speed_rpm), COARSEST
     angles = np.linspace(-np.pi, np.pi, args.samples + 1)
 
-    def looked(tolerance: float) -> tuple[list[FiledMotion], np.ndarray, float]:
+    def simulated(tolerance: float) -> tuple[list[FiledMotion], np.ndarray, float]:
         begin = time.process_time()
         motions = _from_rest(ExudynModel(train, cam, speed, tolerance, args.law), args.revolutions + 1)
         seconds = (time.process_time() - begin) / len(motions)
-        return motions, np.array([sampled(m, train.valve, speed, angles) for m in motions[:-1]]), seconds
+        valve = [hermite(m.angle, m.x, m.v / speed, angles)[0][:, train.valve] for m in motions[:-1]]
+        return motions, np.array(valve), seconds
 
-    motions, valve, seconds = looked(tolerance)
+    motions, valve, seconds = simulated(tolerance)
     moved = np.full(args.revolutions, np.inf)
     while moved.max() > STANDS_NM * NM and tolerance > 1.5 * args.finest:
         tolerance, before = tolerance / 10, valve
-        motions, valve, seconds = looked(tolerance)
+        motions, valve, seconds = simulated(tolerance)
         moved = np.abs(valve - before).max(axis=1)
     row = {
         "speed_rpm": speed_rpm,

@@ -1,9 +1,9 @@
-"""A filed train as an Exudyn model: masses as Mass1D, elements as CoordinateSpringDamper, memories as ODE1 nodes.
+"""A train as an Exudyn model: masses are Mass1D, elements are CoordinateSpringDamper, memories are ODE1 nodes.
 
 Exudyn 1.13 (Gerstmayr 2023, Multibody System Dynamics, doi 10.1007/s11044-023-09937-1). The laws of force and the lift
-are symbolic user functions, which Exudyn evaluates in C++; an element with a memory is a Python function, because
-symbols cannot read a node. The solver is Exudyn's explicit DOPRI5 with its own control of the step. It locates no
-switching: it shortens its steps there until the error is below the tolerance.
+are symbolic user functions, which Exudyn evaluates in C++. The law of an element with a memory is a Python function,
+because symbols cannot read a node. The solver is Exudyn's explicit DOPRI5 with automatic step size. It does not locate
+switchings, but shortens its steps there until the error is below the tolerance.
 """
 
 from dataclasses import dataclass, replace
@@ -19,13 +19,13 @@ exu: Any = import_module("exudyn")  # its stubs name types that its functions do
 items: Any = import_module("exudyn.itemInterface")
 advanced: Any = import_module("exudyn.advancedUtilities")
 LONGEST_STEPS = 720
-"""The steps of a revolution are at most the 720th part of it long."""
+"""Fewest steps per revolution: no step is longer than 1/720 of a revolution."""
 FIRST_STEP = 1e-8
 """Length [s] of the first step."""
 SHORTEST_STEP = 1e-30
-"""Length [s] below which no step may fall; Exudyn would reject a step of this length for ever, so none gets there."""
+"""Lower limit of the step [s], too small to be reached: Exudyn would reject a step of this length for ever."""
 LENGTH = 1e-3
-"""Length [m], and velocity [m/s], below which the permitted error is that of this length."""
+"""Length [m] and velocity [m/s] whose relative tolerance is the absolute tolerance of the solver."""
 Kind = exu.OutputVariableType
 FiledState = tuple[np.ndarray, np.ndarray, np.ndarray]
 """Positions [m], velocities [m/s] and memories [m] at -180 deg."""
@@ -42,24 +42,24 @@ class FiledMotion:
 
     @property
     def end(self) -> FiledState:
-        """The state in which it ends."""
+        """The state at the end of the revolution."""
         return self.x[-1], self.v[-1], self.z[-1]
 
 
 def pick(condition, value, other):
-    """Exudyn's IfThenElse; numbers become constants of its expression."""
+    """Exudyn's IfThenElse; numbers are converted to constants of its expression."""
     real = exu.symbolic.Real
     return exu.symbolic.IfThenElse(condition, *(q if isinstance(q, real) else real(float(q)) for q in (value, other)))
 
 
 class ExudynModel:
-    """A train under a cam at one cam speed [rad/s]; `law` says what the damper of a contact may do."""
+    """A train under a cam at one cam speed [rad/s], with the relative tolerance of the solver and a contact law."""
 
     def __init__(self, train: FiledTrain, cam: FiledCam, cam_speed: float, tolerance: float, law: str = NEVER_PULLS):
         exu.SetWriteToConsole(False)
         self.train, self.cam, self.speed, self.law, self.tolerance = train, cam, cam_speed, law, tolerance
         self.mbs = exu.SystemContainer().AddSystem()
-        self._kept: list = []  # Exudyn does not keep its symbolic functions alive
+        self._kept: list = []  # holds references to the symbolic functions, since Exudyn holds none
         zero = {"referenceCoordinates": [0.0], "initialCoordinates": [0.0]}
         masses = [items.Node1D(initialVelocities=[0.0], **zero) for _ in train.mass]
         self.nodes = [self.mbs.AddNode(mass) for mass in masses]
@@ -82,7 +82,7 @@ class ExudynModel:
         self.mbs.Assemble()
 
     def rest(self) -> FiledState:
-        """The state at rest on the base circle; every memory has faded."""
+        """The state at rest on the base circle, with oil and friction relaxed."""
         x = at_rest(self.train)
         z = np.array([float(compression(e, x)) for e in self.memory])
         return x, np.zeros_like(x), z
@@ -105,8 +105,8 @@ class ExudynModel:
         self.mbs.SolveDynamic(settings, solverType=exu.DynamicSolverType.DOPRI5)
         time = self.mbs.GetSensorStoredData(self.sensors[0][0])[:, 0]
         x, v, z = (
-            np.array([self.mbs.GetSensorStoredData(s)[:, 1] for s in some]).reshape(-1, len(time)).T
-            for some in self.sensors
+            np.array([self.mbs.GetSensorStoredData(s)[:, 1] for s in sensors]).reshape(-1, len(time)).T
+            for sensors in self.sensors
         )
         return FiledMotion(time * self.speed - np.pi, x, v, z)
 
@@ -116,19 +116,19 @@ class ExudynModel:
         )
 
     def _symbolic(self, function, name: str, item: str):
-        made = advanced.CreateSymbolicUserFunction(self.mbs, function, name, itemTypeName=item)
-        self._kept.append(made)
-        return made
+        user_function = advanced.CreateSymbolicUserFunction(self.mbs, function, name, itemTypeName=item)
+        self._kept.append(user_function)
+        return user_function
 
     def _add_elements(self) -> None:
         memory = iter(self.memory_nodes)
         for e in self.train.elements:
             user = self._with_memory(e, next(memory)) if e.has_memory else self._of_spring(e)
-            ends = [self.markers[e.b], self.markers[e.a]]  # Exudyn's displacement is the second's less the first's
+            ends = [self.markers[e.b], self.markers[e.a]]  # Exudyn's displacement is second minus first
             self.mbs.AddObject(items.CoordinateSpringDamper(markerNumbers=ends, springForceUserFunction=user))
 
     def _of_spring(self, e: FiledElement):
-        """The force of an element without memory, as Exudyn's expression."""
+        """The force of an element without memory, as a symbolic function of Exudyn."""
         bare = replace(e, gap=0.0)
 
         def spring(mbs, t, itemNumber, displacement, velocity, stiffness, damping, offset):
@@ -141,7 +141,7 @@ class ExudynModel:
         return self._symbolic(spring, "springForceUserFunction", "ObjectConnectorCoordinateSpringDamper")
 
     def _with_memory(self, e: FiledElement, node):
-        """The force of oil or friction, a Python function; adds the equation of its memory z."""
+        """The force of oil or friction as a Python function; also adds the equation of its memory to the model."""
         mbs = self.mbs
 
         def of_mass(end: int, kind) -> float:
@@ -150,7 +150,7 @@ class ExudynModel:
         def flow(mbs, t, itemNumber, q):
             d = of_mass(e.a, Kind.Coordinates) - of_mass(e.b, Kind.Coordinates) - q[0]
             rate = of_mass(e.a, Kind.Coordinates_t) - of_mass(e.b, Kind.Coordinates_t)
-            if e.law == "oil":  # the open valve refills what lengthens; under pressure it leaks
+            if e.law == "oil":  # a lengthening column refills by the open valve; a compressed one leaks
                 return [min(rate, 0.0)] if d <= 0.0 else [max(0.0, e.stiffness * (d - e.travel)) / e.leak]
             slides = e.stiffness * abs(d) >= e.slip and d * rate > 0.0
             return [rate if slides else 0.0]
@@ -163,7 +163,7 @@ class ExudynModel:
         return spring
 
     def _add_loads(self) -> None:
-        """Damping to ground, constant forces, and those by the cam angle."""
+        """Add damping to ground, constant forces, and forces given over the cam angle."""
         for i, (drag, load) in enumerate(zip(self.train.drag, self.train.load, strict=True)):
             if drag:
                 ends = [self.markers[GROUND], self.markers[i]]
@@ -175,7 +175,7 @@ class ExudynModel:
             self.mbs.AddLoad(items.LoadCoordinate(markerNumber=self.markers[i], load=0.0, loadUserFunction=user))
 
     def _by_angle(self, rows):
-        def given(mbs, t, load):
+        def force_at(mbs, t, load):
             return on_rows(t * self.speed - np.pi, rows, pick)
 
-        return given
+        return force_at

@@ -1,7 +1,7 @@
-"""Bounce, jump, seating velocity and contact forces of recorded revolutions, read by the definitions of docs/model.md.
+"""Bounce, jump, seating velocity and contact forces of recorded revolutions, as defined in docs/model.md.
 
-The reading is the judge's own: between two steps of the solver a motion is the cubic through positions and velocities,
-looked at in a few more places.
+The evaluation is independent of camopt's: between two steps of the solver the motion is the cubic Hermite interpolant
+of positions and velocities, which is evaluated at a few additional points.
 """
 
 import numpy as np
@@ -11,17 +11,12 @@ from camopt.verifier.outside.filed import GROUND, MM, FiledCam, FiledElement, Fi
 from camopt.verifier.outside.forces import NEVER_PULLS, compression, force, lift, touch
 
 BETWEEN = 4
-"""Places at which each step of the solver is looked at."""
+"""Evaluation points per step of the solver."""
 TURN = 2 * np.pi
 
 
-def sampled(motion: FiledMotion, mass: int, speed: float, angles: np.ndarray) -> np.ndarray:
-    """Position (k) [m] of a mass at angles (k) [rad] of a revolution."""
-    return hermite(motion.angle, motion.x[:, [mass]], motion.v[:, [mass]] / speed, angles)[0][:, 0]
-
-
 def hermite(angle: np.ndarray, y: np.ndarray, slope: np.ndarray, at: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Cubics through values (k, n) and slopes (k, n) at angles (k): values and slopes (m, n) at angles (m)."""
+    """Values and slopes (m, n) at angles `at` (m) of the cubic interpolant of `y` and `slope` (k, n) at angles (k)."""
     i = np.clip(np.searchsorted(angle, at, "right") - 1, 0, len(angle) - 2)
     h = (angle[i + 1] - angle[i])[:, None]
     u = (at - angle[i])[:, None] / h
@@ -31,8 +26,8 @@ def hermite(angle: np.ndarray, y: np.ndarray, slope: np.ndarray, at: np.ndarray)
     return begin + u * (by_begin + u * (b + u * c)), (by_begin + u * (2 * b + 3 * u * c)) / h
 
 
-def way_from_cam(train: FiledTrain) -> list[FiledElement]:
-    """The elements from the one that the cam drives to the valve, the shortest way; none leads over the ground."""
+def path_from_cam(train: FiledTrain) -> list[FiledElement]:
+    """The elements on the shortest path from the cam-driven one to the valve; the path does not pass through ground."""
     ways = [(e.b, [e]) for e in train.elements if e.driven and e.b != GROUND]
     while ways:
         mass, path = ways.pop(0)
@@ -47,28 +42,28 @@ def way_from_cam(train: FiledTrain) -> list[FiledElement]:
 def figures(
     train: FiledTrain, cam: FiledCam, speed: float, motions: list[FiledMotion], law: str = NEVER_PULLS
 ) -> list[dict[str, float | None]]:
-    """Figures of every revolution of a record but its last, which only provides a window; a valve that has not touched
-    its seat has no bounce and no seating velocity."""
+    """Metrics of every recorded revolution except the last, into which the window of bounce extends. They have no
+    bounce and no seating velocity if the valve does not touch its seat."""
     if len(motions) < 2:
         raise ValueError("figures need two revolutions or more: the window of bounce runs into the next one")
     angle, x, v, z = _joined(motions, speed)
     height, slope = lift(cam, (angle + np.pi) % TURN - np.pi, np.where)
-    way = way_from_cam(train)
+    way = path_from_cam(train)
     between = [e for e in way if e.contact and e.law != "plunger"]
     d = [compression(e, x, height) for e in between]
     rate = [compression(e, v, slope * speed) + e.gap for e in between]
-    forces = [force(e, one, its_rate, np.where, law) for e, one, its_rate in zip(between, d, rate, strict=True)]
-    gaps = [touch(e) - one for e, one in zip(between, d, strict=True)]
+    forces = [force(e, d_e, rate_e, np.where, law) for e, d_e, rate_e in zip(between, d, rate, strict=True)]
+    gaps = [touch(e) - d_e for e, d_e in zip(between, d, strict=True)]
     memory = [e for e in train.elements if e.has_memory]
-    adjusters = [f"{e.name}-oil" for e in way if e.law == "plunger"]  # oil columns stand beside their plungers
+    adjusters = [f"{e.name}-oil" for e in way if e.law == "plunger"]  # oil columns are parallel to their plungers
     oils = [i for i, e in enumerate(memory) if e.law == "oil" and e.name in adjusters]
     seat = touch(train.seat) - compression(train.seat, x, height)
     record = np.stack([angle, seat, height - sum(e.gap for e in between), z[:, oils].sum(axis=1)])
-    found = []
+    metrics = []
     for nose in TURN * np.arange(len(motions) - 1):
         event = np.abs(angle - nose) <= cam.duration / 2
-        bounce, seating = _closed(cam, nose, record, speed)
-        found.append(
+        bounce, seating = _closing(cam, nose, record, speed)
+        metrics.append(
             {
                 "bounce_mm": bounce,
                 "seating_velocity_m_per_s": seating,
@@ -77,29 +72,29 @@ def figures(
                 "contact_force_max_N": max(float(f[event].max()) for f in forces),
             }
         )
-    return found
+    return metrics
 
 
 def _joined(motions: list[FiledMotion], speed: float) -> tuple[np.ndarray, ...]:
-    """Angle (k) [rad], going on from revolution to revolution, positions, velocities and memories of all of them."""
-    parts = []
+    """Angle (k) [rad], increasing over all revolutions, with positions, velocities and memories at it."""
+    columns = []
     for r, m in enumerate(motions):
         share = np.arange(BETWEEN) / BETWEEN
         at = (m.angle[:-1, None] + np.diff(m.angle)[:, None] * share).ravel()
         x, slope = hermite(m.angle, m.x, m.v / speed, at)
         z = np.array([np.interp(at, m.angle, column) for column in m.z.T]).reshape(-1, len(at)).T
-        parts.append((at + TURN * r, x, slope * speed, z))
-    angle, x, v, z = (np.concatenate(some) for some in zip(*parts, strict=True))
+        columns.append((at + TURN * r, x, slope * speed, z))
+    angle, x, v, z = (np.concatenate(arrays) for arrays in zip(*columns, strict=True))
     return angle, x, v, z
 
 
-def _closed(cam: FiledCam, nose: float, record: np.ndarray, speed: float) -> tuple[float | None, float | None]:
-    """Bounce [mm] and seating velocity [m/s] of the revolution whose nose is at the angle `nose`, None where the valve
-    never seats; a record (4, k) holds angle, distance from the seat, lift above the lash and what adjusters leaked."""
+def _closing(cam: FiledCam, nose: float, record: np.ndarray, speed: float) -> tuple[float | None, float | None]:
+    """Bounce [mm] and seating velocity [m/s] of the revolution whose nose is at the angle `nose`, None if the valve
+    never seats. `record` (4, k) holds angle, distance from the seat, lift above the lash and leakage of adjusters."""
     angle, s, above_lash, leaked = record
     foot = float(cam.start[np.flatnonzero(np.any(cam.coefficients != 0.0, axis=1))[0]])
-    own = np.flatnonzero((angle >= nose - np.pi) & (angle < nose + np.pi))
-    peak = own[np.argmax(s[own])]
+    inside = np.flatnonzero((angle >= nose - np.pi) & (angle < nose + np.pi))
+    peak = inside[np.argmax(s[inside])]
     if s[peak] <= 0.0:
         return 0.0, 0.0
     window = np.arange(peak, np.searchsorted(angle, nose + TURN + foot))
@@ -108,13 +103,13 @@ def _closed(cam: FiledCam, nose: float, record: np.ndarray, speed: float) -> tup
         return None, None
     i = falls[0]
     shorter = max(0.0, float(leaked[i] - np.interp(nose + foot, angle, leaked)))
-    last = own[above_lash[own] > shorter].max()
-    begin = min(_zero(angle, s, i), _zero(angle, above_lash - shorter, last))  # of the touch, of the nominal closing
+    last = inside[above_lash[inside] > shorter].max()
+    begin = min(_zero(angle, s, i), _zero(angle, above_lash - shorter, last))  # touch, nominal closing
     after = window[angle[window] >= begin]
     seating = (s[i] - s[i + 1]) / (angle[i + 1] - angle[i]) * speed
     return max(0.0, float(np.interp(begin, angle, s)), float(s[after].max())) / MM, float(seating)
 
 
 def _zero(angle: np.ndarray, y: np.ndarray, i: int) -> float:
-    """The angle at which y (k) falls through zero, between places i and i + 1."""
+    """The angle between samples i and i + 1 at which y (k) falls through zero, by linear interpolation."""
     return float(angle[i] + y[i] / (y[i] - y[i + 1]) * (angle[i + 1] - angle[i]))

@@ -1,6 +1,6 @@
-"""Train and cam as the files of a run folder give them, in SI and radians.
+"""Train and cam read from the files of a run folder, in SI units and radians.
 
-Nothing of camopt is read but these two files. What the judge cannot express is refused with a sentence.
+Only these two files of camopt are used. A scene that cannot be expressed here is refused with a sentence.
 """
 
 import json
@@ -21,12 +21,12 @@ KNOWN = {
     "dissipation_s_per_m", "leak_N_s_per_m", "spring_N_per_m", "stroke_mm", "check_travel_mm", "slip_N",
     "damping_N_s_per_m", "preload_N", "gap_mm", "cam_driven", "assumed", "source",
 }  # fmt: skip
-"""Keys of an element that the judge understands."""
+"""Supported keys of an element."""
 KNOWN_OF_A_MASS = {"name", "mass_kg", "damping_N_s_per_m", "force_N", "assumed", "source"}
 
 
 class OutsideRefused(ValueError):
-    """What the judge cannot express, or a file that it cannot read; the text is one sentence."""
+    """A scene that cannot be expressed here, or a file that cannot be read; the message is one sentence."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +39,7 @@ class FiledElement:
     b: int
     contact: bool
     driven: bool = False
-    stiffness: float = 0.0  # N/m, of a hertz or hunt-crossley contact N/m^exponent
+    stiffness: float = 0.0  # N/m, for a hertz or hunt-crossley contact N/m^exponent
     damping: float = 0.0  # N s/m
     preload: float = 0.0  # N
     gap: float = 0.0  # m
@@ -52,13 +52,13 @@ class FiledElement:
 
     @property
     def has_memory(self) -> bool:
-        """Whether the element has a length of its own that flows or slides."""
+        """Whether the element has an internal length, which changes by leakage or sliding."""
         return self.law in ("oil", "friction")
 
 
 @dataclass(frozen=True)
 class FiledTrain:
-    """The train of a scene file; forces by the cam angle are rows of angle [rad] and force [N] on a mass."""
+    """The train of a scene file; `forcing` holds masses with rows of cam angle [rad] and force [N]."""
 
     mass: tuple[float, ...]
     drag: tuple[float, ...]  # N s/m to ground
@@ -88,7 +88,7 @@ class FiledCam:
 
 
 def read_cam(path: str | Path) -> FiledCam:
-    """The cam of a design file. Raises OutsideRefused where it has no pieces."""
+    """The cam of a design file. Raises OutsideRefused if the file has no polynomial pieces."""
     content = json.loads(Path(path).read_text(encoding="utf-8"))
     if "pieces" not in content:
         raise OutsideRefused(f"{path}: no pieces of a lift: give a design.json of camopt")
@@ -100,15 +100,15 @@ def read_cam(path: str | Path) -> FiledCam:
 
 
 def read_train(path: str | Path) -> FiledTrain:
-    """The train of a scene file. Raises OutsideRefused for what the judge cannot express."""
+    """The train of a scene file. Raises OutsideRefused if the scene cannot be expressed here."""
     scene = tomllib.loads(Path(path).read_text(encoding="utf-8"))
     if "seat" not in scene or "valve" not in scene or "operation" not in scene:
         raise OutsideRefused(f"{path}: the judge from outside needs valve, seat and [operation]")
     masses = scene["mass"]
     for mass in masses:
-        _known(f"mass {mass['name']}", mass, KNOWN_OF_A_MASS)
+        _require_known(f"mass {mass['name']}", mass, KNOWN_OF_A_MASS)
     index = {m["name"]: i for i, m in enumerate(masses)} | {"ground": GROUND}
-    elements = [part for e in scene["element"] for part in _parts(e, index)]
+    elements = [element for e in scene["element"] for element in _elements_of(e, index)]
     forcing = tuple(
         (index[f["on"]], tuple((angle * DEG, force) for angle, force in f["table"])) for f in scene.get("force", [])
     )
@@ -124,15 +124,15 @@ def read_train(path: str | Path) -> FiledTrain:
     )
 
 
-def _known(what: str, table: dict[str, Any], keys: set[str]) -> None:
+def _require_known(what: str, table: dict[str, Any], keys: set[str]) -> None:
     unknown = sorted(set(table) - keys)
     if unknown:
         raise OutsideRefused(f"{what}: the judge from outside cannot express {', '.join(unknown)}")
 
 
-def _parts(e: dict[str, Any], index: dict[str, int]) -> list[FiledElement]:
-    """An element as the judge has it: an adjuster is its plunger and its oil, side by side."""
-    _known(f"element {e['name']}", e, KNOWN)
+def _elements_of(e: dict[str, Any], index: dict[str, int]) -> list[FiledElement]:
+    """The elements that represent an element of the scene: a plunger and oil in parallel for an adjuster, else one."""
+    _require_known(f"element {e['name']}", e, KNOWN)
     kind, law = e["kind"], e.get("law", "linear")
     if kind not in KINDS or law not in LAWS:
         raise OutsideRefused(f"element {e['name']}: the judge from outside cannot express {kind!r} with law {law!r}")
@@ -146,17 +146,17 @@ def _parts(e: dict[str, Any], index: dict[str, int]) -> list[FiledElement]:
         plunger = FiledElement(name, "plunger", a, b, True, rows=_plunger_rows(e))
         return [plunger, FiledElement(f"{name}-oil", "oil", a, b, False, **oil)]
     rows = e.get("stiffness_table") or e.get("force_table") or ()
-    own = FiledElement(
+    element = FiledElement(
         name, law, a, b, kind == "contact",
         driven=e.get("cam_driven", False), stiffness=stiffness, damping=e.get("damping_N_s_per_m", 0.0),
         preload=e.get("preload_N", 0.0), gap=e.get("gap_mm", 0.0) * MM, exponent=e.get("exponent", 1.5),
         dissipation=e.get("dissipation_s_per_m", 0.0), rows=tuple((at * MM, value) for at, value in rows),
     )  # fmt: skip
-    return [own]
+    return [element]
 
 
 def _plunger_rows(e: dict[str, Any]) -> tuple[tuple[float, float], ...]:
-    """Force [N] of an adjuster's plunger spring by compression [m]: soft within the stroke, a stop at either end."""
+    """Force [N] over compression [m] of an adjuster's plunger spring: soft within the stroke, stops at both ends."""
     half, stop = e["stroke_mm"] * MM / 2, e["stiffness_N_per_m"]
     least, most = (e["preload_N"] + side * half * e["spring_N_per_m"] for side in (-1, 1))
     return (-half - least / stop, 0.0), (-half, least), (half, most), (half + MM, most + stop * MM)

@@ -1,9 +1,9 @@
-"""The laws of force and the lift as formulas that hold for numbers and for Exudyn's symbols alike.
+"""The laws of force and the lift as formulas for both numbers and Exudyn's symbols.
 
-Both choose between branches by `pick(condition, value, other)`: NumPy's `where` for arrays, a symbolic IfThenElse for
-Exudyn, which compiles the formula into its own expression tree.
+The formulas choose between branches by `pick(condition, value, other)`: NumPy's `where` for arrays, or a symbolic
+IfThenElse for Exudyn, which compiles the formula into its own expression tree.
 
-The state at rest on the base circle, from which the judge's motion begins, follows by Newton's method on the forces.
+The state at rest on the base circle, where the motion begins, is computed by Newton's method on the forces.
 """
 
 from collections.abc import Callable, Sequence
@@ -17,12 +17,12 @@ Pick = Callable[[Any, Any, Any], Any]
 POWERS = "hertz", "hunt-crossley"
 """Laws whose elastic force is a power of the depth."""
 NEVER_PULLS, MAY_PULL, DAMPING_UP_TO_SPRING = LAWS_OF_CONTACT = "never pulls", "may pull", "damping up to spring"
-"""What the damper of a contact may do: camopt's law; pull until the contact parts (Kodama's printed criterion, and
-Exudyn's own contact); push or pull no more than the spring pushes (Modelica's ElastoGap)."""
+"""Contact laws: camopt's, by which a contact never pulls; a damper that may pull until the contact separates (Kodama's
+printed criterion, and Exudyn's contact); a damper with at most the force of the spring (Modelica's ElastoGap)."""
 
 
 def selected(x, borders: np.ndarray, piece: Callable[[int], Any], pick: Pick, first: int = 0):
-    """`piece(i)` where borders[i - 1] <= x < borders[i], for as many pieces as borders and one, by halving."""
+    """`piece(i)` where borders[i - 1] <= x < borders[i], found by bisection; there is one piece more than borders."""
     if not len(borders):
         return piece(first)
     middle = len(borders) // 2
@@ -31,7 +31,7 @@ def selected(x, borders: np.ndarray, piece: Callable[[int], Any], pick: Pick, fi
 
 
 def polynomials(x, start: np.ndarray, coefficients: np.ndarray, pick: Pick):
-    """The polynomial of the piece in which x lies, at x."""
+    """Value of piecewise polynomials at x."""
 
     def piece(i: int):
         s, value = x - float(start[i]), float(coefficients[i, -1])
@@ -48,14 +48,14 @@ def lift(cam: FiledCam, angle, pick: Pick):
 
 
 def on_rows(x, rows: Sequence[tuple[float, float]], pick: Pick):
-    """Straight lines through rows of (x, y); those at the ends go on."""
+    """Linear interpolation in rows of (x, y), with linear extrapolation beyond both ends."""
     at, y = np.array(rows).T
     slope = np.diff(y) / np.diff(at)
     return polynomials(x, at[:-1], np.stack([y[:-1], slope], axis=1), pick)
 
 
 def elastic(e: FiledElement, d, pick: Pick):
-    """Elastic force [N] of an element at a compression d [m]; of oil and friction d is less their memory."""
+    """Elastic force [N] of an element at compression d [m]; for oil and friction the memory is subtracted from d."""
     if e.law in POWERS:
         depth = d + (e.preload / e.stiffness) ** (1.0 / e.exponent)
         return e.stiffness * pick(depth > 0.0, depth, 0.0 * depth) ** e.exponent
@@ -72,7 +72,7 @@ def elastic(e: FiledElement, d, pick: Pick):
 
 
 def _integral(rows: Sequence[tuple[float, float]], d, pick: Pick):
-    """Integral from 0 to d of a stiffness that follows rows in straight lines and is constant beyond them."""
+    """Integral from 0 to d of a stiffness that is linear between the rows and constant beyond them."""
     at, k = np.array(rows).T
     start = np.concatenate([at[:1] - 1.0, at])
     value = np.concatenate([k[:1], k])
@@ -84,7 +84,7 @@ def _integral(rows: Sequence[tuple[float, float]], d, pick: Pick):
 
 
 def force(e: FiledElement, d, rate, pick: Pick, law: str = NEVER_PULLS):
-    """Force [N] of an element by compression d [m] and its rate [m/s], with which it pushes its ends apart."""
+    """Force [N] with which an element pushes its ends apart, at compression d [m] with the rate [m/s]."""
     p = elastic(e, d, pick)
     damper = (e.damping + e.dissipation * p) * rate if e.dissipation else e.damping * rate
     if not e.contact:
@@ -114,19 +114,19 @@ def touch(e: FiledElement) -> float:
 
 
 STEP = 1e-9
-"""Compression [m] over which a stiffness is taken as a difference of forces."""
+"""Half-width [m] of the central difference of forces by which a stiffness is computed."""
 BALANCED = 1e-9
-"""Force [N] that may be left over, per newton of the largest preload."""
+"""Largest residual force at rest, relative to the largest preload or load, and to at least 1 N."""
 
 
 def compression(e: FiledElement, x: np.ndarray, lift=0.0) -> np.ndarray:
-    """Compression [m] of an element at positions x (..., n) [m] and lift (...) [m], less its gap."""
+    """Compression [m] of an element, with its gap subtracted, at positions x (..., n) [m] and lift (...) [m]."""
     ends = [0.0 * x[..., 0] if end == GROUND else x[..., end] for end in (e.a, e.b)]
     return ends[0] - ends[1] + e.driven * lift - e.gap
 
 
 def at_rest(train: FiledTrain) -> np.ndarray:
-    """Positions (n) [m] where all forces balance: no oil carries any, nothing rubs. Raises OutsideRefused."""
+    """Positions (n) [m] of static equilibrium, where oil and friction carry no force. Raises OutsideRefused."""
     acting = [e for e in train.elements if not e.has_memory]
     rows = np.zeros((len(acting), len(train.mass)))
     for i, e in enumerate(acting):
@@ -138,19 +138,19 @@ def at_rest(train: FiledTrain) -> np.ndarray:
         p = np.array([float(elastic(e, compression(e, x) + further, np.where)) for e in acting])
         return np.where([e.contact for e in acting], np.maximum(p, 0.0), p)
 
-    def left(x: np.ndarray) -> np.ndarray:
+    def unbalanced(x: np.ndarray) -> np.ndarray:
         return np.array(train.load) - rows.T @ forces(x)
 
     x = np.zeros(len(train.mass))
     least = BALANCED * max(1.0, *(abs(e.preload) for e in acting), *map(abs, train.load))
     for _ in range(200):
-        residual = left(x)
+        residual = unbalanced(x)
         if np.abs(residual).max() < least:
             return x
         tangent = (forces(x, STEP) - forces(x, -STEP)) / (2 * STEP)
         stiffness = rows.T @ (tangent[:, None] * rows)
         step = np.linalg.solve(stiffness + np.eye(len(x)) * 1e-12 * np.abs(stiffness).max(), residual)
-        while left(x + step) @ step < -0.1 * abs(residual @ step):  # the energy is convex: shorten what overshoots
+        while unbalanced(x + step) @ step < -0.1 * abs(residual @ step):  # convex energy: shorten an overshooting step
             step = step / 2
         x = x + step
     raise OutsideRefused("the judge from outside finds no state at rest on the base circle")
