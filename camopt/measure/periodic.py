@@ -12,6 +12,7 @@ nanometres. The spectral radius costs 2n + r revolutions, and kinks of G by boun
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.linalg import LinAlgError
 
 from camopt.scene.errors import MotionRefused
 from camopt.scene.response import Revolve, next_state
@@ -143,7 +144,7 @@ def _newton(cycle: _Cycle, y: State, after: State) -> tuple[State, State]:
         try:
             new = y - np.linalg.solve(cycle.jacobian(y, after) - np.eye(len(y)), after - y)
             image = cycle(new)
-        except (MotionRefused, np.linalg.LinAlgError):  # if friction always sticks, every such state is periodic
+        except (MotionRefused, LinAlgError):  # if friction always sticks, every such state is periodic
             break
         if _size(image - new) > 0.5 * _size(after - y):
             break

@@ -4,6 +4,7 @@ Once no contact can switch any more, because the modes are small, the end of the
 """
 
 import numpy as np
+from numpy.linalg import LinAlgError
 
 from camopt.exact.kernel.advance import apply
 from camopt.exact.kernel.arrays import TrainArrays
@@ -32,7 +33,7 @@ def leap_of(train: TrainArrays, rest: np.ndarray) -> Leap:
     rates, vectors = np.linalg.eig(a / scale[:, None] * scale)
     try:
         inverse, equilibrium = np.linalg.inv(vectors), -np.linalg.solve(a / scale[:, None] * scale, constant / scale)
-    except np.linalg.LinAlgError:
+    except LinAlgError:
         return no_leap(n)
     error = np.abs((vectors * rates) @ inverse - a / scale[:, None] * scale).max()
     if np.real(rates).max() >= 0.0 or not error < REBUILT * np.abs(rates).max():
