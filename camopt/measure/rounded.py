@@ -158,7 +158,7 @@ def rounding_sentence(lift: Lift) -> str:
     if rows is None:
         return ""
     how = "the limits on the shape are judged by means over a few degrees"
-    return f"{rows.precision(how, *map(rows.resolution, (2, 3)))}; what a table does between its rows, no table tells"
+    return f"{rows.precision(how, *map(rows.resolution, (2, 3)))}; the lift between its rows is unknown"
 
 
 MEANS = 4

@@ -51,9 +51,9 @@ def asked_sentence(record: Mapping[str, Any]) -> str:
     """The requested yield and whether it is confirmed, with the reasons if not; empty for a record without a share."""
     stands = standing(record)
     if stands == NOT_ASKED:
-        return "no yield was asked for"
+        return "no yield was requested"
     if stands == ENOUGH:
-        return f"no yield was asked for, and {100 * ADVISED:g} % hold in any case"
+        return f"no yield was requested, and {100 * ADVISED:g} % hold in any case"
     if not stands:
         return ""
     requested, reasons = f"yield of {100 * record['wanted']:g} %", list(map(str, _as_list(record.get("reasons"))))
@@ -75,7 +75,7 @@ def spoiling_sentences(record: Mapping[str, Any]) -> list[str]:
     if any(to_blame.values()):
         shares = [f"{label} {100 * share:.0f} %" for label, share in to_blame.items() if share >= LEAST_BLAME]
         rest = record.get("unexplained")
-        words = f"to blame (squared rank correlations with the worst used limit): {', '.join(shares)}"
+        words = f"causes (squared rank correlations with the largest use of a limit): {', '.join(shares)}"
         sentences.append(words + (f"; {100 * rest:.0f} % unexplained" if is_number(rest) else ""))
     return sentences
 

@@ -49,7 +49,7 @@ def text(record: VerificationRecord, scene: Scene | None) -> str:
         low, high = band["from_rpm"], band["to_rpm"]
         beyond = [f"{row['speed_rpm']:g}" for row in rows if not low <= row["speed_rpm"] <= high]
         over = f"{low:g} to {high:g} r/min" + (f" and at {', '.join(beyond)} r/min" if beyond else "")
-        lines.append(f"worst over {over}, neighbouring speeds, lifts and states included, each at its speed")
+        lines.append(f"worst over {over}, including neighbouring speeds, lifts and states, each with its speed")
         lines.append(_line({name: entry and entry.value for name, entry in worst.items()}))
         lines.append(_line({name: entry and entry.speed_rpm for name, entry in worst.items()}, "r/min"))
     reason = f". {record['reason']}" if record["reason"] else ""
@@ -90,7 +90,7 @@ def html(record: VerificationRecord) -> str:
     rows = record.judged
     table = DataFrame({label: [row[name] for row in rows] for name, label in COLUMNS.items()})
     if record.outside:
-        table["from outside, off by [nm]"] = [_outside_nm(row) for row in rows]
+        table["difference to Exudyn [nm]"] = [_outside_nm(row) for row in rows]
     shown = table.to_html(index=False, float_format="{:.4g}".format, na_rep="never seats")
     return f"<p><b>{escape(record['verdict'])}</b> {escape(record['reason'])}</p>{shown}"
 

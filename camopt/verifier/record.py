@@ -139,7 +139,7 @@ def accuracy_record(speeds: Sequence[dict], requested_um: float, requested: str 
     by_speed = {s["speed_rpm"]: s for s in speeds}
     errors = {rpm: bounce_error_um(s) for rpm, s in by_speed.items()}
     delivered = max((np.inf if e is None else e for e in errors.values()), default=np.inf)
-    words = f"accuracy asked: {requested_um:g} um" + (f" ({requested})" if isinstance(requested, str) else "")
+    words = f"requested accuracy: {requested_um:g} um" + (f" ({requested})" if isinstance(requested, str) else "")
     if delivered <= requested_um:
         finest = delivered <= FINEST["bounce_mm"] * MM / UM * (1 + 1e-9)
         words += f"; estimated error of bounce: {'at most ' if finest else ''}{delivered:.2g} um"
@@ -147,13 +147,13 @@ def accuracy_record(speeds: Sequence[dict], requested_um: float, requested: str 
         none = [rpm for rpm, s in by_speed.items() if not all(map(is_number, s["bounce_range_mm"]))]
         short = [rpm for rpm, error in errors.items() if rpm not in none and (error is None or error > requested_um)]
         ranges = [_bounce_text(by_speed[rpm]) for rpm in short]
-        words += f"; not reached: bounce is known to a range only, {', '.join(ranges)}" if ranges else ""
+        words += f"; not reached: only a range of the bounce is known, {', '.join(ranges)}" if ranges else ""
         at = ", ".join(f"{rpm:g}" for rpm in none)
         words += f"; there is no bounce at {at} r/min, where the valve does not seat" if none else ""
     if alone := [rpm for rpm, speed in by_speed.items() if speed["decided_after"] == ALONE]:
         covered = ", ".join(f"{rpm:g}" for rpm in sorted(by_speed.keys() - set(alone)))
         others = f"{len(alone)} other speed{'s' * (len(alone) > 1)}"
-        words += f"; all methods looked at {covered} r/min, event-exact alone at {others}"
+        words += f"; all methods were run at {covered} r/min, event-exact alone at {others}"
     return {
         "asked": requested_um if requested is None else requested,
         "asked_um": requested_um,

@@ -87,7 +87,7 @@ class Verdict:
             at = ", ".join(dict.fromkeys(f"{s.speed_rpm:g}" for s in decisive))
             return f"The methods do not agree, or have not converged, at {at} r/min."
         limits = ", ".join(dict.fromkeys(limit for s in decisive for limit in s.straddled))
-        return f"Of the neighbouring speeds, lifts and states some keep and some break {limits}."
+        return f"At some neighbouring speeds, lifts or states the cam keeps and at others it breaks {limits}."
 
     def plot(self):
         """Bounce and jump against speed, with the scene's limits, as a matplotlib Figure."""

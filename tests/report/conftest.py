@@ -108,7 +108,7 @@ def parts() -> dict:
             "worst_in_band": [speed_record(3)],
             "band": band_record(),
             "limits": {"first_jump_rpm": 7060, "first_bounce_rpm": None},
-            "accuracy": {"statement": "accuracy asked: 1 um (standard); estimated error of bounce: 0.08 um"},
+            "accuracy": {"statement": "requested accuracy: 1 um (standard); estimated error of bounce: 0.08 um"},
         },
         "comparison": rows,
         "provenance": {

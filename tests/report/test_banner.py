@@ -29,7 +29,7 @@ def run_of(write, contents, built: dict | None):
 @pytest.mark.parametrize(
     ("verdict", "built", "kind", "words"),
     [
-        ("confirmed", {}, "doubt", "No yield was asked for."),
+        ("confirmed", {}, "doubt", "No yield was requested."),
         ("confirmed", {"share": 0.99, "low": 0.97, "high": 1.0}, "good", "95 % hold in any case."),
         ("confirmed", ASKED | {"confirmed": True}, "good", "Yield of 95 %: confirmed."),
         ("confirmed", ASKED | {"confirmed": False, "reasons": ["few hold"]}, "bad", "because few hold."),

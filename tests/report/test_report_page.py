@@ -93,7 +93,7 @@ def test_a_judge_from_outside_has_a_column_and_a_sentence(write, contents):
     assert "from outside" not in page_of(folder).text
     (folder / "outside.json").write_text(json.dumps([said_from_outside(5000, 0.25)]), encoding="utf-8")
     page = page_of(folder)
-    assert "from outside, off by [nm]" in page.text
+    assert "difference to Exudyn [nm]" in page.text
     assert "Exudyn 1 agrees within 0.25 nm at 1 speed, by the valve's motion from rest." in page.text
     assert page.text.index("Confirmed") < page.text.index("Limits")
 

@@ -223,7 +223,7 @@ def test_an_error_does_not_pretend_digits(write, contents):
 def test_an_accuracy_that_was_not_reached_is_said(write, contents):
     contents["verification"]["accuracy"] = {
         "reached": False,
-        "statement": "accuracy asked: 5 um; not reached: bounce is known to a range only, 0.1 to 0.2 mm at 7000 r/min",
+        "statement": "requested accuracy: 5 um; not reached: only a range of the bounce is known, 0.1 to 0.2 mm at 7000 r/min",
     }
     text = page_of(write(contents)).text
-    assert "Delivered: not reached: bounce is known to a range only, 0.1 to 0.2 mm at 7000 r/min." in text
+    assert "Delivered: not reached: only a range of the bounce is known, 0.1 to 0.2 mm at 7000 r/min." in text

@@ -49,7 +49,7 @@ class TestSimulate:
             apart(motion, truth) <= motion.attrs["accuracy_estimated_um"] <= asked == motion.attrs["accuracy_asked_um"]
         )
         assert motion.attrs["accuracy_reached"] == 1
-        assert motion.attrs["accuracy_statement"].startswith(f"accuracy asked: {asked:g} um; estimated error")
+        assert motion.attrs["accuracy_statement"].startswith(f"requested accuracy: {asked:g} um; estimated error")
 
     def test_a_name_is_taken_as_its_tolerance(self):
         motion = simulate(MOTOR, self.CAM, 3000, accuracy="draft")
@@ -113,7 +113,7 @@ class TestCurvedLaws:
         best = motion.attrs["accuracy_estimated_um"]
         assert motion.attrs["accuracy_reached"] == 0 and 1e-3 < best < 10.0
         assert motion.attrs["accuracy_statement"].startswith(
-            "accuracy asked: 1e-05 um; not reached within the budget of 4 settings: the valve's position is known to a "
+            "requested accuracy: 1e-05 um; not reached within the budget of 4 settings: the valve's position is known to a "
             "range only, at best +-"
         )
         assert simulate(CURVED, self.CAM, 5000, accuracy=10 * best).attrs["accuracy_reached"] == 1
@@ -180,7 +180,7 @@ class TestDial:
         assert len(calls) == 5 and found.setting == calls[3] and not found.reached
         assert found.estimate_um[0] == pytest.approx(1.5 * 7.0)
         assert found.sentence() == (
-            "accuracy asked: 1 um; not reached within the budget of 5 settings: the valve's position is known to a "
+            "requested accuracy: 1 um; not reached within the budget of 5 settings: the valve's position is known to a "
             "range only, at best +-11 um in revolution 1"
         )
 

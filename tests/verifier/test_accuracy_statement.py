@@ -36,31 +36,31 @@ class TestEstimate:
 class TestWords:
     def test_reached(self):
         found = accuracy_record([at(5000, 2e-4), at(6000, 5e-4)], 1.0, "fine")
-        assert found["statement"] == "accuracy asked: 1 um (fine); estimated error of bounce: 0.5 um"
+        assert found["statement"] == "requested accuracy: 1 um (fine); estimated error of bounce: 0.5 um"
         assert (found["asked"], found["asked_um"], found["reached"]) == ("fine", 1.0, True)
         assert found["delivered_um"] == pytest.approx(0.5)
 
     def test_not_reached_is_a_range_at_the_speeds_concerned(self):
         found = accuracy_record([at(5000, 2e-4), at(7000, 0.0, 0.12, 0.34, periodic=False)], 1.0, None)
         assert found["statement"] == (
-            "accuracy asked: 1 um; not reached: bounce is known to a range only, 0.1200 to 0.3400 mm at 7000 r/min"
+            "requested accuracy: 1 um; not reached: only a range of the bounce is known, 0.1200 to 0.3400 mm at 7000 r/min"
         )
         assert (found["asked"], found["reached"]) == (1.0, False)
         assert found["delivered_um"] == pytest.approx(220.0)
 
     def test_not_reached_by_a_motion_that_repeats_is_the_best_figure_with_its_error(self):
         found = accuracy_record([at(7000, 3e-3, 0.12, 0.12)], 1.0, None)
-        assert found["statement"].endswith("bounce is known to a range only, 0.1200 mm +- 3 um at 7000 r/min")
+        assert found["statement"].endswith("only a range of the bounce is known, 0.1200 mm +- 3 um at 7000 r/min")
 
     def test_one_step_alone_has_no_error(self):
         found = accuracy_record([at(7000, np.inf, 0.12, 0.12)], 1.0, None)
-        assert found["statement"].endswith("bounce is known to a range only, 0.1200 mm +- inf um at 7000 r/min")
+        assert found["statement"].endswith("only a range of the bounce is known, 0.1200 mm +- inf um at 7000 r/min")
 
     def test_a_valve_that_does_not_seat_has_no_figure(self):
         found = accuracy_record([at(7000, np.nan, np.nan, np.nan)], 1.0, None)
         assert found["delivered_um"] is None and not found["reached"]
         assert found["statement"] == (
-            "accuracy asked: 1 um; there is no bounce at 7000 r/min, where the valve does not seat"
+            "requested accuracy: 1 um; there is no bounce at 7000 r/min, where the valve does not seat"
         )
         both = accuracy_record([at(6000, 0.0, 0.12, 0.34, periodic=False), at(7000, np.nan, np.nan, np.nan)], 1.0, None)
         assert both["statement"].endswith(
@@ -88,7 +88,7 @@ class TestEffort:
         first = first_steps(build_train(scene), scene.cam_speed(3000.0))
         assert found.speeds[0].first.steps_per_revolution == 4 * first + 2  # two halvings changed nothing
         said = found.accuracy["statement"]
-        assert said.startswith("accuracy asked: 1e-05 um; not reached: bounce is known to a range only, ")
+        assert said.startswith("requested accuracy: 1e-05 um; not reached: only a range of the bounce is known, ")
         assert "0.0000 mm +- 0.01 um at 3000 r/min" in said
 
     @pytest.mark.parametrize("accuracy", ["rough", 0.0, -1.0, np.nan, np.inf])

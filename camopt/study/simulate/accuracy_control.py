@@ -54,7 +54,7 @@ class Delivered:
     def sentence(self) -> str:
         """A sentence on the requested and the estimated error."""
         name = f" ({self.requested})" if isinstance(self.requested, str) else ""
-        requested = f"accuracy asked: {self.requested_um:g} um{name}"
+        requested = f"requested accuracy: {self.requested_um:g} um{name}"
         if self.reached:
             return f"{requested}; {error_text(self.estimate_um)[0]}"
         missed = f"{requested}; not reached within the budget of {self.budget} settings"

@@ -126,8 +126,8 @@ def test_terminal_and_page_say_it(job, page):
     lines = outcome_lines(read_run_folder(job.folder))
     row = next(line for line in lines if line.startswith("trains as built that hold"))
     assert f"{100 * job.as_built.share.share:.3g}" in row
-    assert any(line.startswith("as built: ") and line.endswith("no yield was asked for") for line in lines)
-    assert '<section class="verdict doubt">' in page and "as built" in page and "No yield was asked for." in page
+    assert any(line.startswith("as built: ") and line.endswith("no yield was requested") for line in lines)
+    assert '<section class="verdict doubt">' in page and "as built" in page and "No yield was requested." in page
     assert undocumented(job.folder) == set()
     assert differences(job.folder) == []
 
@@ -262,8 +262,8 @@ RECORD = {"share": 0.96, "low": 0.94, "high": 0.97, "trains": 500, "speeds_rpm":
 @pytest.mark.parametrize(
     ("more", "stands", "says"),
     [
-        ({"wanted": None, "confirmed": None}, NOT_ASKED, "no yield was asked for"),
-        ({"wanted": None, "low": 0.95}, ENOUGH, "no yield was asked for, and 95 % hold in any case"),
+        ({"wanted": None, "confirmed": None}, NOT_ASKED, "no yield was requested"),
+        ({"wanted": None, "low": 0.95}, ENOUGH, "no yield was requested, and 95 % hold in any case"),
         ({"wanted": 0.95, "confirmed": True}, HELD, "yield of 95 %: confirmed"),
         (
             {"wanted": 0.97, "confirmed": False, "reasons": ["fewer trains hold", "methods disagree"]},
