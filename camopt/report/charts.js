@@ -1,4 +1,4 @@
-// Charts as SVG: lines over an axis, limits, a marked place, the values under the pointer, and a closer look.
+// Charts as SVG: lines over an axis, limits, marked places, a readout of the values under the pointer, and zoom.
 function h(name, attributes = {}, ...children) { // an HTML element
   const node = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
@@ -15,7 +15,7 @@ function svgNode(name, attributes = {}, words) { // an SVG element
   if (words !== undefined) node.textContent = words;
   return node;
 }
-function shown(value, digits = 4) { // a number as the page writes it
+function shown(value, digits = 4) { // a number as the page shows it
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   if (Math.abs(value) < 1e-5) return "0"; // a hundredth of a micrometre, far below what any unit here resolves
   return String(Number(value.toPrecision(digits))).replace("-", "−");
@@ -27,13 +27,14 @@ function ticks(low, high, most) { // round numbers in a range
   for (let n = Math.ceil(low / step - 1e-9); n * step <= high + 1e-9 * step; n++) found.push(n * step);
   return found;
 }
-function limitsAt(values, words = "limit") { // lines of limits, each with its value in words
+function limitsAt(values, words = "limit") { // limit lines, each named with its value
   return values.map((value) => ({ value, name: `${words} ${shown(value)}` }));
 }
 
 class Chart {
   // spec: x {label, low, high}, lines [{name, x, y, look or colour and dashes, dots}], limits [{value, name}],
-  // places [x], include (values that the axis shows), most and least (where the axis ends at the latest), says
+  // places [x] (vertical marks), include (values that the axis contains), most and least (outermost ends of the axis),
+  // says (text of the caption)
   constructor(title, unit, height = 170) {
     Object.assign(this, { title, unit, height, spec: null, zoom: null, grip: null });
     this.svg = svgNode("svg", { role: "img", tabindex: "0" });
@@ -46,14 +47,14 @@ class Chart {
     for (const [event, act] of Object.entries(listen)) this.svg.addEventListener(event, act.bind(this));
     new ResizeObserver(([entry]) => this.resized(entry.contentRect.width)).observe(this.node);
   }
-  show(spec, zoom = this.zoom) { // the part of the axis that is looked at stays while the whole axis does
+  show(spec, zoom = this.zoom) { // the zoom is kept while the ends of the whole axis stay the same
     const same = this.spec && this.spec.x.low === spec.x.low && this.spec.x.high === spec.x.high;
     this.spec = spec;
     this.zoom = same ? zoom : null;
     this.whole.hidden = !this.zoom;
     this.draw();
   }
-  unzoom() { // the button goes, and the focus with it, if nobody takes it
+  unzoom() { // the button is hidden, so the chart takes over the focus
     this.show(this.spec, null);
     this.svg.focus();
   }
@@ -64,7 +65,7 @@ class Chart {
   make(name, attributes, words, inside = this.svg) {
     return inside.appendChild(svgNode(name, attributes, words));
   }
-  draw(space = this.width ?? this.node.clientWidth) { // a width that is known costs no layout of the page
+  draw(space = this.width ?? this.node.clientWidth) { // a known width avoids a layout of the page
     const { spec, height } = this, width = Math.max(240, space || 300);
     this.x = this.zoom ?? spec.x;
     const [low, high] = this.levels();
@@ -94,9 +95,9 @@ class Chart {
     let levels = [...spec.lines.flatMap(inside), ...limits, ...(this.zoom ? [] : spec.include ?? [])];
     if (!levels.length) levels = [0];
     let low = Math.min(...levels), high = Math.max(...levels);
-    if (spec.most !== undefined) high = Math.max(low, Math.min(high, spec.most)); // what goes beyond is cut, and said so
+    if (spec.most !== undefined) high = Math.max(low, Math.min(high, spec.most)); // values beyond are cut; the caption says so
     if (spec.least !== undefined) low = Math.min(high, Math.max(low, spec.least));
-    const room = 0.12 * (high - low || Math.abs(high) || 1); // for the names of limits, too
+    const room = 0.12 * (high - low || Math.abs(high) || 1); // includes space for the names of limits
     return [low < 0 || this.zoom || spec.least !== undefined ? low - room : low, high + room];
   }
   axes(spec, box, low, high, height) {
@@ -134,8 +135,8 @@ class Chart {
     });
   }
 
-  // ---- values under the pointer, and the part of the axis that is looked at
-  place(event) { // on the axis, under the pointer
+  // ---- readout of the values under the pointer, and zoom
+  place(event) { // position on the axis under the pointer
     const { left, width } = this.svg.getBoundingClientRect(), { box } = this;
     const pixel = ((event.clientX - left) * this.svg.viewBox.baseVal.width) / width;
     const share = Math.min(1, Math.max(0, (pixel - box.left) / (box.right - box.left)));
@@ -178,7 +179,7 @@ class Chart {
     this.leave();
     this.look(low, high, 0.02);
   }
-  look(low, high, least) { // at a part of the axis, no smaller than `least` of what is seen
+  look(low, high, least) { // zooms to a part of the axis, unless it is smaller than the share `least` of the visible part
     const whole = this.spec.x;
     if (high - low < least * (this.x.high - this.x.low) || high - low < 1e-3 * (whole.high - whole.low)) return;
     const all = low <= whole.low && high >= whole.high;

@@ -1,4 +1,4 @@
-// The report's charts: the cams' laws, the motion at a speed, bounce, jump and forces over the band, and the search.
+// The report's charts: lift laws of the cams, the motion at a speed, bounce, jump and forces over the band, and the search.
 const CHART_HEIGHT = 210;
 
 class ReportCharts {
@@ -15,21 +15,21 @@ class ReportCharts {
     root.documentElement.classList.add("live");
     new ResizeObserver(() => this.reachable()).observe(root.body);
   }
-  reachable() { // by keys: what scrolls sideways at this width
+  reachable() { // makes boxes that scroll sideways at this width reachable by the keyboard
     for (const box of this.root.querySelectorAll(".scroll")) {
       if (box.scrollWidth > box.clientWidth) box.setAttribute("tabindex", "0");
       else box.removeAttribute("tabindex");
     }
   }
   shown() { return this.data.cams.filter((c) => this.on.has(c.name)); }
-  leading() { // names of the cams that the axes are made for: what a rejected cam does would flatten them
+  leading() { // names of the cams for which the axes are scaled: a rejected cam would flatten the other curves
     const cams = this.shown(), found = cams.filter((c) => c.place === "design" || (c.place === "within" && c.verdict === "confirmed"));
     return new Set((found.length ? found : cams).map((c) => c.name));
   }
   limits(key) { return this.data.quantities.find((q) => q.key === key).limits; }
   speeds() { return [...new Set(this.moving.cams.flatMap((c) => c.motions.map((m) => m.speed_rpm)))].sort((a, b) => a - b); }
   at(id) { return this.root.getElementById(id); }
-  place(id, title, unit, spec) { // a chart that is made again whenever cams or speed change
+  place(id, title, unit, spec) { // adds a chart that is drawn again whenever the shown cams or the speed change
     const chart = new Chart(title, unit, CHART_HEIGHT);
     this.at(id).append(chart.node);
     this.drawn.push(() => {
@@ -62,7 +62,7 @@ class ReportCharts {
     this.show();
   }
 
-  // ---- lines over an axis, ended for the leading cams, with what is cut said in words
+  // ---- lines over an axis that is scaled for the leading cams; the caption names the cams that are cut
   lines(x, values, x_of = null) {
     return this.shown().filter(values).map((c) => ({ name: c.name, x: x_of ? x_of(c) : x, y: values(c), colour: c.colour, dashes: c.dashes }));
   }
@@ -121,8 +121,8 @@ class ReportCharts {
     });
   }
 
-  // ---- phases of the motion: its phase plane at one speed, and where they change from speed to speed
-  led({ x, lines, says, ...spec }) { // the axis made for the leading cams; which others are cut there is said
+  // ---- phases of the motion: the phase plane at one speed, and the angles of opening and closing over the speeds
+  led({ x, lines, says, ...spec }) { // scales the axis for the leading cams; the caption names the cams that are cut
     if (!lines.length) return null;
     const leading = this.leading();
     const inside = (line) => line.y.filter((v, i) => v !== null && line.x[i] >= x.low && line.x[i] <= x.high);
@@ -188,10 +188,10 @@ class ReportCharts {
   }
 }
 
-function turns(separation, step) { // cam angles [deg] at which the valve opens, touches its seat first, and last; null: never
+function turns(separation, step) { // cam angles [deg] at which the valve opens, first touches its seat, and comes to rest on it; null: never
   const top = separation.indexOf(Math.max(...separation)), end = separation.length - 1;
   if (!(separation[top] > 0)) return { opens: null, touches: null, rests: null };
-  const crossed = (open, inside) => { // between the closed sample before `open` and it, along the line of the two within
+  const crossed = (open, inside) => { // end of the closed interval next to the open sample `open`, extrapolated from it and the next open sample
     const slope = separation[open + inside] - separation[open];
     return open - inside * Math.min(1, slope > 0 ? separation[open] / slope : 1);
   };

@@ -1,4 +1,4 @@
-"""The scene's limits against what the run folder says was reached: held, broken, or not known, and the share used."""
+"""Comparison of the scene's limits with the values of a run folder: held, broken or not known, and the share used."""
 
 from collections.abc import Iterable
 from itertools import compress
@@ -19,7 +19,7 @@ STATED = "verification.json"
 CAM_LIMITS = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3")
 BROKEN = "verification.json broken"
 OF_MOTION = {quantity.limit: quantity for quantity in QUANTITIES.values() if quantity.limit}
-"""The quantities that a design may limit, by the limit's key."""
+"""Quantities of the motion that a design may limit, by the key of the limit."""
 
 LABELS = {
     "max_lift_mm": ("largest lift", "mm"),
@@ -34,13 +34,13 @@ LABELS = {
     "concave_radius_min_mm": ("smallest concave radius", "mm"),
     "entrainment_min_m_per_s": ("entrainment velocity", "m/s"),
 }
-"""Label and unit of what a cam's shape reaches, by the limits' keys, where these do not say them."""
+"""Label and unit of a limit on the cam's shape, by its key, where they cannot be derived from the key."""
 
 
 def limit_rows(run: RunFolder, shape: tuple[Lift, Design] | None = None) -> list[dict]:
-    """A row per limit of the scene's design, and per other condition that the verdict found broken: what was reached,
-    where, whether that holds (`held`, None where it is not known), and where it is recorded. With `shape`, the run's
-    cam and the design that it is held to, every limit on the shape has a row, too."""
+    """One row per limit of the scene's design, and per other condition that the verdict lists as broken: the value
+    reached, where it occurs, whether the limit holds (`held`, None where it is not known), and where the value is
+    recorded. With `shape`, which is the run's cam and its design, every limit on the shape also has a row."""
     design, named = run.demands, _broken(run)
     rows = [_cam_row(run, key, design[key]) for key in CAM_LIMITS if is_number(design.get(key))]
     if shape is not None:
@@ -51,7 +51,7 @@ def limit_rows(run: RunFolder, shape: tuple[Lift, Design] | None = None) -> list
                 continue
             row = _row(one.key, one.limit, one.least, one.value, one.where, "design.json pieces")
             label, unit = LABELS.get(one.key, (row["label"], row["unit"]))
-            # every row of a limit that is broken is: it holds at both flanks and in every window, or it does not hold
+            # a limit holds at both flanks and in every window or not at all: if it is broken, all of its rows are
             rows.append(row | {"label": one.label or label, "unit": unit, "held": one.key not in broken})
     for key, quantity in OF_MOTION.items():
         if is_number(limit := design.get(key)):
@@ -69,13 +69,13 @@ def limit_rows(run: RunFolder, shape: tuple[Lift, Design] | None = None) -> list
 
 
 def demanded(design: dict, name: str) -> str:
-    """The limit on a metric in words, "" where the design sets none."""
+    """The limit on a metric in words; "" where the design sets none."""
     limit = design.get(QUANTITIES[name].limit or "")
     return f"at {'least' if name in LESS_IS_WORSE else 'most'} {shown(limit)}" if is_number(limit) else ""
 
 
 def _broken(run: RunFolder) -> dict[str, str]:
-    """What the verdict names as broken: key of the design -> the first place, "" for the cam's shape."""
+    """Limits that the verdict lists as broken: key of the design -> the first place, "" for a limit on the shape."""
     named: dict[str, str] = {}
     for entry in run.verification.get("broken") or []:
         key, _, where = str(entry).partition(" at ")
@@ -86,9 +86,9 @@ def _broken(run: RunFolder) -> dict[str, str]:
 def _cam_row(run: RunFolder, key: str, limit: float) -> dict:
     mine = [r for r in run.comparison if family_of(r["cam"]) == DESIGN]
     values = [v for v in (as_number(r.get(key, "")) for r in mine) if v is not None]
-    worst = max(values, key=lambda v: v / limit) if values else None  # a negative limit is passed by a lower value
+    worst = max(values, key=lambda v: v / limit) if values else None  # the quotient is also right for a negative limit
     row = _row(key, limit, limit < 0, worst, EVERYWHERE, f"comparison.csv {key}", slack=ROUNDING * abs(limit))
-    if row["held"] is not False and key in _broken(run):  # broken at a step, which has no value
+    if row["held"] is not False and key in _broken(run):  # broken at a discontinuity, where there is no value
         row |= {"held": False, "where": "at a step of the cam's velocity or acceleration", "source": BROKEN}
     return row
 
@@ -111,15 +111,15 @@ def _row(
 
 
 def share_of(limit: float, least: bool, value: float | None) -> float | None:
-    """How much of a limit a value uses, one at the limit, as `camopt.measure.limits.MotionLimit.share` has it; None
-    where nothing is known, or the limit is zero."""
+    """Share of a limit that a value uses, 1 at the limit, defined as in `camopt.measure.limits.MotionLimit.share`; None
+    where the value is not known or the limit is zero."""
     if value is None or not limit:
         return None
     return max(2 - value / limit, 0.0) if least and limit > 0 else value / limit
 
 
 def disagreements(run: RunFolder, rows: Iterable[dict]) -> list[str]:
-    """Sentences where the verdict and the figures beside it do not go together, whatever the verdict is."""
+    """Sentences on every contradiction between the verdict and the values that are shown beside it."""
     rows, verdict, named = list(rows), run.verdict, _broken(run)
     if verdict not in ORDER:
         return []
@@ -143,12 +143,13 @@ def disagreements(run: RunFolder, rows: Iterable[dict]) -> list[str]:
 
 
 def matrix(run: RunFolder, limits: list[dict]) -> dict:
-    """`speeds`, and `rows`: a limit with its demand, its `price`, which is what one per cent more of it buys, and how
-    much of it is used.
+    """The table of used shares: `speeds`, `rows` (one per limit), and `priced`, whether any row has a price.
 
-    A limit on the motion has `shares`, one for each speed and the largest of the band, by its sweep and by the verdict
-    at the speeds inside it, whose methods run on where the motion wanders; None where nothing is known. One on the
-    cam's shape holds at every speed: its `shares` are None, and its own row says what is used.
+    A row has the limit in words (`demand`) and its `price`: the percentage gain of area for one per cent more of the
+    limit. A limit on the motion has `shares`: one per verified speed, None where it is not known, and the largest of
+    the band. The latter combines the sweep with the verdict at the speeds inside the band, because the verdict's
+    methods compute more revolutions where the motion does not settle. A limit on the cam's shape does not depend on
+    the speed: its `shares` are None, and the row's `share` applies.
     """
     judged, band = run.verification.by_speed, run.verification.get("band") or {}
     low, high = band.get("from_rpm"), band.get("to_rpm")
