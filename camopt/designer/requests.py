@@ -1,4 +1,4 @@
-"""The requests of a page, which a server of this machine or a notebook's kernel passes on; among them to save an edited
+"""The requests of a page, received from a server of this machine or a notebook's kernel; they include saving an edited
 scene as a file, or with its cam as a run folder."""
 
 import json
@@ -27,13 +27,13 @@ from camopt.scene.units import MM
 from camopt.storage import plain, run_folder, run_identity, write_json, write_text
 
 MOST_CLIENTS = 32
-"""Pages whose last question is remembered."""
+"""Number of pages whose newest request is stored."""
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
-"""What a saved file or folder may be called: nothing that leads out of the folder that the designer was started in."""
+"""Permitted names of a saved file or folder: none leads out of the folder in which the designer was started."""
 
 
 class RequestHandler:
-    """Answers the messages of pages about one scene; with a `folder` it verifies, and saves there and nowhere else."""
+    """Answers the messages of pages about one scene; with a `folder` it also verifies, and saves only there."""
 
     def __init__(self, session: Session, folder: Path | None):
         self.session, self.folder = session, folder
@@ -43,7 +43,7 @@ class RequestHandler:
         self._kinds: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
             "start": lambda _: self.session.start() | {"files": folder is not None},
             "answer": self._answer,
-            # whatever is being computed for an older question of the page is dropped
+            # cancels what is being computed for an older request of the page
             "newest": lambda message: {"state": "ok", "sequence": self._asked(message)[1]},
             "stop": self._stop,
         }
@@ -56,14 +56,14 @@ class RequestHandler:
             }
 
     def reply(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        """The reply to a message: its "kind" says what is asked. Raises InputError for a message that is none."""
+        """The reply to a message, whose "kind" selects the request. Raises InputError for an invalid message."""
         kind = message.get("kind")
         if not isinstance(kind, str) or kind not in self._kinds:
             raise InputError(f"kind {excerpt(str(kind))}: expected one of {', '.join(self._kinds)}")
         return self._kinds[kind](message)
 
     def verified(self, values: Mapping[str, Any]) -> dict[str, Any] | None:
-        """verification.json of values whose verdict has ended, else None."""
+        """verification.json of values whose full verdict is complete, else None."""
         return self.verification.verified(_subject(values))
 
     def stop(self) -> None:
@@ -73,7 +73,7 @@ class RequestHandler:
         self.slow.stop()
 
     def _answer(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        """A part of the answer to values; the last question of a page wins, whichever comes through first."""
+        """A part of the answer to values; the newest request of a page wins, in whatever order they arrive."""
         part, (client, sequence) = message.get("part"), self._asked(message)
         if not isinstance(part, str) or part not in (*QUICK, *PARTS):
             raise InputError(f"part {excerpt(str(part))}: expected one of {', '.join((*QUICK, *PARTS))}")
@@ -93,7 +93,7 @@ class RequestHandler:
             return told | {"state": "superseded"}
 
     def _asked(self, message: Mapping[str, Any]) -> tuple[str, int]:
-        """Page and number of a question, which is the newest one of this page if none has come in before it."""
+        """Page and sequence number of a request; the number is stored if it is the largest of this page so far."""
         client, sequence = str(message.get("client", ""))[:64], message.get("sequence", 0)
         if isinstance(sequence, bool) or not isinstance(sequence, int):
             raise InputError(f"sequence {excerpt(str(sequence))}: expected an integer")
@@ -104,7 +104,7 @@ class RequestHandler:
         return client, sequence
 
     def _stop(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        """The slow part that is being computed is dropped."""
+        """Stops the slow part that is being computed."""
         self.slow.stop()
         return {"state": "ok"}
 
@@ -154,13 +154,12 @@ def _values(message: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _subject(values: Mapping[str, Any]) -> str:
-    """Values as a text, but for the speed that is shown: the subject of a verdict."""
+    """Values as a text, without the speed that is shown: the subject of a verdict."""
     return json.dumps({k: v for k, v in sorted(values.items()) if k != "speed_rpm"})
 
 
 def save_run(folder: Path, name: object, design: Edited, verification: dict[str, Any] | None) -> Path:
-    """Writes scene, cam and lift table into the new run folder `<name>`, with the verdict where there is one, and a
-    report of them."""
+    """Writes scene, cam, lift table, the verdict if there is one, and a report into the new run folder `<name>`."""
     scene, cam = design.scene, design.cam
     path, lift = folder / _named(name), as_written(cam.lift)
     with run_folder(path, run_identity("design", scene, program=cam.program)):

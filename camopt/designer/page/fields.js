@@ -1,4 +1,4 @@
-// Sliders with number fields: one for each control, with its limit's worth and what is wrong with its value.
+// Sliders with number fields, one for each control, with the worth of its limit and the fault of its value.
 class Field {
   constructor(control, changed) {
     Object.assign(this, { control, changed, unread: "" });
@@ -41,7 +41,7 @@ class Field {
   typed(settled) {
     const text = this.main.value.trim();
     if (text === "" || !Number.isFinite(Number(text))) {
-      this.unread = "expected a number"; // and stays said, whatever the last number is answered with
+      this.unread = "expected a number"; // stays shown, whatever the answer to the last valid number is
       this.say(this.unread);
       return;
     }
@@ -53,7 +53,7 @@ class Field {
     this.show(value, document.activeElement);
     this.changed(this.control.key, value, settled);
   }
-  show(value, keep = null) { // `keep`: the field in which somebody is typing stays as it is
+  show(value, keep = null) { // `keep`: the field that the user is editing stays unchanged
     if (this.control.choices.length) this.main.value = value;
     else if (typeof this.control.value === "boolean") this.main.checked = value;
     else this.showNumber(value, keep);
@@ -94,13 +94,13 @@ class Fields {
   show(values) {
     for (const [key, field] of Object.entries(this.byKey)) field.show(values[key]);
   }
-  faults(byKey, lastKey) { // sentences that belong to no field stand beside the one that was moved last
+  faults(byKey, lastKey) { // a sentence that belongs to no single field is shown beside the field that was changed last
     for (const [key, field] of Object.entries(this.byKey)) field.say(field.unread || (byKey?.[key] ?? ""));
     const general = byKey?.[""];
     if (general && lastKey) this.byKey[lastKey].say(general);
     for (const key of Object.keys(byKey ?? {})) this.byKey[key || lastKey]?.node.closest("details").setAttribute("open", "");
   }
-  worths(answer, band) { // what each limit is worth, and how much of it is used
+  worths(answer, band) { // shows the worth of each limit and its used share
     for (const [key, field] of Object.entries(this.byKey)) {
       const worth = answer.worth[key], used = band?.worst[key] ?? null, here = answer.motion.used?.[key];
       let words = "";
@@ -110,7 +110,7 @@ class Fields {
       if (key === "margin_N" && answer.margin_price) words = `1 N less buys ${shown(-100 * answer.margin_price / answer.area_ratio, 2)} % area`;
       const most = Math.max(here ?? 0, used?.used ?? 0);
       if (most > 1) words = `✗ broken: ${words}`;
-      if (field.worth.textContent !== words) field.worth.textContent = words; // else the page is laid out for nothing
+      if (field.worth.textContent !== words) field.worth.textContent = words; // avoids a layout of the page
       field.node.classList.toggle("broken", most > 1);
       field.node.classList.toggle("active", Math.abs(worth ?? 0) > 1e-6);
     }

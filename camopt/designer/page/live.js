@@ -1,6 +1,6 @@
-// The designer: keeps the values, asks for answers (the newest question wins), shows them, and says what is wrong.
-const REST_MS = 150; // a hand that has not moved for so long rests
-const PATIENCE_MS = 500; // a first answer that takes longer is dropped for the next change; what follows it is at once
+// The designer: holds the numbers, requests answers (the newest request wins), shows them, and reports errors.
+const REST_MS = 150; // the numbers are at rest when they have not changed for this time
+const PATIENCE_MS = 500; // a change cancels a first answer that has taken longer than this, and later answers at once
 const BEAT_MS = 4000;
 const SHAPE_GROUPS = ["Cam", "Ramps", "Limits on the cam"];
 
@@ -40,9 +40,9 @@ class Designer {
     this.verdict.show();
   }
 
-  // ---- values: changed by a hand, taken back, taken as a whole
+  // ---- values: changed by the user, undone and redone, replaced as a whole
   changed(key, value, settled) {
-    const same = this.values[key] === value; // a field that is left says its number once more
+    const same = this.values[key] === value; // a field that loses the focus reports its number again
     this.values = { ...this.values, [key]: value };
     this.last = key;
     if (settled) this.commit();
@@ -78,7 +78,7 @@ class Designer {
     const focused = document.activeElement;
     this.undo.disabled = !this.undone.length;
     this.redo.disabled = !this.redone.length;
-    if (focused === this.undo && this.undo.disabled) this.redo.focus(); // a disabled button would lose it
+    if (focused === this.undo && this.undo.disabled) this.redo.focus(); // a disabled button would lose the focus
     if (focused === this.redo && this.redo.disabled) this.undo.focus();
   }
   togglePin() {
@@ -91,7 +91,7 @@ class Designer {
     this.panels.bandIsOf(!this.shown?.band);
   }
 
-  // ---- questions: one in flight; what was asked meanwhile is asked as its newest state
+  // ---- requests: one at a time; changes that are made meanwhile are requested in their newest state
   ask(resting) {
     this.sequence += 1;
     this.asked = performance.now();
@@ -106,17 +106,17 @@ class Designer {
     this.overtake();
     this.marked();
   }
-  overtake() { // what is computed for other numbers is dropped on the server
+  overtake() { // cancels on the server what is computed for older numbers
     clearTimeout(this.overtaking);
     if (!this.busy || this.running.sequence === this.sequence) return;
     const left = this.running.step === "sketch" ? this.running.begun + PATIENCE_MS - performance.now() : 0;
     if (left > 0) this.overtaking = setTimeout(() => this.overtake(), left);
     else this.drop();
   }
-  drop() { // an error here is one of the answer too, which says it
+  drop() { // the answer fails with the same error and reports it
     this.send({ kind: "newest", client: this.client, sequence: this.sequence }).catch(() => {});
   }
-  cancel() { // nothing further is computed, and the numbers are those of what is shown
+  cancel() { // stops all computation and restores the numbers of what is shown
     clearTimeout(this.timer);
     this.sequence += 1;
     Object.assign(this, { dirty: false, rested: this.sequence, stopped: this.sequence });
@@ -138,7 +138,7 @@ class Designer {
     this.panels.trainsAreOf(this.trainsOf === JSON.stringify(this.values));
     this.slow.draw();
   }
-  step() { // what is to be asked next: a sketch of the newest state; at rest its cam, if the sketch was coarse, and the band
+  step() { // the next request: a sketch of the newest numbers; at rest their cam, if the sketch was coarse, and the band
     if (this.dirty) return "sketch";
     if (!this.resting || this.rested === this.sequence) return null;
     return this.exact === this.sequence ? "band" : "cam";
@@ -154,13 +154,13 @@ class Designer {
       const answer = await this.request(step, sequence);
       if (answer.state === "ok" && (step === "cam" || (step === "sketch" && !answer.coarse && !answer.says))) this.exact = sequence;
       if (answer.state !== "superseded" && (step === "band" || (step === "cam" && answer.state !== "ok"))) this.rested = sequence;
-      this.goOn(); // the server works on the next question while the page shows this answer
+      this.goOn(); // the server works on the next request while the page shows this answer
       if (this.stopped !== null && sequence < this.stopped) answer.state = "superseded"; // cancelled meanwhile
       if (answer.state !== "superseded" && step !== "band") this.received(answer, asked, of);
       else if (answer.state === "ok") this.receivedBand(answer, asked, of);
     } catch (error) {
       this.failed(error);
-      this.rested = sequence; // it is asked again once the server answers
+      this.rested = sequence; // it is requested again once the server answers
       this.goOn();
     }
     this.marked();
@@ -200,7 +200,7 @@ class Designer {
   paint(answer) {
     const used = this.shown.band ? this.band : null;
     this.panels.bandIsOf(!used);
-    this.panels.show(answer, JSON.parse(this.shown.values), this.pinned); // the limits drawn are the answer's
+    this.panels.show(answer, JSON.parse(this.shown.values), this.pinned); // the limits drawn are those of the answer
     if (JSON.parse(this.furtherShape ?? "null") === null || this.furtherShape !== this.slow.shape()) this.further = {};
     this.panels.showAreas(answer, this.further, this.pinned);
     this.panels.compare(answer, used, this.pinned);
@@ -241,7 +241,7 @@ class Designer {
     else this.further.baselines = found.baselines;
     if (this.answer) this.panels.showAreas(this.answer, this.further, this.pinned);
   }
-  painted(answer, asked) { // after the frame that shows it
+  painted(answer, asked) { // reports the answer after the frame that shows it
     requestAnimationFrame(() => setTimeout(() => {
       const detail = { part: answer.part, sequence: answer.sequence, latency_ms: performance.now() - asked };
       this.root.dataset[answer.part] = answer.sequence;
@@ -250,7 +250,7 @@ class Designer {
     }));
   }
 
-  // ---- troubles
+  // ---- errors
   async told(message) { // the reply, or null where there is none
     try {
       const found = await this.send(message);

@@ -1,9 +1,9 @@
-// What an answer looks like: charts, areas, trains, the comparison with a pinned design.
-const UNSEEN_MS = 400; // the train out of sight is drawn once no newer motion has come for so long
+// Display of an answer: charts, areas, trains as built, and the comparison with a pinned design.
+const UNSEEN_MS = 400; // while the train is out of view, it is drawn this long after the last new motion
 const FORCE_LOOKS = ["first", "second", "third", "fourth"];
 
 class Panels {
-  constructor(waiting) { // waiting: what says how long a slow part has taken
+  constructor(waiting) { // waiting: the element that shows how long a slow part has taken
     this.charts = {
       lift: new Chart("Cam lift", "mm"),
       acceleration: new Chart("Acceleration", "mm/deg²"),
@@ -65,7 +65,7 @@ class Panels {
     if (this.unseen) this.later = setTimeout(() => this.move(), UNSEEN_MS);
     else this.move();
   }
-  move() { // the train's latest motion
+  move() { // draws the latest motion of the train
     const latest = this.moving;
     this.moving = null;
     if (!latest) return;
@@ -76,7 +76,7 @@ class Panels {
     this.unseen = !isSeen;
     if (isSeen) this.move();
   }
-  bandIsOf(before) { // while the hand moves, the curves over the band are of the numbers before
+  bandIsOf(before) { // before: whether the curves over the band are those of earlier numbers
     for (const chart of [this.charts.bounce, this.charts.jump]) chart.node.classList.toggle("before", before);
   }
   trainsAreOf(these) {
@@ -124,6 +124,6 @@ class Panels {
       ...rows.map(([label, now, then]) => h("tr", {}, h("th", { scope: "row" }, label), h("td", {}, shown(now)), h("td", {}, shown(then))))));
   }
 }
-function kinematic(animation, values) { // what the cam alone would do to the valve [mm]
+function kinematic(animation, values) { // valve lift by the cam lift and the lash alone [mm]
   return animation.cams[0].lift_um.map((um) => Math.max(0, um / 1000 - (values.lash_mm ?? 0)));
 }

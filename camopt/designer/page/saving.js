@@ -1,6 +1,6 @@
-// Scene and run folder, saved under a name in the folder that the designer was started in.
+// Saving of the scene or a run folder under a name, in the folder in which the designer was started.
 class Saving {
-  constructor(name, send, values, done) { // done: called with nothing, or with the error of a server that is gone
+  constructor(name, send, values, done) { // done: called without an argument, or with the error where the server does not answer
     Object.assign(this, { send, values, done });
     this.name = h("input", { id: "camopt-name", type: "text", value: `${name}-edited`, maxlength: 64 });
     this.saved = h("p", { class: "saved", "aria-live": "polite" });

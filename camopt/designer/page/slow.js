@@ -1,22 +1,22 @@
-// What takes seconds, in another process of the server: the bound, the literature's cams, trains as built, why there is no cam.
+// Parts that take seconds, computed by another process: the bound, the literature's cams, trains as built, why there is no cam.
 const SLOW = {
   why: "What stands in the way is being looked for", bound: "The bound is being computed", baselines: "The literature's cams are being computed",
   "few trains": "Trains are being drawn", trains: "Trains are being drawn",
 };
 
 class SlowParts {
-  constructor(page) { // page: the Designer, whose numbers these parts are of
+  constructor(page) { // page: the Designer, for whose numbers the parts are computed
     Object.assign(this, { page, done: {}, running: null, stopped: null });
     this.words = h("p", { class: "note" });
     this.progress = h("progress", { "aria-label": "slow part" });
     this.cancel = h("button", { type: "button", on: { click: () => this.stop() } }, "Cancel this part");
     this.node = h("div", { class: "marked", hidden: true }, this.words, this.progress, this.cancel);
   }
-  shape() { // what bound and baselines hang on
+  shape() { // the numbers on which the bound and the baselines depend
     const { controls, values } = this.page, keys = controls.filter((c) => SHAPE_GROUPS.includes(c.group)).map((c) => c.key);
     return JSON.stringify(keys.filter((k) => k !== "program" && k !== "margin_N").map((k) => values[k]));
   }
-  part() { // what is to be asked next
+  part() { // the part to request next
     const { page, done } = this, { sequence } = page, rests = page.rested === sequence;
     if (page.stopped === sequence || this.stopped === sequence) return null;
     if (!page.answer) return page.contradicted && rests && done.why !== sequence ? "why" : null;
@@ -44,7 +44,7 @@ class SlowParts {
     this.draw();
     this.ask();
   }
-  stop() { // the part is dropped, and no other one is asked for these numbers
+  stop() { // stops the part; no further part is requested for these numbers
     this.stopped = this.page.sequence;
     this.page.told({ kind: "stop" });
   }

@@ -1,8 +1,8 @@
-// The verdict that somebody asked for: its buttons, how far it is, and what the page may say of the cam.
+// The verdict on request: its buttons, its progress, and the sentence on the state of the cam.
 const POLL_MS = 400;
 
 class Verdict {
-  constructor(root, told, values, verifies) { // told: sends a message, null where there is no reply; values: those shown
+  constructor(root, told, values, verifies) { // told: sends a message and returns the reply or null; values: returns the page's numbers
     Object.assign(this, { root, told, values, state: { state: "none" }, of: null, tools: [] });
     this.status = h("p", { class: "status" });
     if (!verifies) return;
@@ -17,7 +17,7 @@ class Verdict {
     this.of = this.subject();
     await this.follow({ kind: "verify", values: this.values() });
   }
-  async follow(message) { // until it has ended
+  async follow(message) { // sends the message and polls until the verdict has ended
     const found = await this.told(message);
     if (!found) return;
     this.state = found;
@@ -39,7 +39,7 @@ class Verdict {
   show() {
     const v = this.state, mine = this.of === this.subject(), ended = v.state === "done" && mine;
     this.status.textContent = this.words(mine);
-    this.status.setAttribute("aria-live", v.state === "running" ? "off" : "polite"); // not every second that passes
+    this.status.setAttribute("aria-live", v.state === "running" ? "off" : "polite"); // the seconds are not read aloud
     this.status.className = `status ${!ended ? "doubt" : v.verdict === "confirmed" ? "good" : "bad"}`;
     this.root.dataset.verdict = ended ? v.verdict : v.state;
     if (!this.progress) return;
@@ -47,7 +47,7 @@ class Verdict {
     this.cancel.hidden = this.progress.hidden = !running;
     this.verify.hidden = running;
     if (running) this.progress.value = ((v.stage ?? 1) - 0.5) / v.stages;
-    if (focused === this.verify && running) this.cancel.focus(); // a button that is hidden would take the focus along
+    if (focused === this.verify && running) this.cancel.focus(); // a hidden button would lose the focus
     if (focused === this.cancel && !running) this.verify.focus();
   }
 }
