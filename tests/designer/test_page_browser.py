@@ -1,4 +1,4 @@
-"""The designer's page in a real browser: its numbers, its keys, its troubles, and who can use it."""
+"""The designer's page in a real browser: its numbers, its keys, its errors, and its accessibility."""
 
 import json
 import subprocess
@@ -21,13 +21,13 @@ def served(serve, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def session():
-    """The Python API beside the page."""
+    """A session of the Python API with the page's scene."""
     return Session(SCENE)
 
 
 @pytest.fixture
 def open_page(browser, served):
-    """Opens the page; at the end nothing may have been said, thrown or fetched from elsewhere."""
+    """Opens the page; at the end there must be no console message, error or request to another address."""
     requests = []
     with watched_pages(browser, requests) as new_page:
 
@@ -46,7 +46,7 @@ def data(page) -> dict:
 
 
 def rest(page) -> None:
-    """Until the band of the newest values is there, or there is none."""
+    """Wait for the band of the newest values, or for the answer that they have no cam."""
 
     def done() -> bool:
         now = data(page)
@@ -109,7 +109,7 @@ def words(page) -> str:
 
 
 def held_back(page, part: str) -> dict:
-    """Answers of one kind wait until they are let go."""
+    """Delays the requests for one part of the answer until `let_go`."""
     held = {"open": False, "routes": []}
 
     def hold(route):
@@ -129,7 +129,8 @@ def let_go(held: dict) -> None:
 
 
 def test_what_is_shown_is_marked_as_what_it_is(open_page):
-    """An answer held back: of the numbers before, and which they differ in; a first answer; the cam; settled."""
+    """With delayed answers, the marks follow each other: earlier numbers and their difference, first answer, cam,
+    settled."""
     page = open_page()
     assert data(page)["mark"] == "settled" and words(page) == "Settled: cam, motion and band of these numbers."
     held = {part: held_back(page, part) for part in ("sketch", "cam", "band")}
@@ -179,7 +180,7 @@ def test_a_long_wait_shows_its_progress_and_can_be_cancelled(open_page):
 
 
 def test_the_last_change_wins_over_one_that_takes_long(open_page):
-    """The cam at rest is overtaken at once, a first answer when it has taken half a second."""
+    """A change cancels the cam at rest at once, and a first answer after half a second."""
     page = open_page()
     asked = []
     page.on("request", lambda r: asked.append(r.post_data_json) if r.method == "POST" else None)
@@ -345,7 +346,7 @@ def test_a_phone_shows_all_without_sideways_scrolling(open_page):
 
 
 def started(folder, port: int) -> tuple[subprocess.Popen, str]:
-    """The command itself in a process of its own, and the address that it prints."""
+    """The command in a process, and the address that it prints."""
     words = [sys.executable, "-m", "camopt", "design", "motori-1", "--port", str(port)]
     process = subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, text=True)
     line = process.stdout.readline()

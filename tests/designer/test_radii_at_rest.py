@@ -1,4 +1,4 @@
-"""Radii of the cam under a pad: not held while a hand is dragging, which is said, and held once it rests."""
+"""Limits on the cam's radii under a pad: not applied while the user drags, which is stated, and held at rest."""
 
 import pytest
 from threadpoolctl import threadpool_limits

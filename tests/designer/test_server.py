@@ -1,4 +1,4 @@
-"""The designer's server on real sockets of the loopback interface: who may ask, what is refused, what is written."""
+"""The designer's server on real sockets of the loopback interface: permitted and refused requests, and saved files."""
 
 import http.client
 import json
@@ -21,7 +21,7 @@ SCENE = load_scene("motori-1")
 
 @pytest.fixture(scope="module")
 def server(serve, tmp_path_factory):
-    """A server that saves into a folder of its own."""
+    """A server that saves into a temporary folder."""
     return serve(SCENE, tmp_path_factory.mktemp("designer"))
 
 
@@ -151,7 +151,7 @@ def test_the_last_question_of_a_page_wins(server):
 
 
 def test_what_is_computed_is_dropped_for_a_newer_question(server, monkeypatch):
-    """An answer that would never end, but that it asks whether it is wanted; the newer question computes nothing."""
+    """An endless answer, which only checks whether it is wanted, ends for a newer request that computes nothing."""
     asked, begun = {"kind": "answer", "part": "sketch", "values": {}, "client": "e", "sequence": 1}, threading.Event()
 
     def endless(values, part, wanted):
@@ -179,7 +179,7 @@ def test_a_slow_part_is_stopped(server):
     bound = {"kind": "answer", "part": "bound", "values": {}, "client": "g", "sequence": 1}
     thread = threading.Thread(target=lambda: found.append(ask(server, bound)[1]))
     thread.start()
-    while thread.is_alive() and not found:  # from when the process has been started
+    while thread.is_alive() and not found:  # effective once the process has started
         ask(server, {"kind": "stop"})
         time.sleep(0.05)
     thread.join(60)

@@ -1,4 +1,4 @@
-"""The designer's answers without a page: the numbers of camopt's own functions for the edited scene."""
+"""The designer's answers without a page: they are the numbers of camopt's public functions for the edited scene."""
 
 import json
 from pathlib import Path
@@ -41,7 +41,7 @@ def session():
 
 
 def api_scene(values: dict):
-    """The scene edited by hand, as somebody in Python would."""
+    """The scene edited with the Python API."""
     scene = with_spring(
         SCENE, values.get("spring_rate_percent", 100) / 100, values.get("spring_preload_percent", 100) / 100
     )
@@ -56,7 +56,7 @@ def api_scene(values: dict):
 @pytest.mark.parametrize("name", EDITS)
 def test_the_cam_is_that_of_the_public_functions(session, name):
     values = EDITS[name]
-    session.answer(values, "sketch")  # what it leaves behind must not change the answer
+    session.answer(values, "sketch")  # its intermediate results must not change the answer
     found, scene = session.answer(values), api_scene(values)
     assert found["state"] == "ok" and found["program"] == "no-jump" and not found["coarse"] and found["says"] == ""
     cam, margin = camopt.free_cam(scene.design, KNOT_DEG), values.get("margin_N", 0.0)
@@ -69,7 +69,7 @@ def test_the_cam_is_that_of_the_public_functions(session, name):
 
 @pytest.mark.long
 def test_the_area_is_that_of_area_bound():
-    """Which asks for the listed speeds; here they are those of the program."""
+    """`area_bound` uses the listed speeds, which are set to those of the program."""
     asked = SCENE.operation.model_copy(update={"speeds_rpm": tuple(program_speeds_rpm(SCENE))})
     bound = camopt.area_bound(SCENE.model_copy(update={"operation": asked}), KNOT_DEG, 10.0)
     area = Session(SCENE).answer({"margin_N": 10.0})["area_ratio"]
@@ -147,7 +147,7 @@ def test_a_sketch_is_near_and_says_that_it_is_coarse():
     assert sketch["coarse"] and not cam["coarse"]
     assert sketch["area_ratio"] == pytest.approx(cam["area_ratio"], rel=0.01)
     again = session.answer({"lash_mm": 0.11, "max_lift_mm": 9.0}, "sketch")
-    assert not again["coarse"]  # only a limit has moved since all rows were there
+    assert not again["coarse"]  # only a limit has changed since the rows were complete
 
 
 def test_answers_do_not_hang_on_what_was_asked_before():
@@ -210,7 +210,7 @@ def test_an_answer_that_is_not_wanted_any_more_ends(session):
 
 
 def test_an_answer_ends_between_two_programs(session):
-    """The tangents of a curved law take a sequence of programs: of these only those come that are still wanted."""
+    """The tangents of a curved law need a sequence of programs; it ends at the first that is not wanted any more."""
     own, asked = Session(load_scene("finger-hydraulic")), []
 
     def wanted() -> bool:
@@ -224,7 +224,7 @@ def test_an_answer_ends_between_two_programs(session):
 
 
 def test_a_spring_by_its_measured_load_has_sliders():
-    """finger-hydraulic has nothing but tables; a slider multiplies forces, or their rise, and the cam follows."""
+    """finger-hydraulic has springs by force tables only; its sliders multiply the forces or their slopes."""
     own = Session(load_scene("finger-hydraulic"))
     assert {"spring_rate_percent", "spring_preload_percent"} <= set(own.controls)
     stiffer = own.edited({"spring_rate_percent": 110.0})

@@ -1,4 +1,4 @@
-"""The designer in a notebook: the widget's value is the cam of its numbers, and its messages are the page's."""
+"""The designer in a notebook: the widget's value is the cam of its numbers, and its messages are those of the page."""
 
 import builtins
 

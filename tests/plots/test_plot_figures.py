@@ -43,7 +43,7 @@ def lines_of(axes, cam: str):
 
 
 def levels(axes) -> set[float]:
-    """Heights of the horizontal lines over the whole axes."""
+    """Heights of the horizontal lines across the whole axes."""
     return {line.get_ydata()[0] for line in axes.lines if list(line.get_xdata()) == [0, 1]}
 
 
@@ -81,7 +81,7 @@ def test_profiles_say_which_jerk_leaves_the_axis():
 
 
 def motion(cam: str, speed: float, rebound: float, last_deg: float) -> DrawnMotion:
-    """Half-sine valve lift touching at 70 deg, one rebound of `rebound` mm up to `last_deg`."""
+    """Half-sine valve lift with a touch at 70 deg and one rebound of `rebound` mm that ends at `last_deg`."""
     angle = np.linspace(-180, 180, 3601)
     lift = np.where(np.abs(angle) < 70, 9 * np.cos(angle / 70 * np.pi / 2), 0.0)
     up = (angle > 75) & (angle < last_deg)
@@ -152,7 +152,7 @@ def test_marks_of_the_verdict_stand_where_the_verdict_says():
 
 
 def steps(stage, area_ratio, **columns) -> list[dict]:
-    """Lines of history.jsonl; every step holds the limits where nothing else is said."""
+    """Lines of history.jsonl; every step holds the limits unless `columns` states otherwise."""
     columns = {"stage": stage, "area_ratio": area_ratio} | columns
     lines = zip(*columns.values(), strict=True)
     return [{"worst_bounce_mm": 0.01, "confirmed": True} | dict(zip(columns, line, strict=True)) for line in lines]

@@ -1,4 +1,4 @@
-"""A small run folder with the keys of docs/run-folder.md, made by hand: no program of ours computed it."""
+"""A small run folder with the keys of docs/run-folder.md, with values written by hand."""
 
 import csv
 import json
@@ -58,7 +58,7 @@ def speed_record(i: int) -> dict:
 
 
 def band_record() -> dict:
-    """The band as verification.json has it: the last listed speed is the worst but for bounce."""
+    """The band of verification.json: the last listed speed is the worst for every metric except bounce."""
     last, worst_bounce_mm, worst_speed_rpm = metrics(len(SPEEDS) - 1), 0.0413, 6980
     worst = {name: {"value": value, "speed_rpm": SPEEDS[-1], "method": "event"} for name, value in last.items()}
     worst["bounce_mm"] = {"value": worst_bounce_mm, "speed_rpm": worst_speed_rpm, "method": "event"}
@@ -83,7 +83,7 @@ def comparison_row(cam: str, limits: str, i: int, area: float, jerk: float, boun
 
 
 def parts() -> dict:
-    """The contents of every JSON and table file, for a test to change before it is written."""
+    """The contents of every JSON and table file, which a test may change before they are written."""
     rows = []
     for i in range(4):
         rows.append(comparison_row("design", "all", i, 0.5618, 0.003, 0.011 * i, "confirmed"))
@@ -146,7 +146,7 @@ def draw(folder) -> None:
 
 @pytest.fixture(scope="session")
 def write_into(tmp_path_factory):
-    """Writes contents and a figure into a folder: folder, contents, built-in scene."""
+    """Function (folder, contents, built-in scene) that writes contents and a figure into a folder."""
     drawn = tmp_path_factory.mktemp("drawn")
     draw(drawn)
 
@@ -164,7 +164,7 @@ def contents() -> dict:
 
 @pytest.fixture
 def write(tmp_path, write_into):
-    """Writes a run folder of given contents and returns its path."""
+    """Function that writes a run folder with the given contents and returns its path."""
 
     def write_folder(data: dict, scene: str = "kodama"):
         folder = tmp_path / "kodama-run"
@@ -185,7 +185,7 @@ def lifts():
 
 @pytest.fixture(scope="session")
 def report(tmp_path_factory, lifts, write_into):
-    """The page of a run folder of kodama whose title would break out of the page if it could."""
+    """The page of a run folder of kodama whose title would inject a script if it were not escaped."""
     folder = tmp_path_factory.mktemp("browser") / "run"
     data = parts()
     data["comparison"] = [row for row in data["comparison"] if row["cam"] in lifts]
@@ -206,7 +206,7 @@ def report(tmp_path_factory, lifts, write_into):
 
 @pytest.fixture
 def open_page(browser, report):
-    """Opens the report in a window of its own; at the end nothing may have been said, thrown or fetched."""
+    """Opens the report in a new window; at the end there must be no console message, error or further request."""
     pages, requests = [], []
     with watched_pages(browser, requests) as new_page:
 

@@ -1,4 +1,4 @@
-"""Assumed numbers ranked by what hangs on them, paths of the commands, and the materials' limit beside the stress."""
+"""Assumed numbers ranked by their influence, paths in the commands, and the permissible stress beside the stress."""
 
 import os
 import shlex
@@ -22,7 +22,7 @@ CAM = polydyne(SCENE)
 
 
 def test_every_assumed_number_of_masses_and_elements_is_ranked():
-    """kodama marks 45 of them that are not zero, and none twice."""
+    """kodama marks 45 non-zero numbers as assumed, each once."""
     kodama = load_scene("kodama")
     marked = [(row.name, key) for row in (*kodama.mass, *kodama.element) for key in row.assumed if getattr(row, key)]
     assert len(assumed_numbers(kodama)) == len(marked) == 45
@@ -30,7 +30,7 @@ def test_every_assumed_number_of_masses_and_elements_is_ranked():
 
 
 def test_the_ranking_is_what_a_tenth_does_to_the_limits():
-    """By hand for the first: the settled motion at the top speed with the number a tenth lower and higher."""
+    """The first row is recomputed: the settled motion at the top speed with the number 10 % lower and higher."""
     from camopt.exact.settled import settled_metrics
     from camopt.measure.limits import motion_limits
     from camopt.scene import build_train

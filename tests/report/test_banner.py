@@ -1,4 +1,4 @@
-"""The banner's two lines, the knife's edge, and what is next of a run that states its trains as built."""
+"""The banner's two lines, the warnings, and the next steps of a run with a statement on trains as built."""
 
 from dataclasses import replace
 

@@ -1,5 +1,5 @@
-"""The report's charts and its first screen in a real browser: values under the pointer, a closer look, cams on and off,
-nothing cut, nothing fetched, nothing serious for those who cannot see or point."""
+"""The report's charts and its first screen in a real browser: values under the pointer, zoom, cams on and off, nothing
+cut off, nothing loaded, and no serious accessibility fault."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def chart(page, place: str, title: str):
 
 
 def middle(page, figure) -> tuple[float, float]:
-    """The middle of a chart in pixels, once it is in view."""
+    """The middle of a chart in pixels, after scrolling it into view."""
     figure.scroll_into_view_if_needed()
     box = figure.locator("> svg").bounding_box()
     return box["x"] + 52 + (box["width"] - 70) / 2, box["y"] + box["height"] / 2
@@ -78,7 +78,7 @@ def test_cams_are_switched_on_and_off(open_page):
 
 
 def slowest(page, title: str) -> dict[str, float]:
-    """What a chart over the speeds says at their lowest one, by its lines."""
+    """Values of a chart over the speeds at the lowest speed, by line."""
     figure = chart(page, "charts-band", title)
     figure.scroll_into_view_if_needed()
     box = figure.locator("> svg").bounding_box()

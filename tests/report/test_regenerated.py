@@ -1,4 +1,4 @@
-"""One command makes every stated number of a run again: a confirmed and a rejected cam, judged for real."""
+"""One command recomputes every stated number of a run, for a confirmed and a rejected cam with real verdicts."""
 
 import csv
 import json
@@ -28,12 +28,12 @@ FREE = dict.fromkeys(
     ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3", "nose_deg")
 )
 BANDS = {"confirmed": (5950.0, 6050.0), "rejected": (6600.0, 6800.0)}
-"""Bands [r/min] in which the exponent polynomial of motori-1 holds its limits, and jumps above its listed speed."""
+"""Bands [r/min] in which the exponent polynomial of motori-1 holds its limits, or jumps above its listed speed."""
 
 
 @pytest.fixture(scope="module", params=BANDS)
 def run(request, tmp_path_factory):
-    """The folder of a run whose search is left out: its cam is the exponent polynomial."""
+    """The folder of a run without a search, whose cam is the exponent polynomial."""
     folder, band = tmp_path_factory.mktemp("runs") / request.param, BANDS[request.param]
     scene = load_scene("motori-1")
     operation = scene.operation.model_copy(update={"speeds_rpm": (band[0],), "band_rpm": band})
@@ -79,7 +79,7 @@ def test_a_family_that_failed_is_shown_with_its_sentence(run):
 
 
 def test_the_command_makes_the_same_folder_again(run, capsys):
-    """The cam read from its file differs from the one that was written by round-off: only outlines may show that."""
+    """The cam read from its file differs by round-off from the one that was written, visible only in an outline."""
     names = ["comparison.csv", "figures/bounce_against_speed.svg", "figures/valve_motion.svg"]
     before = {name: (run / name).read_bytes() for name in names[:2]}
     words = [t for table in page_of(run).tables for t in table]
@@ -118,7 +118,7 @@ def test_the_check_judges_anew_and_finds_what_was_changed(run, capsys):
 
 
 def test_the_check_of_a_folder_without_its_verdict_ends_in_sentences(run, capsys):
-    """Number 1082127 of the campaign's inputs."""
+    """Input number 1082127 of the campaign."""
     kept = run / "verification.json"
     kept.rename(run / "away.json")
     try:

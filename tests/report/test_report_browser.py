@@ -1,4 +1,4 @@
-"""The page in a real browser: it opens without error or request, and its controls draw the run's motion."""
+"""The page in a real browser: it opens without errors or requests, and its controls show the run's motion."""
 
 import re
 
@@ -22,7 +22,7 @@ def picture(page) -> str:
 
 
 def numbers(page) -> dict[str, list[str]]:
-    """Rows of the table of contacts: state, force, separation."""
+    """Rows of the table of contacts by name: state, force, separation."""
     rows = page.locator("#train-numbers tr").all_inner_texts()[1:]
     return {row.split("\t")[0]: row.split("\t")[1:] for row in rows}
 

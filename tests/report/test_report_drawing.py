@@ -1,4 +1,4 @@
-"""The drawing of a train, what the animation is told of its follower, and the drawing of a contour's tightest spot."""
+"""The drawing of a train, the animation's data on its follower, and the drawing of a contour's tightest spot."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ LIFT_MM = np.linspace(0.0, 9.4, 24)
 
 
 def moved(train) -> np.ndarray:
-    """Positions (k, n) [mm] of an opening: masses off the way to the valve follow it the less the later they come."""
+    """Positions (k, n) [mm] of an opening: the coils of the spring follow the valve the less the closer to its foot."""
     share = np.ones(len(train.mass))
     coils = [i for i in range(len(share)) if "spring" in train.mass_names[i]]
     share[coils] = 1 - np.arange(1, len(coils) + 1) / (len(coils) + 1)
@@ -67,7 +67,7 @@ def test_elements_meet_their_masses(name):
     _, picture = drawn(scene)
     arm = drawn_follower(scene.geometry)["arm"]
     for e in picture["elements"]:
-        reach = SCALE * arm["valve"][0] if arm and e["look"] == "cam" else 0.0  # a finger bridges it
+        reach = SCALE * arm["valve"][0] if arm and e["look"] == "cam" else 0.0  # the length of a finger
         for end, x in ((e["a"], e["x"]), (e["b"], e["x"] + reach)):
             if end != GROUND:
                 assert picture["masses"][end]["left"] <= x <= picture["masses"][end]["right"]
@@ -118,7 +118,7 @@ class TestSwinging:
         assert arm["valve"][0] > 0
 
     def test_the_page_s_turning_opens_the_valve_by_the_lift(self, geometry):
-        """What animation.js does: turn about the pivot by side (asin(sin shut + lift / length) - shut)."""
+        """As in animation.js, the body turns about the pivot by side (asin(sin shut + lift / length) - shut)."""
         arm, lift = drawn_follower(geometry)["arm"], 7.0
         shut = arm["shut_deg"] * DEG
         by = arm["side"] * (np.arcsin(np.sin(shut) + lift / arm["valve_arm_mm"]) - shut)

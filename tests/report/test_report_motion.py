@@ -52,8 +52,8 @@ def test_motion_is_the_settled_one_of_event_exact(polydyne):
 
 
 def test_a_motion_has_settled_here_where_the_verdict_says_so():
-    """A motion whose contacts bounce settles slowly, in the verdict's later steps, after more revolutions than the
-    first step runs."""
+    """A motion with bouncing contacts settles slowly: it needs more revolutions than the first attempt runs, and
+    settles in the verdict's later attempts."""
     lively = [e.model_copy(update={"damping_N_s_per_m": 0.3 * e.damping_N_s_per_m}) for e in SCENE.element]
     scene = SCENE.model_copy(update={"element": lively})
     lift = read_cam("polydyne", SCENE)
@@ -66,7 +66,7 @@ def test_a_motion_has_settled_here_where_the_verdict_says_so():
     assert drawn["periodic"]
     first, last = (np.array([one[i] for one in drawn["position_um"]]) for i in (0, -1))
     np.testing.assert_allclose(first, last, atol=2)  # positions are rounded to a micrometre
-    assert not settled_motion(train, lift, speed, False).periodic  # the verdict has the word
+    assert not settled_motion(train, lift, speed, False).periodic  # the verdict's statement is used
 
 
 def folder_of(write, contents, lift):
@@ -82,7 +82,7 @@ def folder_of(write, contents, lift):
 
 
 def larger(row: dict) -> dict:
-    """The row with an area ratio that is no longer that of its cam."""
+    """The row with an area ratio that differs from that of its cam."""
     return row | {"area_ratio": str(float(row["area_ratio"]) + 2e-6)}
 
 
@@ -93,7 +93,7 @@ def larger(row: dict) -> dict:
         (larger, ["design"], "polydyne is not simulated here: its area ratio comes out as"),
         (lambda row: row | {"verdict": "failed"}, ["design"], "polydyne has no member within the limits."),
         (lambda row: row | {"cam": "multi-pol (no-jerk)"}, ["design", "multi-pol (no-jerk)"], None),
-        # names lead to no file outside, and start no search
+        # a name neither leads to a file outside the folder nor starts a search
         *(
             (lambda row, name=name: row | {"cam": name}, ["design"], name)
             for name in ("../secret", "/secret", "multi-pol")

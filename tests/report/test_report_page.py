@@ -12,7 +12,7 @@ VOID = {"meta", "link", "br", "img", "hr", "input"}
 
 
 class Page(HTMLParser):
-    """Words of a page, its tables, and the elements and attributes that it holds."""
+    """The text of a page, its tables, its elements and its attributes."""
 
     def __init__(self, text: str):
         super().__init__()
@@ -110,7 +110,7 @@ def test_a_judge_from_outside_who_disagrees_undoes_the_verdict(write, contents):
 def test_without_a_band_nothing_is_said_about_floating(write, contents):
     contents["verification"] |= {"band": None, "limits": {"first_jump_rpm": None, "first_bounce_rpm": None}}
     page = page_of(write(contents))
-    assert "does not exceed" not in page.text  # null: nobody looked
+    assert "does not exceed" not in page.text  # null: not computed
     assert "Verified at 5000, 6000, 6500 and 7000 r/min and at no speed between" in page.text
 
 
@@ -120,7 +120,7 @@ def test_worth_of_limits_where_the_run_recorded_it(write, contents):
     page = page_of(write(contents))
     table = next(t for t in page.tables if "worth [% of area per %]" in t[0])
     assert table[1:3] == [["jerk max", "0.25"], ["max lift", "0.123"]] and "script" not in page.elements
-    contents["design"]["highest_lift_mm"] = 9.0  # a lift below its limit is not bought by a higher limit
+    contents["design"]["highest_lift_mm"] = 9.0  # a higher limit does not change a lift below it
     table = next(t for t in page_of(write(contents)).tables if "worth [% of area per %]" in t[0])
     assert len(table) == 3 and table[1] == ["jerk max", "0.25"]
 

@@ -1,4 +1,4 @@
-"""What a cam reaches of the limits on its shape, against the same figures found on a dense grid."""
+"""Values of a cam for the limits on its shape, compared with values on a dense grid; rows, shares and next steps."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ PISTON = Piston(stroke_mm=80, rod_mm=140, gap_at_top_mm=9, clearance_mm=1, lobe_
 
 
 def drawn(**limits):
-    """The scene's design with further limits, on a flat follower of 30 mm."""
+    """The scene's design with further limits, on a flat follower with a base circle of 40 mm radius."""
     geometry = load_scene("kodama").geometry
     assert geometry is not None
     flat = geometry.model_copy(
@@ -85,7 +85,7 @@ def test_every_limit_on_the_shape_has_a_row_in_words(write, contents):
 
 @pytest.mark.parametrize(("short", "words"), [(1e-5, "100 %"), (1e-2, "✗ 101 %")])
 def test_the_matrix_crosses_out_what_the_judge_of_the_shape_refuses(write, contents, short, words):
-    """A lift that a file's digits leave a little short is reached."""
+    """A lift that is slightly too small because of a file's digits counts as reached."""
     design = drawn(max_lift_mm=LIFT.max_lift / MM * (1 + short), reach_max_lift=True)
     run = read_run_folder(write(contents, "motori-1"))
     rows = limit_rows(run, (LIFT, design))
@@ -96,7 +96,7 @@ def test_the_matrix_crosses_out_what_the_judge_of_the_shape_refuses(write, conte
 
 @pytest.mark.parametrize("over", [5e-7, -5e-7])
 def test_a_row_has_the_slack_of_the_verdict(write, contents, over):
-    """A limit that the cam passes by less than any printed digit shows is broken in the table as in the verdict."""
+    """A limit that the cam exceeds by less than a printed digit is broken in the table, as in the verdict."""
     jerk = float(np.abs(LIFT.extremes(3)).max()) / MM_PER_DEG3 / (1 + over)
     design = drawn(jerk_max_mm_per_deg3=jerk)
     contents["comparison"] = []

@@ -22,7 +22,7 @@ LIMITED = {"bounce": "bounce_mm", "jump": "jump_mm", "seating velocity": "seatin
 
 
 def rejected_between(contents: dict) -> dict:
-    """The contents with a cam that every listed speed confirms, and a worst speed of the band rejects for its jump."""
+    """The contents for a cam that is confirmed at every listed speed but rejected for its jump at a speed between."""
     found, jump_mm, speed_rpm = contents["verification"], 0.2, 6990.0
     record = {**found["speeds"][3], "speed_rpm": speed_rpm, "verdict": "rejected", "jump_mm": jump_mm}
     record["ranges"] = record["ranges"] | {"jump_mm": [0.9 * jump_mm, jump_mm]}
@@ -33,7 +33,7 @@ def rejected_between(contents: dict) -> dict:
 
 
 def expected(found: dict, name: str) -> tuple[float, float]:
-    """The worst value of a metric in verification.json and its speed, read here without camopt's help."""
+    """The worst value of a metric in verification.json and its speed, read without camopt's functions."""
     pairs = [(found["band"]["worst"][name]["value"], found["band"]["worst"][name]["speed_rpm"])]
     for speed in found["speeds"] + found["worst_in_band"]:
         value = (min if name in WORSE_BELOW else max)(speed["ranges"][name])
@@ -42,7 +42,7 @@ def expected(found: dict, name: str) -> tuple[float, float]:
 
 
 def printed_table(folder) -> dict[str, list[str]]:
-    """Rows of the printed table by their label: the words after it."""
+    """Rows of the printed table: label -> the words after it."""
     rows = {}
     for line in outcome_lines(read_run_folder(folder))[1:]:
         rows[line[:28].strip()] = line[28:].split()
@@ -55,7 +55,7 @@ def same(text: str, value: float) -> bool:
 
 
 def states_what_verification_says(folder) -> None:
-    """The page and the printed table state the worst figures of verification.json, to their printed digits."""
+    """Assert that the page and the printed table state the worst values of verification.json to their digits."""
     found = json.loads((folder / "verification.json").read_text())
     page, printed = page_of(folder), printed_table(folder)
     table, limits = page.table("figure"), page.table("limit")
