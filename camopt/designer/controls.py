@@ -125,11 +125,11 @@ def lash_element(scene: Scene) -> int:
 
 def _widths(scene: Scene) -> dict[str, tuple[str, str, float]]:
     """Label, unit and width of every tolerance and of the grinding error, by the key of its control."""
-    found = {}
-    for one in scene.tolerance:
-        unit, width = ("in its unit", one.plus_minus) if one.relative is None else ("of the number", one.relative)
-        found[f"tolerance.{one.label}"] = f"Tolerance: {one.label}", unit, width
-    return found | ({} if scene.grinding is None else {ERROR: ("Grinding error", "µm", scene.grinding.error_um)})
+    widths = {}
+    for row in scene.tolerance:
+        unit, width = ("in its unit", row.plus_minus) if row.relative is None else ("of the number", row.relative)
+        widths[f"tolerance.{row.label}"] = f"Tolerance: {row.label}", unit, width
+    return widths | ({} if scene.grinding is None else {ERROR: ("Grinding error", "µm", scene.grinding.error_um)})
 
 
 def _about(value: float) -> tuple[float, float, float]:
@@ -205,12 +205,14 @@ def _with_train(scene: Scene, values: Mapping[str, Any]) -> Scene:
 
 def _as_built(scene: Scene, values: Mapping[str, Any]) -> dict[str, Any]:
     """Tolerances and grinding error of the values; those that are switched off are left out."""
-    rows = [(one, values[f"tolerance.{one.label}"]) for one in scene.tolerance]
-    keys = ["plus_minus" if one.relative is None else "relative" for one in scene.tolerance]
-    kept = [one.model_copy(update={k: w}) for (one, w), k in zip(rows, keys, strict=True) if w is not None]
+    tolerances = []
+    for row in scene.tolerance:
+        if (width := values[f"tolerance.{row.label}"]) is not None:
+            key = "plus_minus" if row.relative is None else "relative"
+            tolerances.append(row.model_copy(update={key: width}))
     error = values.get(ERROR)
     ground = None if scene.grinding is None or error is None else scene.grinding.model_copy(update={"error_um": error})
-    return {"tolerance": tuple(kept), "grinding": ground}
+    return {"tolerance": tuple(tolerances), "grinding": ground}
 
 
 def _by_key(faults: list[str]) -> dict[str, str]:

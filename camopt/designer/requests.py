@@ -44,7 +44,7 @@ class RequestHandler:
             "start": lambda _: self.session.start() | {"files": folder is not None},
             "answer": self._answer,
             # cancels what is being computed for an older request of the page
-            "newest": lambda message: {"state": "ok", "sequence": self._asked(message)[1]},
+            "newest": lambda message: {"state": "ok", "sequence": self._register(message)[1]},
             "stop": self._stop,
         }
         if folder is not None:
@@ -74,25 +74,25 @@ class RequestHandler:
 
     def _answer(self, message: Mapping[str, Any]) -> dict[str, Any]:
         """A part of the answer to values; the newest request of a page wins, in whatever order they arrive."""
-        part, (client, sequence) = message.get("part"), self._asked(message)
+        part, (client, sequence) = message.get("part"), self._register(message)
         if not isinstance(part, str) or part not in (*QUICK, *PARTS):
             raise InputError(f"part {excerpt(str(part))}: expected one of {', '.join((*QUICK, *PARTS))}")
 
         def wanted() -> bool:
             return self._newest.get(client, sequence) <= sequence
 
-        told = {"sequence": sequence, "part": part}
+        request = {"sequence": sequence, "part": part}
         try:
             if part in QUICK:
                 with self._one_at_a_time:
                     if not wanted():
                         raise Cancelled
-                    return told | self.session.answer(_values(message), part, wanted)
-            return told | self._slow_answer(part, message)
+                    return request | self.session.answer(_values(message), part, wanted)
+            return request | self._slow_answer(part, message)
         except Cancelled:
-            return told | {"state": "superseded"}
+            return request | {"state": "superseded"}
 
-    def _asked(self, message: Mapping[str, Any]) -> tuple[str, int]:
+    def _register(self, message: Mapping[str, Any]) -> tuple[str, int]:
         """Page and sequence number of a request; the number is stored if it is the largest of this page so far."""
         client, sequence = str(message.get("client", ""))[:64], message.get("sequence", 0)
         if isinstance(sequence, bool) or not isinstance(sequence, int):

@@ -146,8 +146,8 @@ class Handler(BaseHTTPRequestHandler):
         hosts = {f"{name}:{self.server.port}" for name in NAMES}
         host, origin = self.headers.get("Host"), self.headers.get("Origin")
         cross = self.headers.get("Sec-Fetch-Site", "same-origin") not in ("same-origin", "none")
-        own = host in hosts and (origin is None or origin in {f"http://{name}" for name in hosts})
-        if own and not (cross and self.command == "POST"):
+        same = host in hosts and (origin is None or origin in {f"http://{name}" for name in hosts})
+        if same and not (cross and self.command == "POST"):
             return False
         self._refuse(403, "only this machine's own page may ask")
         return True

@@ -56,13 +56,13 @@ def trains_of(scene: Scene, lift: Lift, count: int) -> dict[str, Any]:
         return {"says": "The scene states no tolerances, so all trains are alike."}
     speeds = np.linspace(*scene.required_operation.band_rpm, YIELD_SPEEDS)
     try:
-        way = track(scene, lift, speeds)
-        used = UsedLimits(tuple(way.limits), speeds, way.used(trains_as_built(scene, count)))
+        usage = track(scene, lift, speeds)
+        used = UsedLimits(tuple(usage.limits), speeds, usage.used(trains_as_built(scene, count)))
     except InputError as error:
         return {"says": str(error)}
     record = yield_record(used, share_of(used.holds), 0, {})
-    said = [share_sentence(record), *spoiling_sentences(record)]
-    return {"share": record["share"], "says": f"{'; '.join(said)}."}
+    sentences = [share_sentence(record), *spoiling_sentences(record)]
+    return {"share": record["share"], "says": f"{'; '.join(sentences)}."}
 
 
 def why_none(scene: Scene, lift: None) -> dict[str, Any]:

@@ -188,11 +188,11 @@ def _width(label: str) -> float:
 
 def _shortened(label: str, room: float) -> str:
     """The label, shortened in the middle to a width of at most `room` [pt] and at most `LONGEST` characters."""
-    kept, short, wide = len(label), label, np.inf if len(label) > LONGEST else _width(label)
-    while kept > 8 and wide > room:
-        kept = min(kept - 1, int(kept * room / wide)) if wide < np.inf else LONGEST
-        short = f"{label[: kept // 2]}…{label[len(label) - kept // 2 :]}"
-        wide = _width(short)
+    length, short, width = len(label), label, np.inf if len(label) > LONGEST else _width(label)
+    while length > 8 and width > room:
+        length = min(length - 1, int(length * room / width)) if width < np.inf else LONGEST
+        short = f"{label[: length // 2]}…{label[len(label) - length // 2 :]}"
+        width = _width(short)
     return short
 
 

@@ -105,17 +105,17 @@ def _stress(scene: Scene, lift: Lift) -> tuple[list[list[str]], str]:
     """`stress` for a scene with a geometry."""
     rows, geometry = [], scene.required_geometry
 
-    def cells(found: HertzStress) -> list[str]:
-        figures = found.figures()
+    def cells(largest: HertzStress) -> list[str]:
+        figures = largest.figures()
         return [*map(shown, figures.values()), share_borne(figures["hertz_stress_MPa"], geometry) or "–"]
 
     try:
         for speed in scene.operation.speeds_rpm if scene.operation else ():
             try:
-                found = cells(dynamic_stress(scene, lift, speed)[0])
+                row = cells(dynamic_stress(scene, lift, speed)[0])
             except MotionRefused as refused:
-                found = ["–", "–", f"refused: {refused}", "–"]
-            rows.append([f"{shown(speed)} r/min", *found])
+                row = ["–", "–", f"refused: {refused}", "–"]
+            rows.append([f"{shown(speed)} r/min", *row])
         return [*rows, ["standing still", *cells(static_stress(scene, lift))]], ""
     except InputError as error:
         return [], f"There is no Hertz stress: {error}."

@@ -132,9 +132,9 @@ def drawing(train: Train, x: np.ndarray, room: FollowerRoom) -> dict:
     masses = []
     for i, (name, kind) in enumerate(zip(train.mass_names, kinds, strict=True)):
         middle = float(centre[column[i]]) - (room.train * SCALE if i in hubs else 0.0)
-        own = [across[e] for e in np.flatnonzero(((train.a == i) | (train.b == i)) & ~train.cam_driven)]
+        joined = [across[e] for e in np.flatnonzero(((train.a == i) | (train.b == i)) & ~train.cam_driven)]
         pad = {"small": 20.0, "hub": 10.0}.get(kind, 34.0)
-        left, right = min([*own, middle]) - pad, max([*own, middle]) + pad  # over all its elements
+        left, right = min([*joined, middle]) - pad, max([*joined, middle]) + pad  # over all its elements
         masses.append({"name": name, "kind": kind, "x": middle, "y": float(y[i]), "left": left, "right": right,
                        "height": 2 * float(half[i])})  # fmt: skip
     elements = []
@@ -171,11 +171,11 @@ def _links(train: Train) -> np.ndarray:
 
 def _path(train: Train) -> list[int]:
     """Masses on the shortest path from the cam to the valve, beginning with the one under the cam."""
-    first, way = int(train.b[np.flatnonzero(train.cam_driven)[0]]), [train.valve]
+    first, path = int(train.b[np.flatnonzero(train.cam_driven)[0]]), [train.valve]
     _, before = shortest_path(_links(train), unweighted=True, indices=first, return_predecessors=True)
-    while before[way[0]] >= 0:
-        way.insert(0, int(before[way[0]]))
-    return way if way[0] == first else [first]
+    while before[path[0]] >= 0:
+        path.insert(0, int(before[path[0]]))
+    return path if path[0] == first else [first]
 
 
 def _heights(train: Train, need: list[float], half: np.ndarray) -> np.ndarray:
@@ -207,7 +207,7 @@ def _columns(train: Train, y: np.ndarray) -> list[int]:
     used = 1
     for branch in dict.fromkeys(branches.tolist()):
         level: dict[float, int] = {}
-        for i in (i for i, own in zip(rest, branches, strict=True) if own == branch):
+        for i in (i for i, branch_of_i in zip(rest, branches, strict=True) if branch_of_i == branch):
             place = level.get(round(float(y[i])), 0)
             column[i] = used + place
             level[round(float(y[i]))] = place + 1

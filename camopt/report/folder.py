@@ -17,7 +17,7 @@ MOST_BYTES = 50_000_000
 MOST_FIGURES = 30
 OUTSIDE = "outside.json"
 """File with the results of an external simulation program, where one was used."""
-Part = TypeVar("Part")
+Content = TypeVar("Content")
 
 LOW_MM = 0.005
 """A lift that stays below its limit by less than this [mm] counts as at the limit."""
@@ -104,25 +104,25 @@ def read_run_folder(folder: Path) -> RunFolder:
         raise InputError(f"{folder}: no such run folder")
     missing: list[str] = []
 
-    def part(name: str, read: Callable[[str], Part], empty: Part) -> Part:
+    def read_file(name: str, parse: Callable[[str], Content], empty: Content) -> Content:
         path = folder / name
         if not path.is_file():
             missing.append(name)
             return empty
         try:
-            return read(_text(path))
+            return parse(_text(path))
         except (ValueError, csv.Error, RecursionError) as error:  # JSON, TOML and UTF-8 errors are ValueErrors
             raise InputError(f"{path}: cannot be read: {error}") from error
 
-    outside = part(OUTSIDE, outside_entries, []) if (folder / OUTSIDE).exists() else []
+    outside = read_file(OUTSIDE, outside_entries, []) if (folder / OUTSIDE).exists() else []
     return RunFolder(
         name=folder.resolve().name,
-        scene=part("scene.toml", tomllib.loads, {}),
-        design=part("design.json", _object, {}),
-        verification=part("verification.json", _verification, VerificationRecord()).with_outside(outside),
-        comparison=part("comparison.csv", comparison_rows, []),
-        provenance=part("provenance.json", _object, {}),
-        history=part("history.jsonl", _lines, []),
+        scene=read_file("scene.toml", tomllib.loads, {}),
+        design=read_file("design.json", _object, {}),
+        verification=read_file("verification.json", _verification, VerificationRecord()).with_outside(outside),
+        comparison=read_file("comparison.csv", comparison_rows, []),
+        provenance=read_file("provenance.json", _object, {}),
+        history=read_file("history.jsonl", _lines, []),
         figures={p.stem: _text(p) for p in sorted((folder / "figures").glob("*.svg"))[:MOST_FIGURES]},
         missing=missing,
         path=_from_here(folder),
@@ -131,9 +131,8 @@ def read_run_folder(folder: Path) -> RunFolder:
 
 def _from_here(folder: Path) -> str:
     """Path of the folder relative to the working folder; absolute where it does not lie inside."""
-    whole = folder.resolve()
-    here = Path.cwd()
-    return (whole.relative_to(here) if whole.is_relative_to(here) else whole).as_posix()
+    absolute, here = folder.resolve(), Path.cwd()
+    return (absolute.relative_to(here) if absolute.is_relative_to(here) else absolute).as_posix()
 
 
 def _text(path: Path) -> str:

@@ -41,18 +41,18 @@ def limit_rows(run: RunFolder, shape: tuple[Lift, Design] | None = None) -> list
     """One row per limit of the scene's design, and per other condition that the verdict lists as broken: the value
     reached, where it occurs, whether the limit holds (`held`, None where it is not known), and where the value is
     recorded. With `shape`, which is the run's cam and its design, every limit on the shape also has a row."""
-    design, named = run.demands, _broken(run)
+    design, broken = run.demands, _broken(run)
     rows = [_cam_row(run, key, design[key]) for key in CAM_LIMITS if is_number(design.get(key))]
     if shape is not None:
         rows = [row for row in rows if row["held"] is not None]
-        recorded, broken = {row["key"] for row in rows}, {*broken_by_shape(*shape), *named}
-        for one in reached_by_shape(*shape):
-            if one.key in recorded or not np.isfinite(one.value):
+        recorded, not_held = {row["key"] for row in rows}, {*broken_by_shape(*shape), *broken}
+        for reached in reached_by_shape(*shape):
+            if reached.key in recorded or not np.isfinite(reached.value):
                 continue
-            row = _row(one.key, one.limit, one.least, one.value, one.where, "design.json pieces")
-            label, unit = LABELS.get(one.key, (row["label"], row["unit"]))
+            row = _row(reached.key, reached.limit, reached.least, reached.value, reached.where, "design.json pieces")
+            label, unit = LABELS.get(reached.key, (row["label"], row["unit"]))
             # a limit holds at both flanks and in every window or not at all: if it is broken, all of its rows are
-            rows.append(row | {"label": one.label or label, "unit": unit, "held": one.key not in broken})
+            rows.append(row | {"label": reached.label or label, "unit": unit, "held": reached.key not in not_held})
     for key, quantity in OF_MOTION.items():
         if is_number(limit := design.get(key)):
             worst, value, where, source = run.verification.worst(quantity.name), None, "not verified", STATED
@@ -62,9 +62,9 @@ def limit_rows(run: RunFolder, shape: tuple[Lift, Design] | None = None) -> list
             rows.append(_row(key, limit, quantity.less_is_worse, value, where, source, quantity.name))
     listed = {row["key"] for row in rows}
     unlisted = {"limit": "–", "reached": "–", "source": BROKEN, "share": None, "held": False}
-    for key in (key for key in named if key not in listed):
+    for key in (key for key in broken if key not in listed):
         label, unit = label_and_unit(key)
-        rows.append(unlisted | {"key": key, "label": label, "unit": unit, "where": named[key]})
+        rows.append(unlisted | {"key": key, "label": label, "unit": unit, "where": broken[key]})
     return rows
 
 
@@ -76,16 +76,16 @@ def demanded(design: dict, name: str) -> str:
 
 def _broken(run: RunFolder) -> dict[str, str]:
     """Limits that the verdict lists as broken: key of the design -> the first place, "" for a limit on the shape."""
-    named: dict[str, str] = {}
+    places: dict[str, str] = {}
     for entry in run.verification.get("broken") or []:
         key, _, where = str(entry).partition(" at ")
-        named.setdefault(key, f"at {where}" if where else "")
-    return named
+        places.setdefault(key, f"at {where}" if where else "")
+    return places
 
 
 def _cam_row(run: RunFolder, key: str, limit: float) -> dict:
-    mine = [r for r in run.comparison if family_of(r["cam"]) == DESIGN]
-    values = [v for v in (as_number(r.get(key, "")) for r in mine) if v is not None]
+    of_design = [r for r in run.comparison if family_of(r["cam"]) == DESIGN]
+    values = [v for v in (as_number(r.get(key, "")) for r in of_design) if v is not None]
     worst = max(values, key=lambda v: v / limit) if values else None  # the quotient is also right for a negative limit
     row = _row(key, limit, limit < 0, worst, EVERYWHERE, f"comparison.csv {key}", slack=ROUNDING * abs(limit))
     if row["held"] is not False and key in _broken(run):  # broken at a discontinuity, where there is no value
@@ -106,8 +106,8 @@ def _row(
     label, unit = label_and_unit(name or key)
     held = None if value is None else value >= limit - slack if least else value <= limit + slack
     demand, reached = f"at {'least' if least else 'most'} {shown(limit)}", shown(value)
-    words = {"key": key, "label": label, "unit": unit, "limit": demand, "reached": reached, "where": where}
-    return words | {"source": source, "share": share_of(limit, least, value), "held": held}
+    row = {"key": key, "label": label, "unit": unit, "limit": demand, "reached": reached, "where": where}
+    return row | {"source": source, "share": share_of(limit, least, value), "held": held}
 
 
 def share_of(limit: float, least: bool, value: float | None) -> float | None:
@@ -120,13 +120,13 @@ def share_of(limit: float, least: bool, value: float | None) -> float | None:
 
 def disagreements(run: RunFolder, rows: Iterable[dict]) -> list[str]:
     """Sentences on every contradiction between the verdict and the values that are shown beside it."""
-    rows, verdict, named = list(rows), run.verdict, _broken(run)
+    rows, verdict, broken = list(rows), run.verdict, _broken(run)
     if verdict not in ORDER:
         return []
-    passed = [row["label"] for row in rows if row["held"] is False]
+    exceeded = [row["label"] for row in rows if row["held"] is False]
     sentences = []
-    if verdict == "confirmed" and passed:
-        sentences.append(f"The verdict is confirmed, yet by the figures below it breaks: {', '.join(passed)}.")
+    if verdict == "confirmed" and exceeded:
+        sentences.append(f"The verdict is confirmed, yet by the figures below it breaks: {', '.join(exceeded)}.")
     sentences += [
         f"The verdict is {verdict}, yet at {shown(s.get('speed_rpm'))} r/min it is {shown(s.get('verdict'))}."
         for s in run.verification.judged
@@ -135,9 +135,9 @@ def disagreements(run: RunFolder, rows: Iterable[dict]) -> list[str]:
     sentences += [
         f"The verdict says that the limit on {row['label']} is broken, yet by the figures below it is held."
         for row in rows
-        if row["key"] in named and row["held"] is True
+        if row["key"] in broken and row["held"] is True
     ]
-    if verdict == "rejected" and not named:
+    if verdict == "rejected" and not broken:
         sentences.append("The verdict is rejected, yet it names no limit that is broken.")
     return list(dict.fromkeys(sentences))
 
@@ -158,17 +158,16 @@ def matrix(run: RunFolder, limits: list[dict]) -> dict:
     motion, shape = [], []
     for row in limits:
         quantity, limit = OF_MOTION.get(row["key"]), run.demands.get(row["key"])
-        words = row | {"demand": f"{row['limit']} {row['unit']}".strip(), "shares": None, "price": None}
+        row = row | {"demand": f"{row['limit']} {row['unit']}".strip(), "shares": None, "price": None}
         if quantity is None:
-            shape.append(words | {"price": run.worth.get(row["key"])})
+            shape.append(row | {"price": run.worth.get(row["key"])})
         elif is_number(limit):
             values = [worst_case_value(speed, quantity.name)[0] for speed in judged]
             shares = [share_of(limit, quantity.less_is_worse, value) for value in values]
             swept = ((band.get("worst") or {}).get(quantity.name) or {}).get("value")
             of_sweep = share_of(limit, quantity.less_is_worse, swept if is_number(swept) else None)
-            known = [of_sweep, *compress(shares, inside)]
-            largest = max((share for share in known if share is not None), default=None)
-            motion.append(words | {"shares": [*shares, *([largest] if band else [])]})
+            in_band = [share for share in (of_sweep, *compress(shares, inside)) if share is not None]
+            motion.append(row | {"shares": [*shares, *([max(in_band, default=None)] if band else [])]})
     return {
         "speeds": [*map(shown, speeds), *(["band"] if band else [])],
         "rows": motion + shape,

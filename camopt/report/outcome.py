@@ -86,8 +86,7 @@ LIFT = "highest_lift_mm"
 OF_THE_CAM = ("area_ratio", "area_mm_deg", LIFT)
 MOTION = ("bounce_mm", "jump_mm", "jump_deg", "contact_force_min_N", "contact_force_max_N", "seating_velocity_m_per_s")
 """Metrics of the table, each with its worst value."""
-BACK = ("candidates_judged", "largest_refused_area_ratio")
-"""Keys of `verdict_fell_back` in design.json."""
+
 FREE = ("value", "as_given", "low", "high")
 """Keys of a number in `free` of design.json."""
 STATED = "verification.json"
@@ -118,9 +117,9 @@ def outcome_rows(run: RunFolder) -> list[dict]:
         return rows
     share, low, high = (shown(100 * built[key], 3) for key in ("share", "low", "high"))
     limit = f"at least {shown(100 * built['wanted'])}" if is_number(built.get("wanted")) else ""
-    words = {"label": "trains as built that hold", "unit": "%", "start": "–", "end": share, "limit": limit}
+    row = {"label": "trains as built that hold", "unit": "%", "start": "–", "end": share, "limit": limit}
     where = f"{low} to {high} of {shown(built['trains'])} trains"
-    return [*rows, words | {"where": where, "source": f"{STATED} yield.share"}]
+    return [*rows, row | {"where": where, "source": f"{STATED} yield.share"}]
 
 
 def _row(key: str, start, end, limit: str, where: str, source: str) -> dict:
@@ -174,13 +173,13 @@ def lift_sentence(run: RunFolder) -> list[str]:
 def free_sentences(run: RunFolder) -> list[str]:
     """A sentence for each free number of the scene: its range, the chosen value and the scene's value."""
     chosen, sentences = run.design.get("free"), []
-    for name, one in chosen.items() if isinstance(chosen, dict) else ():
-        if not isinstance(one, dict) or not all(is_number(one.get(key)) for key in FREE):
+    for name, number in chosen.items() if isinstance(chosen, dict) else ():
+        if not isinstance(number, dict) or not all(is_number(number.get(key)) for key in FREE):
             continue
-        value, before, low, high = (shown(one[key], 5) for key in FREE)
-        what = name if one.get("of") in (name, None) else f"{name} ({one['of']})"
+        value, before, low, high = (shown(number[key], 5) for key in FREE)
+        label = name if number.get("of") in (name, None) else f"{name} ({number['of']})"
         end = ", the end of what it might choose" if value in (low, high) else ""
-        sentences.append(f"Of {what} from {low} to {high} the design chose {value}{end}; the scene had {before}.")
+        sentences.append(f"Of {label} from {low} to {high} the design chose {value}{end}; the scene had {before}.")
     return sentences
 
 
@@ -203,9 +202,10 @@ def gain_sentences(run: RunFolder) -> list[str]:
         else:
             sentences.append(f"The delivered cam has {shown(-gain, 3)} less area ratio than the no-jump program's cam.")
     back = d.get("verdict_fell_back")
-    judged, refused = (back.get(k) for k in BACK) if isinstance(back, dict) else (None, None)
-    if is_number(refused) and is_number(judged):
-        largest = f"an area ratio of {shown(refused, 5)}"
+    back = back if isinstance(back, dict) else {}
+    judged, rejected = back.get("candidates_judged"), back.get("largest_refused_area_ratio")
+    if is_number(rejected) and is_number(judged):
+        largest = f"an area ratio of {shown(rejected, 5)}"
         if run.verdict == "confirmed":
             outcome = f"the last of them is delivered; the largest that was rejected has {largest}"
         else:
@@ -217,9 +217,9 @@ def gain_sentences(run: RunFolder) -> list[str]:
 
 def yield_records(run: RunFolder) -> dict[str, dict]:
     """Yield statements by cam, the design first; empty where the run has none."""
-    others = run.built.get("baselines")
-    cams = {"design": run.built, **(others if isinstance(others, dict) else {})}
-    return {name: one for name, one in cams.items() if isinstance(one, dict) and standing(one)}
+    baselines = run.built.get("baselines")
+    cams = {"design": run.built, **(baselines if isinstance(baselines, dict) else {})}
+    return {name: record for name, record in cams.items() if isinstance(record, dict) and standing(record)}
 
 
 def as_built_words(run: RunFolder) -> str:
@@ -240,8 +240,8 @@ def yield_sentences(run: RunFolder) -> list[str]:
     built = run.built
     if not built:
         return []
-    lines = spoiling_sentences(built) + [one for one in (ideal_sentence(built), advised_sentence(built)) if one]
-    lines += [f"trains as built, {cam}: {share_sentence(one)}" for cam, one in [*yield_records(run).items()][1:]]
+    lines = [*spoiling_sentences(built), *filter(None, (ideal_sentence(built), advised_sentence(built)))]
+    lines += [f"trains as built, {cam}: {share_sentence(record)}" for cam, record in [*yield_records(run).items()][1:]]
     sample = built.get("independent")
     if isinstance(sample, list) and sample:
         lines.append(f"independent methods judged {len(sample)} of the trains")

@@ -85,10 +85,9 @@ def differences(folder: Path) -> list[str]:
     page = folder / "report.html"
     if not page.is_file():
         return [*sentences, "report.html is not in the run folder"]
-    words, made = _words(page.read_text(encoding="utf-8")), _words(render(fresh, cams_of(folder, fresh)))
-    missing = [line for line in made if line not in words]
-    sentences += [f"report.html does not say: {line}" for line in missing]
-    sentences += [f"report.html says without a source: {line}" for line in words if line not in made]
+    stated, recomputed = _lines(page.read_text(encoding="utf-8")), _lines(render(fresh, cams_of(folder, fresh)))
+    sentences += [f"report.html does not say: {line}" for line in recomputed if line not in stated]
+    sentences += [f"report.html says without a source: {line}" for line in stated if line not in recomputed]
     more = len(sentences) - MOST_SENTENCES
     return sentences[:MOST_SENTENCES] + ([f"and {more} more"] if more > 0 else [])
 
@@ -123,8 +122,8 @@ def _trains_anew(run: RunFolder, scene: Scene, lift: Lift, settings: dict) -> di
     stated = statement_of_run(scene, lift, {"seed": 0} | settings, None)
     if stated is None:
         return {}
-    beside = {key: run.built[key] for key in ("baselines", "ideal", "advised") if key in run.built}
-    return {"yield": stated.as_dict() | beside}
+    recorded = {key: run.built[key] for key in ("baselines", "ideal", "advised") if key in run.built}
+    return {"yield": stated.as_dict() | recorded}
 
 
 def _apart(file: str, stated: Any, fresh: Any) -> list[str]:
@@ -134,13 +133,13 @@ def _apart(file: str, stated: Any, fresh: Any) -> list[str]:
     return [f"{file} {key} says {was}, it comes out as {now}" for key, was, now in pairs if not _same(was, now)]
 
 
-def _same(one: Any, other: Any) -> bool:
-    if isinstance(one, int | float) and isinstance(other, int | float):
-        return math.isclose(one, other, rel_tol=SAME, abs_tol=NOTHING)
-    return one == other
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, int | float) and isinstance(b, int | float):
+        return math.isclose(a, b, rel_tol=SAME, abs_tol=NOTHING)
+    return a == b
 
 
-def _words(page: str) -> list[str]:
+def _lines(page: str) -> list[str]:
     """The lines of text of a page, one for each row, paragraph, item and heading. Style, data, script and commands are
     left out; the paths in the commands depend on the folder in which the page was made."""
     text = re.sub(r"<(style|script|code)\b.*?</\1>", " ", page, flags=re.DOTALL)

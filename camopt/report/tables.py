@@ -52,8 +52,8 @@ def comparison_groups(run: RunFolder) -> list[dict]:
     for entry in sorted(worst_by_cam(run.comparison), key=lambda e: (e["cam"] != DESIGN, e["limits"], e["cam"])):
         broken, failed = entry["broken"], entry["verdict"] == FAILED
         of_motion = all(" at " in word or word in QUANTITIES for word in broken)
-        words = "; ".join(broken if failed else broken_words(broken)) or "–"
-        group = entry | {"broken": words, "within": entry["limits"] == "all" and (failed or of_motion)}
+        listed = "; ".join(broken if failed else broken_words(broken)) or "–"
+        group = entry | {"broken": listed, "within": entry["limits"] == "all" and (failed or of_motion)}
         if entry["lost"]:
             group["bounce"] = f"no figure at {entry['lost']} of {entry['speeds']} speeds"
         if entry["cam"] == DESIGN and run.verdict:
@@ -72,25 +72,26 @@ def worst_by_cam(rows: Sequence[dict[str, str]]) -> list[dict]:
     for row in rows:
         cams.setdefault((row["cam"], row.get("limits", "")), []).append(row)
     entries = []
-    for (cam, limits), own in cams.items():
-        area, jerks = own[0].get("area_ratio", ""), [row.get("jerk_max_mm_per_deg3", "") for row in own]
-        verdicts = {row.get("verdict", "") for row in own}
-        words = [row.get("broken", "") for row in own]  # a sentence with the reason where a family has no member
-        named = words if FAILED in verdicts else [w.strip() for text in words for w in text.split(";") if w.strip()]
+    for (cam, limits), speeds in cams.items():
+        area, jerks = speeds[0].get("area_ratio", ""), [row.get("jerk_max_mm_per_deg3", "") for row in speeds]
+        verdicts = {row.get("verdict", "") for row in speeds}
+        broken = [row.get("broken", "") for row in speeds]  # a sentence with the reason where a family has no member
+        if FAILED not in verdicts:
+            broken = [word.strip() for text in broken for word in text.split(";") if word.strip()]
         entries.append(
             {
                 "cam": cam,
                 "limits": limits,
                 "area": as_number(area),
                 "area_cell": area,
-                "bounce": _largest(row.get("bounce_high_mm", "") or row.get("bounce_mm", "") for row in own),
-                "jump": _largest(row.get("jump_mm", "") for row in own),
-                "seating": _largest(row.get("seating_velocity_m_per_s", "") for row in own),
+                "bounce": _largest(row.get("bounce_high_mm", "") or row.get("bounce_mm", "") for row in speeds),
+                "jump": _largest(row.get("jump_mm", "") for row in speeds),
+                "seating": _largest(row.get("seating_velocity_m_per_s", "") for row in speeds),
                 "jerk": "infinite" if "inf" in jerks else _largest(jerks),  # its acceleration is discontinuous
-                "speeds": len(own),
-                "lost": sum(as_number(row.get("bounce_mm", "")) is None for row in own),
+                "speeds": len(speeds),
+                "lost": sum(as_number(row.get("bounce_mm", "")) is None for row in speeds),
                 "verdict": next((v for v in WORST_FIRST if v in verdicts), ""),
-                "broken": list(dict.fromkeys(named)),
+                "broken": list(dict.fromkeys(broken)),
             }
         )
     return entries
@@ -123,9 +124,9 @@ def method_tables(run: RunFolder) -> list[dict]:
         for key in METHOD_ROWS:
             values = [methods[m].get(key) for m in names]
             numbers = [v for v in values if is_number(v)]
-            apart = max(numbers) - min(numbers) if len(numbers) > 1 and key != "steps_per_revolution" else None
+            difference = max(numbers) - min(numbers) if len(numbers) > 1 and key != "steps_per_revolution" else None
             if key == "bounce_mm" or any(v is not None for v in values):
-                rows.append((heading(key), values, apart))
+                rows.append((heading(key), values, difference))
         if names:
             columns = [METHOD_NAMES.get(m, m) for m in names]
             tables.append({"speed": speed.get("speed_rpm"), "methods": columns, "rows": rows})
@@ -135,11 +136,11 @@ def method_tables(run: RunFolder) -> list[dict]:
 def leaves(value: Any, path: str = "", into_lists: bool = True) -> Iterator[tuple[str, Any]]:
     """Every value inside nested tables with its dotted name, in order; with `into_lists` also those inside lists."""
     if isinstance(value, dict):
-        for key, one in value.items():
-            yield from leaves(one, f"{path}.{key}" if path else str(key), into_lists)
+        for key, child in value.items():
+            yield from leaves(child, f"{path}.{key}" if path else str(key), into_lists)
     elif into_lists and isinstance(value, list):
         yield f"{path} (length)", len(value)
-        for i, one in enumerate(value):
-            yield from leaves(one, f"{path}[{i}]")
+        for i, child in enumerate(value):
+            yield from leaves(child, f"{path}[{i}]")
     else:
         yield path, value
