@@ -43,7 +43,7 @@ class Cancelled(Exception):
 
 
 @dataclass(frozen=True)
-class FoundCam:
+class ProgramCam:
     """A cam and the program of which it is the solution; `says` is the reason where another program was requested."""
 
     lift: Lift
@@ -59,9 +59,9 @@ class FoundCam:
 class CamFinder:
     """The cams of one designer's edited scenes; the last programs are kept for the next request."""
 
-    kept: dict[bool, tuple[tuple, NoJumpProgram]] = field(default_factory=dict)  # by whether they are coarse
+    programs: dict[bool, tuple[tuple, NoJumpProgram]] = field(default_factory=dict)  # by whether they are coarse
 
-    def largest(self, scene: Scene, train: Train, margin_N: float | None, coarse: bool) -> FoundCam:
+    def largest(self, scene: Scene, train: Train, margin_N: float | None, coarse: bool) -> ProgramCam:
         """The cam of largest area under the scene's limits, by the no-jump program with a margin. It is that of the
         kinematic program where the margin is None, or where no cam keeps contact, which `says` then states. With
         `coarse` the force rows may be coarsely spaced. Raises InputError for limits that contradict each other."""
@@ -72,19 +72,19 @@ class CamFinder:
         except InputError as error:
             return self._kinematic(scene, coarse, f"No cam keeps contact, so this is the kinematic one: {error}.")
 
-    def _kinematic(self, scene: Scene, coarse: bool, says: str = "") -> FoundCam:
+    def _kinematic(self, scene: Scene, coarse: bool, says: str = "") -> ProgramCam:
         design = scene.required_design
         try:
             optimum = kinematic_optimum(design, free_cam(design, KNOT_DEG) if coarse else _cam(design), explain=False)
         except Infeasible:
             raise InputError(CONTRADICTION) from None
         coarse = coarse and bool(radii_held_near(design))
-        return FoundCam(optimum.lift, KINEMATIC, optimum.area_ratio, optimum.sensitivities, None, coarse, says)
+        return ProgramCam(optimum.lift, KINEMATIC, optimum.area_ratio, optimum.sensitivities, None, coarse, says)
 
-    def _no_jump(self, scene: Scene, train: Train, margin_N: float, coarse: bool) -> FoundCam:
+    def _no_jump(self, scene: Scene, train: Train, margin_N: float, coarse: bool) -> ProgramCam:
         shape = _shape(scene, train)
         takes_a_sequence = bool(radii_held_near(scene.required_design)) or not is_linear(train)
-        if coarse and self.kept.get(False, (None,))[0] == shape:  # the complete rows exist already
+        if coarse and self.programs.get(False, (None,))[0] == shape:  # the complete rows exist already
             coarse = takes_a_sequence
         program = self._program(scene, train, shape, coarse)
         if not coarse and takes_a_sequence:
@@ -95,13 +95,13 @@ class CamFinder:
             raise InputError(
                 f"no free cam keeps {margin_N:g} N at all of the program's speeds: lower the margin or the speeds"
             ) from None
-        self.kept[coarse] = shape, program
+        self.programs[coarse] = shape, program
         price = float(optimum.margin_prices.sum())
-        return FoundCam(optimum.lift, NO_JUMP, optimum.area_ratio, _worth(optimum), price, coarse)
+        return ProgramCam(optimum.lift, NO_JUMP, optimum.area_ratio, _worth(optimum), price, coarse)
 
     def _program(self, scene: Scene, train: Train, shape: tuple, coarse: bool) -> NoJumpProgram:
         """The program of a scene; it keeps the rows of the last one where only values of limits have changed."""
-        design, (last_shape, program) = scene.required_design, self.kept.get(coarse, ((), None))
+        design, (last_shape, program) = scene.required_design, self.programs.get(coarse, ((), None))
         if program is not None and last_shape == shape and is_linear(train):
             held = program.cam.about.near is not None
             return replace(program, design=design, cam=_cam(design)) if held else program.under(design)

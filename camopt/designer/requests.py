@@ -16,7 +16,7 @@ from camopt.cam.design_file import as_written, write_design
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.designer.cams import Cancelled
 from camopt.designer.controls import Refused
-from camopt.designer.session import QUICK, Edited, Session
+from camopt.designer.session import QUICK, EditedDesign, Session
 from camopt.designer.slow_parts import PARTS, WHY
 from camopt.designer.worker import SlowProcess, Verification
 from camopt.optimizer.bound.certificate import area_ratio_bound
@@ -112,11 +112,11 @@ class RequestHandler:
         values = _values(message)
         try:
             if part == WHY:
-                answer = self.slow.ask(part, self.session.edited(values), None)
+                answer = self.slow.compute(part, self.session.edited(values), None)
             else:
                 with self._one_at_a_time:
                     design = self.session.design(values, part == "few trains")
-                answer = self.slow.ask(part, design.scene, design.cam.lift)
+                answer = self.slow.compute(part, design.scene, design.cam.lift)
         except Refused as refused:
             return {"state": "refused", "faults": refused.faults}
         except (InputError, Cancelled) as error:
@@ -135,7 +135,7 @@ class RequestHandler:
         with self._one_at_a_time:
             design = self.session.design(values)
         if what == "scene":
-            path = self.folder / f"{_named(message.get('name'))}.toml"
+            path = self.folder / f"{_checked_name(message.get('name'))}.toml"
             if path.exists():
                 raise InputError(f"{path.name}: exists already: give another name")
             write_text(path, scene_toml(design.scene))
@@ -158,10 +158,10 @@ def _subject(values: Mapping[str, Any]) -> str:
     return json.dumps({k: v for k, v in sorted(values.items()) if k != "speed_rpm"})
 
 
-def save_run(folder: Path, name: object, design: Edited, verification: dict[str, Any] | None) -> Path:
+def save_run(folder: Path, name: object, design: EditedDesign, verification: dict[str, Any] | None) -> Path:
     """Writes scene, cam, lift table, the verdict if there is one, and a report into the new run folder `<name>`."""
     scene, cam = design.scene, design.cam
-    path, lift = folder / _named(name), as_written(cam.lift)
+    path, lift = folder / _checked_name(name), as_written(cam.lift)
     with run_folder(path, run_identity("design", scene, program=cam.program)):
         bound = float(area_ratio_bound(scene.required_design).bound)
         write_design(
@@ -186,7 +186,7 @@ def save_run(folder: Path, name: object, design: Edited, verification: dict[str,
     return path
 
 
-def _named(name: object) -> str:
+def _checked_name(name: object) -> str:
     if not isinstance(name, str) or not NAME.fullmatch(name):
         raise InputError(
             f"name {excerpt(str(name))}: expected letters, digits, - and _, at most 64 of them, a letter or digit first"

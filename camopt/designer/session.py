@@ -17,7 +17,7 @@ from threadpoolctl import ThreadpoolController
 
 from camopt.cam.lift import Lift, lift_table
 from camopt.cam.linear_limits import radii_held_near
-from camopt.designer.cams import CamFinder, Cancelled, FoundCam, program_speeds_rpm
+from camopt.designer.cams import CamFinder, Cancelled, ProgramCam, program_speeds_rpm
 from camopt.designer.controls import NO_JUMP, Refused, controls, edited_scene, read_values
 from camopt.exact.engine import prepare
 from camopt.exact.settled import settled_metrics
@@ -102,12 +102,12 @@ DECIMALS = (6, 8, 9, 9)
 
 
 @dataclass(frozen=True)
-class Edited:
+class EditedDesign:
     """An edited scene with its train and its cam."""
 
     scene: Scene
     train: Train
-    cam: FoundCam
+    cam: ProgramCam
 
 
 class Session:
@@ -119,7 +119,7 @@ class Session:
         self._cams = CamFinder()
         self._end: np.ndarray | None = None  # the state in which the last motion ended
         self._train: tuple[tuple, Train] | None = None
-        self._designs: OrderedDict[str, Edited] = OrderedDict()
+        self._designs: OrderedDict[str, EditedDesign] = OrderedDict()
 
     def start(self) -> dict[str, Any]:
         """Data for the start of a page: the scene's name and title, and the controls."""
@@ -141,7 +141,7 @@ class Session:
         """
         try:
             speed_rpm = read_values(self.controls, values)["speed_rpm"]
-            with watched(wanted):
+            with cancellable(wanted):
                 design = self.design(values, part == "sketch")
         except Refused as refused:
             return {"state": "refused", "faults": refused.faults}
@@ -157,7 +157,7 @@ class Session:
         """The scene with the values; raises Refused for invalid values."""
         return edited_scene(self.scene, read_values(self.controls, values))
 
-    def design(self, values: Mapping[str, Any], coarse: bool = False) -> Edited:
+    def design(self, values: Mapping[str, Any], coarse: bool = False) -> EditedDesign:
         """The edited scene, its train and its cam; raises Refused for invalid values, and InputError where the limits
         contradict each other."""
         read = read_values(self.controls, values)
@@ -176,12 +176,12 @@ class Session:
         train = self._train[1]
         with THREADS.limit(limits=1, user_api="blas"):  # threads slow down small matrices
             cam = self._cams.largest(scene, train, margin_N, coarse)
-        edited = self._designs[key if cam.coarse or cam.says else exact] = Edited(scene, train, cam)
+        edited = self._designs[key if cam.coarse or cam.says else exact] = EditedDesign(scene, train, cam)
         while len(self._designs) > REMEMBERED:
             self._designs.popitem(last=False)
         return edited
 
-    def _cam_answer(self, design: Edited, speed_rpm: float) -> dict[str, Any]:
+    def _cam_answer(self, design: EditedDesign, speed_rpm: float) -> dict[str, Any]:
         scene, cam = design.scene, design.cam
         broken = broken_by_shape(cam.lift, scene.required_design)
         motion, self._end = motion_at(scene, design.train, cam.lift, speed_rpm, cam.coarse, self._end)
@@ -204,7 +204,7 @@ class Session:
 
 
 @contextmanager
-def watched(wanted: Callable[[], bool]) -> Iterator[None]:
+def cancellable(wanted: Callable[[], bool]) -> Iterator[None]:
     """Context in which the next linear program raises Cancelled once `wanted` returns False."""
 
     def watch() -> None:

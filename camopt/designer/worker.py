@@ -27,14 +27,14 @@ class SlowProcess:
 
     def __init__(self, niceness: int = NICENESS) -> None:
         self._niceness = niceness
-        self._asking, self._starting = Lock(), Lock()
+        self._computing, self._starting = Lock(), Lock()
         self._process: SpawnProcess | None = None
         self._connection: Connection | None = None
 
-    def ask(self, part: str, scene: Scene, lift: Lift | None) -> dict[str, Any]:
+    def compute(self, part: str, scene: Scene, lift: Lift | None) -> dict[str, Any]:
         """One part of the answer, as JSON; other callers wait meanwhile. Raises the InputError of the part, and
         Cancelled where the process is stopped."""
-        with self._asking:
+        with self._computing:
             connection = self.start()
             try:
                 connection.send((part, scene, lift))
@@ -62,14 +62,14 @@ class SlowProcess:
             if self._process is None or not self._process.is_alive():
                 context = get_context("spawn")
                 self._connection, theirs = context.Pipe()
-                self._process = context.Process(target=answer_all, args=(theirs, self._niceness), daemon=True)
+                self._process = context.Process(target=answer_requests, args=(theirs, self._niceness), daemon=True)
                 self._process.start()
                 theirs.close()
             assert self._connection is not None, "made with the process"
             return self._connection
 
 
-def answer_all(connection: Connection, niceness: int) -> None:
+def answer_requests(connection: Connection, niceness: int) -> None:
     """Main function of the process: answers requests until the connection closes."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # the designer's own process handles the keyboard interrupt
     os.nice(niceness)
@@ -144,7 +144,7 @@ class Verification:
             if not self._update(number, stage=stage, says=words):
                 return
             try:
-                answer = self.worker.ask(part, scene, lift)
+                answer = self.worker.compute(part, scene, lift)
             except Cancelled:
                 self._update(number, state="cancelled")
                 return

@@ -15,8 +15,8 @@ from camopt.plots.style import (
     draw_limit,
     family_of,
     legend_above,
+    limit_text,
     new_figure,
-    quoted,
     styled,
     write,
 )
@@ -60,18 +60,20 @@ def profiles(cams: Sequence[tuple[str, Table]], design: Design | None = None) ->
     rows[0].set_ylim(bottom=0)
     rows[3].set_xlabel("cam angle [deg]")
     if design is not None:
-        _conditions(rows, cams, design)
+        _draw_design(rows, cams, design)
     return figure
 
 
-def _conditions(rows: Sequence[Axes], cams: Sequence[tuple[str, Table]], design: Design) -> None:
+def _draw_design(rows: Sequence[Axes], cams: Sequence[tuple[str, Table]], design: Design) -> None:
     """Draws the design's duration and limits, and ends the axes with its event or the longest cam."""
     for axes in rows:
         _mark_duration(axes, design)
     _limits(rows, design)
     if design.jerk_max_mm_per_deg3 is not None:
         span = JERK_SPAN * design.jerk_max_mm_per_deg3
-        if _shorten(rows[3], {name: np.abs(table["jerk_mm_per_deg3"]) for name, table in cams}, span, "±mm/deg³"):
+        if _name_exceeding(
+            rows[3], {name: np.abs(table["jerk_mm_per_deg3"]) for name, table in cams}, span, "±mm/deg³"
+        ):
             rows[3].set_ylim(-span, span)
     end = design.duration_deg / 2 + max(h / v for h, v, _ in design.ramps()) + design.ramp_foot_deg / 2 + 2
     lifted = [float(np.abs(table["cam_angle_deg"][table["lift_mm"] > 0]).max(initial=0.0)) for _, table in cams]
@@ -82,15 +84,17 @@ def _conditions(rows: Sequence[Axes], cams: Sequence[tuple[str, Table]], design:
 
 def _limits(rows: Sequence[Axes], design: Design) -> None:
     draw_limit(
-        rows[0], design.max_lift_mm, quoted("reach" if design.reach_max_lift else "at most", design.max_lift_mm, "mm")
+        rows[0],
+        design.max_lift_mm,
+        limit_text("reach" if design.reach_max_lift else "at most", design.max_lift_mm, "mm"),
     )
     low, high = design.acceleration_min_mm_per_deg2, design.acceleration_max_mm_per_deg2
-    draw_limit(rows[2], high, quoted("at most", high, ""))
-    draw_limit(rows[2], low, quoted("at least", low, ""))
+    draw_limit(rows[2], high, limit_text("at most", high, ""))
+    draw_limit(rows[2], low, limit_text("at least", low, ""))
     jerk = design.jerk_max_mm_per_deg3
     if jerk is not None:
-        draw_limit(rows[3], jerk, quoted("at most", jerk, ""))
-        draw_limit(rows[3], -jerk, quoted("at least", -jerk, ""))
+        draw_limit(rows[3], jerk, limit_text("at most", jerk, ""))
+        draw_limit(rows[3], -jerk, limit_text("at least", -jerk, ""))
     for axes in rows[2:]:
         axes.margins(y=0.14)  # space for the text on the nose
     if design.nose_deg is not None:
@@ -144,21 +148,21 @@ def valve_motion(motions: Sequence[DrawnMotion], design: Design) -> Figure:
         lift.axvspan(start, end, color="#eeeeee", zorder=0)
         zoom.set(xlim=(start, end), ylim=(-0.2 * top, top))
         for axes in (lift, *forces):
-            _event(axes, design)
+            _limit_to_event(axes, design)
         for axes in (zoom, *forces):
             axes.axhline(0, color="#777777", linewidth=0.7, zorder=1)
         shown = {m.cam: (start <= m.cam_angle_deg) & (m.cam_angle_deg <= end) & _after_and_touched(m)[1] for m in here}
-        _shorten(zoom, {m.cam: m.valve_mm[shown[m.cam]] for m in here}, top, "mm")
+        _name_exceeding(zoom, {m.cam: m.valve_mm[shown[m.cam]] for m in here}, top, "mm")
         for axes, contact in zip(forces, contacts, strict=True):
             high = _force_top(motions, contact, design)
             axes.set_ylim(-0.04 * high, high)
-            _shorten(axes, {m.cam: m.contact_force_N[contact] for m in here}, high, "N")
+            _name_exceeding(axes, {m.cam: m.contact_force_N[contact] for m in here}, high, "N")
         bounce, force = design.bounce_max_mm, design.contact_force_max_N
         last = column == len(speeds) - 1
-        draw_limit(zoom, bounce, quoted("bounce\nat most", bounce, "mm") if last else "")
+        draw_limit(zoom, bounce, limit_text("bounce\nat most", bounce, "mm") if last else "")
         for axes in forces:
             if force is not None and force < axes.get_ylim()[1]:
-                draw_limit(axes, force, quoted("at most", force, "N") if last else "")
+                draw_limit(axes, force, limit_text("at most", force, "N") if last else "")
         forces[-1].set_xlabel("cam angle [deg]")
     rows[0, 0].set_ylabel("valve lift [mm]")
     rows[1, 0].set_ylabel("valve above\nseat touch [mm]")
@@ -168,7 +172,7 @@ def valve_motion(motions: Sequence[DrawnMotion], design: Design) -> Figure:
     return figure
 
 
-def _event(axes: Axes, design: Design) -> None:
+def _limit_to_event(axes: Axes, design: Design) -> None:
     """Limits the axis to the event with its ramps, and marks the duration."""
     end = design.duration_deg / 2 + max(h / v for h, v, _ in design.ramps()) + design.ramp_foot_deg
     axes.set_xlim(-end, end)
@@ -200,7 +204,7 @@ def _after_and_touched(motion: DrawnMotion) -> tuple[np.ndarray, np.ndarray]:
     return after, np.cumsum(after & (motion.valve_mm <= 0)) > 0
 
 
-def _shorten(axes: Axes, values: Mapping[str, np.ndarray], top: float, unit: str) -> bool:
+def _name_exceeding(axes: Axes, values: Mapping[str, np.ndarray], top: float, unit: str) -> bool:
     """Writes above the axis which cams exceed it and their largest values; returns whether any does."""
     beyond = {cam: float(np.max(v, initial=0.0)) for cam, v in values.items()}
     words = [f"{cam} {largest:.3g}" for cam, largest in beyond.items() if largest > top]

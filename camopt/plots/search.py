@@ -7,15 +7,15 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from camopt.plots.speeds import zero_and_decades
+from camopt.plots.speeds import scale_symlog
 from camopt.plots.style import (
     DESIGN,
     INK,
     LIMIT,
     cam_line,
     draw_limit,
+    limit_text,
     new_figure,
-    quoted,
     styled,
     write,
 )
@@ -74,9 +74,9 @@ def convergence(
     area.margins(y=0.12)
     area.legend(loc="best")
     if not of_yield:
-        zero_and_decades(lower, bounce_max_mm)
+        scale_symlog(lower, bounce_max_mm)
         lower.set_ylabel("worst bounce [mm]")
-        draw_limit(lower, bounce_max_mm, quoted("at most", bounce_max_mm, "mm"))
+        draw_limit(lower, bounce_max_mm, limit_text("at most", bounce_max_mm, "mm"))
     else:
         lower.set_ylabel("failing trains [%]")
         lower.set_ylim(bottom=0.0)

@@ -14,8 +14,8 @@ from camopt.plots.style import (
     cam_lines,
     draw_limit,
     legend_above,
+    limit_text,
     new_figure,
-    quoted,
     styled,
     write,
 )
@@ -61,8 +61,8 @@ def bounce_against_speed(
         for s in sweeps:
             _mark_worst(axes, s, key, lines[s.cam]["color"])
         axes.set_ylabel(f"{quantity.label} [{quantity.unit}]")
-        draw_limit(axes, limit, quoted("at most", limit, "mm"))
-        zero_and_decades(axes, limit)
+        draw_limit(axes, limit, limit_text("at most", limit, "mm"))
+        scale_symlog(axes, limit)
         axes.axvspan(*band_rpm, color=SHADE, zorder=0)
         mark = {"color": "#444444", "markersize": 6, "clip_on": False, "zorder": 5}
         axes.plot(list(speeds_rpm), [0] * len(speeds_rpm), "^", transform=axes.get_xaxis_transform(), **mark)
@@ -74,7 +74,7 @@ def bounce_against_speed(
     return figure
 
 
-def zero_and_decades(axes: Axes, limit: float | None) -> None:
+def scale_symlog(axes: Axes, limit: float | None) -> None:
     """Scales a bounce or jump axis: linear from zero to `FINEST_MM`, logarithmic above; it always shows the limit."""
     shown = [line.get_ydata() for line in axes.lines if line.get_transform() == axes.transData]
     largest = max([np.nanmax(np.append(np.asarray(y, dtype=float), 0.0)) for y in shown], default=0.0)
@@ -83,7 +83,7 @@ def zero_and_decades(axes: Axes, limit: float | None) -> None:
     axes.set_ylim(0, 1.5 * max(largest, 3 * (limit or 0.0), 10 * FINEST_MM))
 
 
-def first_passed(speed_rpm: np.ndarray, values: np.ndarray, limit: float) -> float | None:
+def first_exceeded(speed_rpm: np.ndarray, values: np.ndarray, limit: float) -> float | None:
     """Speed [r/min] at which the drawn curve first rises above the limit, or None where it never does; a speed without
     a value, at which the valve never seats, counts as above."""
     above = ~(np.asarray(values, dtype=float) <= limit)
@@ -102,7 +102,7 @@ def _mark_starts(axes: Axes, sweeps: Sequence[Sweep], key: str, limit: float | N
     The number is on the left, or on the right where another diamond is near on the left; then each number is higher
     than the one before.
     """
-    starts = [(*_start(s, key, limit), s) for s in sweeps]
+    starts = [(*_diamond(s, key, limit), s) for s in sweeps]
     before, level = -np.inf, 0  # number of close diamonds on the left
     for at, words, s in sorted(((at, w, s) for at, w, s in starts if at is not None), key=lambda one: one[0]):
         level = level + 1 if at - before <= NUMBER_WIDTH * np.ptp(sweeps[0].speed_rpm) else 0
@@ -112,10 +112,10 @@ def _mark_starts(axes: Axes, sweeps: Sequence[Sweep], key: str, limit: float | N
         _number(axes, words, (at, height), (-5 if left else 5, 5 + NUMBER_HEIGHT * max(level - 1, 0)), colour)
 
 
-def _start(sweep: Sweep, key: str, limit: float | None) -> tuple[float | None, str]:
+def _diamond(sweep: Sweep, key: str, limit: float | None) -> tuple[float | None, str]:
     """Speed [r/min] of a cam's diamond and its text; None where it is outside the axes or missing."""
     if sweep.starts_rpm is None:
-        at = None if limit is None else first_passed(sweep.speed_rpm, getattr(sweep, key), limit)
+        at = None if limit is None else first_exceeded(sweep.speed_rpm, getattr(sweep, key), limit)
         return at, "" if at is None else f"≈{round(at, -1):.0f}"
     at = sweep.starts_rpm.get(key)
     inside = at is not None and sweep.speed_rpm[0] <= at <= sweep.speed_rpm[-1]

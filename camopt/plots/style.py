@@ -36,11 +36,11 @@ OTHERS = ("#555555", "#9A6A00", "#3B6F6F", "#7A3B69")
 in every figure in which no other cam has taken it."""
 OTHERS_DASHES = (0, (6, 1)), (0, (2, 1)), (0, (6, 1, 1, 1)), (0, (4, 2))
 """Dashes of cams outside the families, used in this order within a figure."""
-OWN_NAMES = {"free", "free-cam", "camopt", "optimized", "optimised"}
+DESIGN_NAMES = {"free", "free-cam", "camopt", "optimized", "optimised"}
 
 _HANDLE = 3.2
 """Length of a line in a legend, in multiples of the font size."""
-_BESIDE = _HANDLE + 0.8 + 2.0
+_COLUMN_SPACE = _HANDLE + 0.8 + 2.0
 """Width of a legend's column without its text (line, gap, distance from the next column), in multiples of the font
 size."""
 LONGEST = 200
@@ -83,7 +83,7 @@ styled = matplotlib.rc_context(RC)
 def family_of(cam: str) -> str:
     """The family in a cam's name, before any parameters (`polydyne:...`), limits or remarks; "" without one."""
     word = cam.replace(",", " ").replace("(", " ").replace(":", " ").split(" ")[0].strip().lower()
-    word = DESIGN if word in OWN_NAMES else word
+    word = DESIGN if word in DESIGN_NAMES else word
     return word if word == DESIGN or word in FAMILIES else ""
 
 
@@ -163,7 +163,7 @@ def write(
     axes.annotate(words, at, xycoords=over, xytext=offset, textcoords="offset points", **how)
 
 
-def quoted(relation: str, value: float | None, unit: str) -> str:
+def limit_text(relation: str, value: float | None, unit: str) -> str:
     """The text of a limit, such as `at most 0.05 mm`, on two lines and with the minus sign of the axes."""
     return "" if value is None else f"{relation}\n{value:g} {unit}".replace("-", "\u2212").strip()
 
@@ -175,8 +175,8 @@ def legend_above(figure: Figure, axes: Axes, columns: int = 5) -> None:
     if not handles:
         return
     room = 72 * figure.get_figwidth() - 4 * BASE
-    labels = [_shortened(label, room - _BESIDE * BASE) for label in labels]
-    widest = max(map(_width, labels)) + _BESIDE * BASE
+    labels = [_shortened(label, room - _COLUMN_SPACE * BASE) for label in labels]
+    widest = max(map(_width, labels)) + _COLUMN_SPACE * BASE
     count = max(1, min(columns, len(handles), int(room / widest)))
     figure.legend(handles, labels, loc="outside upper left", ncols=count, handlelength=_HANDLE)
 

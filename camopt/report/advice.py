@@ -69,7 +69,7 @@ def first_to_measure(ranking: Sequence[dict]) -> str:
     return ", ".join(names) + (f" and {more} more, ranked in the valve train's section" if more else "")
 
 
-LESS_WANTED = (0.99, 0.97, 0.95, 0.9, 0.8, 0.7, 0.6, 0.5)
+LOWER_YIELDS = (0.99, 0.97, 0.95, 0.9, 0.8, 0.7, 0.6, 0.5)
 """Yields that may be requested where a larger one was missed at the finest accuracy."""
 FEW_TRAINS = 200
 NAMED = 2
@@ -87,7 +87,7 @@ def advice(run: RunFolder, scene: str, cam: str, assumed: Sequence[dict] = ()) -
     if verdict == "confirmed":
         first = max(run.worth, key=lambda key: run.worth[key], default=None)
         words = f"Move the limits; {label_and_unit(first)[0]} buys most area." if first else "Move the limits."
-        return [*_before_the_grinder(run, steps, assumed), steps.step(words, "design", scene)]
+        return [*_steps_if_confirmed(run, steps, assumed), steps.step(words, "design", scene)]
     if verdict == "rejected":
         return [*steps.further("Search further: the verdict broke a limit."), move]
     if verdict == "sensitive":
@@ -107,13 +107,13 @@ def further(run: RunFolder, scene: str, cam: str) -> dict[str, str]:
     return next_steps[0] if next_steps else steps.step("Move the limits and watch the cam.", "design", scene)
 
 
-def _before_the_grinder(run: RunFolder, steps: "_Commands", assumed: Sequence[dict]) -> list[dict[str, str]]:
+def _steps_if_confirmed(run: RunFolder, steps: "_Commands", assumed: Sequence[dict]) -> list[dict[str, str]]:
     """Steps that remain for a confirmed cam before it is ground."""
     record = run.built
     stands = standing(record)
     share = f"{100 * record['share']:.3g} % of those as built hold" if stands else ""
     if stands == MISSED:
-        return _after_a_miss(record, share, steps)
+        return _steps_if_yield_missed(record, share, steps)
     if stands == NOT_ASKED:
         estimate = estimated_words(record)
         words = (
@@ -122,7 +122,7 @@ def _before_the_grinder(run: RunFolder, steps: "_Commands", assumed: Sequence[di
         return [steps.again(words, max(steps.accuracy, 1), ADVISED), steps.halved()]
     if steps.accuracy == 0:
         return [steps.again("This was a draft: design once more before it is ground.", 1, steps.wanted)]
-    words = _to_the_grinder(run, share if stands in (HELD, ENOUGH) else "", assumed)
+    words = _grinding_sentence(run, share if stands in (HELD, ENOUGH) else "", assumed)
     table = steps.step(words, "cam", steps.scene, "--cam", steps.cam, "--csv", "lift.csv", "--digits", 5)
     if not stands and run.scene.get("tolerance"):
         words = ("yield", steps.scene, "--cam", steps.cam, "--trains", FEW_TRAINS)
@@ -130,20 +130,20 @@ def _before_the_grinder(run: RunFolder, steps: "_Commands", assumed: Sequence[di
     return [table]
 
 
-def _after_a_miss(record: dict, share: str, steps: "_Commands") -> list[dict[str, str]]:
+def _steps_if_yield_missed(record: dict, share: str, steps: "_Commands") -> list[dict[str, str]]:
     """Steps where the yield is missed: a finer accuracy, then a lower yield, then narrower tolerances."""
     words = f"Only {share}, and {100 * record['wanted']:g} % were asked"
     more = steps.further(f"{words}: search further.")
     if more:
         return [*more, steps.halved()]
-    less = [share for share in LESS_WANTED if share <= record["low"] and share < record["wanted"]]
+    less = [share for share in LOWER_YIELDS if share <= record["low"] and share < record["wanted"]]
     if less:
         ask = f"{words}: ask for what can be held, or narrow the tolerances."
         return [steps.again(ask, steps.accuracy, less[0]), steps.halved()]
     return [steps.halved(f"{words}: see which tolerance spoils most, and narrow it.")]
 
 
-def _to_the_grinder(run: RunFolder, share: str, assumed: Sequence[dict]) -> str:
+def _grinding_sentence(run: RunFolder, share: str, assumed: Sequence[dict]) -> str:
     """The sentence on grinding the cam, after the assumed numbers of its train and its geometry have been measured."""
     geometry = run.scene.get("geometry")
     guessed = geometry.get("assumed") if isinstance(geometry, dict) else None

@@ -184,7 +184,7 @@ def _cam(name: str, lift: Lift, inside: np.ndarray, verdict: dict) -> dict[str, 
         **page_line(name),
         "place": DESIGN if name == DESIGN else "within" if lawful else "beyond",
         "verdict": str(verdict.get("verdict", "not verified")),
-        **{key: [*map(_short, table[key][inside].tolist())] for key, *_ in LAWS},
+        **{key: [*map(_rounded, table[key][inside].tolist())] for key, *_ in LAWS},
         "band": _band(verdict.get("band")),
     }
 
@@ -197,7 +197,7 @@ def _band(band: Any) -> dict[str, list] | None:
         return None
     values = {key: curves.get(key) for key in OVER_BAND}
     stated = {key: v for key, v in values.items() if isinstance(v, list) and len(v) == len(speeds)}
-    return {"speed_rpm": speeds} | {key: [*map(_short, row)] for key, row in stated.items()}
+    return {"speed_rpm": speeds} | {key: [*map(_rounded, row)] for key, row in stated.items()}
 
 
 def _limits(design: Design, keys: tuple[str, ...]) -> list[float]:
@@ -210,6 +210,6 @@ def _number(value) -> float | None:
     return value if is_number(value) else None
 
 
-def _short(value) -> float | None:
+def _rounded(value) -> float | None:
     """A number to DIGITS significant digits; None for any other value."""
     return float(f"{value:.{DIGITS}g}") if is_number(value) else None

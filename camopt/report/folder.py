@@ -125,11 +125,11 @@ def read_run_folder(folder: Path) -> RunFolder:
         history=read_file("history.jsonl", _lines, []),
         figures={p.stem: _text(p) for p in sorted((folder / "figures").glob("*.svg"))[:MOST_FIGURES]},
         missing=missing,
-        path=_from_here(folder),
+        path=_relative_path(folder),
     )
 
 
-def _from_here(folder: Path) -> str:
+def _relative_path(folder: Path) -> str:
     """Path of the folder relative to the working folder; absolute where it does not lie inside."""
     absolute, here = folder.resolve(), Path.cwd()
     return (absolute.relative_to(here) if absolute.is_relative_to(here) else absolute).as_posix()

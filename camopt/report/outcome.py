@@ -49,7 +49,7 @@ def _narrow_reserve(run: RunFolder) -> list[str]:
         return []
     return [
         f"The limits hold only {shown(reserve, 2)} % beyond the band's top speed, which a spring "
-        f"{shown(2 * reserve, 2)} % softer uses up: a band_rpm that reaches further{_or_yield(run)} makes room."
+        f"{shown(2 * reserve, 2)} % softer uses up: a band_rpm that reaches further{_yield_remedy(run)} makes room."
     ]
 
 
@@ -73,11 +73,11 @@ def _unsettled(run: RunFolder) -> list[str]:
         return []
     return [
         f"The motion at {in_words(speeds)} r/min does not settle, so that another revolution may be worse than those "
-        f"that were judged: a lower jump_max_mm{_or_yield(run)} calms it."
+        f"that were judged: a lower jump_max_mm{_yield_remedy(run)} calms it."
     ]
 
 
-def _or_yield(run: RunFolder) -> str:
+def _yield_remedy(run: RunFolder) -> str:
     """The second remedy, --yield, where the scene has tolerances and the run was made without it; else empty."""
     return ", or --yield," if run.scatters and not is_number(run.built.get("wanted")) else ""
 

@@ -167,12 +167,12 @@ def render(run: RunFolder, cams: RunCams) -> str:
             cards=cards(cams),
             geometry=geometry(cams),
             outside=outside_sentence(run.verification.outside),
-            **_moving(run, cams),
+            **_animation_variables(run, cams),
         )
     )
 
 
-def _moving(run: RunFolder, cams: RunCams) -> dict:
+def _animation_variables(run: RunFolder, cams: RunCams) -> dict:
     """Template variables of the animation and the charts: data, script, and sentences on every motion left out."""
     data, left_out = animation(cams)
     script = "\n".join((HERE / name).read_text(encoding="utf-8") for name in SCRIPTS) + START if data else ""

@@ -73,9 +73,9 @@ def differences(folder: Path) -> list[str]:
     the run's cam is verified again with the run's options; empty where all agree. Raises InputError where the folder
     does not record these options, or a file cannot be understood."""
     run, scene = read_run_folder(folder), _scene_of(folder)
-    fresh = _judged_anew(run, folder, scene)
-    sentences = _apart("verification.json", run.verification, fresh.verification)
-    sentences += _apart("design.json", run.design, fresh.design)
+    fresh = _verified_again(run, folder, scene)
+    sentences = _json_differences("verification.json", run.verification, fresh.verification)
+    sentences += _json_differences("design.json", run.design, fresh.design)
     before, after = outcome_lines(run), outcome_lines(fresh)
     sentences += [
         f"the last table says {old!r}, not {new!r}"
@@ -98,7 +98,7 @@ def _scene_of(folder: Path) -> Scene:
     return load_scene(folder / "scene.toml", need=SIMULATED)
 
 
-def _judged_anew(run: RunFolder, folder: Path, scene: Scene) -> RunFolder:
+def _verified_again(run: RunFolder, folder: Path, scene: Scene) -> RunFolder:
     settings = run.settings
     if not {"accuracy", "speeds"} <= settings.keys():
         raise InputError(f"{folder}: provenance.json does not say with which speeds and accuracy the run was judged")
@@ -109,12 +109,12 @@ def _judged_anew(run: RunFolder, folder: Path, scene: Scene) -> RunFolder:
              "area_gap_percent": 100 * (bound - ratio) / bound}  # fmt: skip
     if "highest_lift_mm" in run.design:  # older runs did not record it
         areas["highest_lift_mm"] = lift.max_lift / MM
-    built = _trains_anew(run, scene, lift, settings)
+    built = _yield_again(run, scene, lift, settings)
     verification = VerificationRecord(plain(verdict.as_dict() | built)).with_outside(run.verification.outside)
     return replace(run, verification=verification, design=run.design | areas)
 
 
-def _trains_anew(run: RunFolder, scene: Scene, lift: Lift, settings: dict) -> dict:
+def _yield_again(run: RunFolder, scene: Scene, lift: Lift, settings: dict) -> dict:
     """The statement on the trains as built, with all trains judged again; the baselines keep their recorded values.
     Empty for an older run, which has no statement."""
     if "yield" not in run.verification:
@@ -126,7 +126,7 @@ def _trains_anew(run: RunFolder, scene: Scene, lift: Lift, settings: dict) -> di
     return {"yield": stated.as_dict() | recorded}
 
 
-def _apart(file: str, stated: Any, fresh: Any) -> list[str]:
+def _json_differences(file: str, stated: Any, fresh: Any) -> list[str]:
     """Sentences on the leaves in which two JSON values differ."""
     old, new = dict(leaves(stated)), dict(leaves(fresh))
     pairs = [(key, old.get(key), new.get(key)) for key in {**old, **new}]

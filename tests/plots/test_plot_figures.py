@@ -13,7 +13,7 @@ from camopt.plots import (
     profiles,
     valve_motion,
 )
-from camopt.plots.speeds import first_passed
+from camopt.plots.speeds import first_exceeded
 from camopt.plots.yields import SHOWN, blame_bars, used_against_speed
 from camopt.scene.load import load_scene
 from camopt.scene.response import Response
@@ -281,10 +281,10 @@ def test_panels_keep_a_label_in_one_colour_and_cams_in_their_own():
 
 def test_a_cam_is_marked_where_it_first_passes_the_limit():
     speed = np.array([5000.0, 5100.0, 5200.0, 5300.0])
-    assert first_passed(speed, np.array([0.0, 0.04, 0.08, 0.0]), 0.05) == pytest.approx(5125.0)
-    assert first_passed(speed, np.array([0.0, 0.05, 0.05, 0.0]), 0.05) is None  # on the limit is within
-    assert first_passed(speed, np.array([0.0, 0.0, np.nan, 0.0]), 0.05) == 5200.0  # never seats
-    assert first_passed(speed, np.array([0.1, 0.0, 0.0, 0.0]), 0.05) == 5000.0
+    assert first_exceeded(speed, np.array([0.0, 0.04, 0.08, 0.0]), 0.05) == pytest.approx(5125.0)
+    assert first_exceeded(speed, np.array([0.0, 0.05, 0.05, 0.0]), 0.05) is None  # on the limit is within
+    assert first_exceeded(speed, np.array([0.0, 0.0, np.nan, 0.0]), 0.05) == 5200.0  # never seats
+    assert first_exceeded(speed, np.array([0.1, 0.0, 0.0, 0.0]), 0.05) == 5000.0
     axes = bounce_against_speed([Sweep("kurz", speed, 0.04 * np.arange(4), 0 * speed)], DESIGN, (5000, 5300)).axes
     marks = [[line for line in a.lines if line.get_marker() == "D"] for a in axes]
     assert [len(m) for m in marks] == [1, 0]
