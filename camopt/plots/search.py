@@ -125,7 +125,7 @@ def course(
     holds: np.ndarray,
     *,
     best: int | None,
-    title: str = "",
+    title: str,
 ) -> Figure:
     """Draws objective and area ratio (n) over the steps, and the largest used share of a limit (n, NaN: not computed);
     `best` is the step of the best cam, None where none holds every limit."""

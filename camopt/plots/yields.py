@@ -15,7 +15,7 @@ COLOUR = DESIGN_LINE[0]
 
 
 @styled
-def used_against_speed(speeds_rpm: np.ndarray, used: Mapping[str, np.ndarray], title: str = "") -> Figure:
+def used_against_speed(speeds_rpm: np.ndarray, used: Mapping[str, np.ndarray], title: str) -> Figure:
     """Draws for each limit the shares (t, s) used by the trains over the crankshaft speeds (s): median, percentile
     ranges and the worst train."""
     figure = new_figure(7.6, 0.9 + 1.7 * len(used))
@@ -31,10 +31,8 @@ def used_against_speed(speeds_rpm: np.ndarray, used: Mapping[str, np.ndarray], t
         draw_limit(axes, 1.0, "limit")
         axes.set_ylim(0.0, min(SHOWN, 1.1 * max(1.05, float(bounded.max()))))
         axes.set_ylabel("used part [-]")
-        axes.set_title(limit)
+        axes.set_title(f"{title}\n{limit}" if axes is grid[0] else limit)
     grid[-1].set_xlabel("crankshaft speed [r/min]")
-    if title:
-        grid[0].set_title(f"{title}\n{grid[0].get_title(loc='left')}")
     legend_above(figure, grid[0])
     return figure
 
