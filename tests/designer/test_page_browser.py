@@ -27,18 +27,15 @@ def session():
 
 @pytest.fixture
 def open_page(browser, served):
-    """Opens the page; at the end there must be no console message, error or request to another address."""
-    requests = []
-    with watched_pages(browser, requests) as new_page:
+    """Opens the page and waits until it rests, under the conditions of `watched_pages`."""
+    with watched_pages(browser, served.address) as opened:
 
-        def opened(**settings):
-            page = new_page(**settings)
-            page.goto(served.address)
+        def opened_at_rest(**settings):
+            page = opened(**settings)
             rest(page)
             return page
 
-        yield opened
-    assert [url for url in requests if not url.startswith(served.address)] == []
+        yield opened_at_rest
 
 
 def data(page) -> dict:

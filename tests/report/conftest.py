@@ -174,6 +174,18 @@ def write(tmp_path, write_into):
     return write_folder
 
 
+def write_cams(folder, lifts: dict, **further) -> None:
+    """Adds the lifts of the design and of Polydyne to a run folder; `further` are values of the design."""
+    (folder / "cams").mkdir()
+    write_design(folder / "cams" / "polydyne.json", lifts["polydyne"], 9.4 * MM)
+    write_design(folder / "design.json", lifts["design"], 9.4 * MM, **further)
+
+
+def rows_of(rows: list[dict], lifts: dict) -> list[dict]:
+    """The rows of the comparison that belong to given lifts, with the area ratios of these lifts."""
+    return [row | {"area_ratio": lifts[row["cam"]].area_ratio(9.4 * MM)} for row in rows if row["cam"] in lifts]
+
+
 @pytest.fixture(scope="session")
 def lifts():
     scene = load_scene("kodama")
@@ -188,14 +200,9 @@ def report(tmp_path_factory, lifts, write_into):
     """The page of a run folder of kodama whose title would inject a script if it were not escaped."""
     folder = tmp_path_factory.mktemp("browser") / "run"
     data = parts()
-    data["comparison"] = [row for row in data["comparison"] if row["cam"] in lifts]
-    for row in data["comparison"]:
-        row["area_ratio"] = lifts[row["cam"]].area_ratio(9.4 * MM)
+    data["comparison"] = rows_of(data["comparison"], lifts)
     write_into(folder, data, "kodama")
-    (folder / "cams").mkdir()
-    write_design(folder / "cams" / "polydyne.json", lifts["polydyne"], 9.4 * MM)
-    further = {k: data["design"][k] for k in ("area_ratio_bound", "area_gap_percent")}
-    write_design(folder / "design.json", lifts["design"], 9.4 * MM, **further)
+    write_cams(folder, lifts, **{k: data["design"][k] for k in ("area_ratio_bound", "area_gap_percent")})
     text = (folder / "scene.toml").read_text(encoding="utf-8")
     geometry = '[geometry]\nfollower = "roller"\nbase_radius_mm = 18\nroller_radius_mm = 8\n\n[[mass]]'
     text = re.sub(r"\[geometry\].*?\[\[mass\]\]", geometry, text, count=1, flags=re.DOTALL)
@@ -206,14 +213,6 @@ def report(tmp_path_factory, lifts, write_into):
 
 @pytest.fixture
 def open_page(browser, report):
-    """Opens the report in a new window; at the end there must be no console message, error or further request."""
-    pages, requests = [], []
-    with watched_pages(browser, requests) as new_page:
-
-        def opened(**settings):
-            pages.append(new_page(**settings))
-            pages[-1].goto(report.as_uri())
-            return pages[-1]
-
+    """Opens the report in a new window, under the conditions of `watched_pages`."""
+    with watched_pages(browser, report.as_uri()) as opened:
         yield opened
-    assert requests == [report.as_uri()] * len(pages)

@@ -17,6 +17,7 @@ from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM
 from camopt.verifier.verdict import verdict_on
+from tests.report.conftest import rows_of, write_cams
 
 SCENE = load_scene("motori-1")
 SPEED = SCENE.cam_speed(5000)
@@ -70,14 +71,11 @@ def test_a_motion_has_settled_here_where_the_verdict_says_so():
 
 
 def folder_of(write, contents, lift):
-    contents["design"]["area_ratio"] = lift.area_ratio(9.4 * MM)
-    contents["comparison"] = [r for r in contents["comparison"] if r["cam"] != "multi-pol"]
-    for row in contents["comparison"]:
-        row["area_ratio"] = lift.area_ratio(9.4 * MM)
+    """A run folder of motori-1 whose design and Polydyne have the same lift."""
+    lifts = {"design": lift, "polydyne": lift}
+    contents["comparison"] = rows_of(contents["comparison"], lifts)
     folder = write(contents, "motori-1")
-    write_design(folder / "design.json", lift, 9.4 * MM)
-    (folder / "cams").mkdir()
-    write_design(folder / "cams" / "polydyne.json", lift, 9.4 * MM)
+    write_cams(folder, lifts)
     return folder
 
 
