@@ -108,16 +108,22 @@ def test_a_cam_that_only_the_band_rejects_shows_what_broke(write, contents):
     assert page.table("speed [r/min]")["6990"]["chosen as"] == "worst of the band"
 
 
-def test_contradictions_of_a_rejected_cam_are_seen(write, contents):
-    found = contents["verification"]
-    found |= {"verdict": "rejected", "broken": ["jump_max_mm at 6990 r/min"]}
-    page = page_of(write(contents))
-    assert "Contradiction: The verdict says that the limit on jump is broken, yet by the figures below" in page.text
-    found |= {"broken": []}
-    assert "yet it names no limit that is broken" in page_of(write(contents)).text
-    found |= {"verdict": "sensitive"}
-    found["worst_in_band"][0]["verdict"] = "not converged"
-    assert "The verdict is sensitive, yet at 7000 r/min it is not converged" in page_of(write(contents)).text
+@pytest.mark.parametrize(
+    ("verdict", "broken", "at_speeds", "sentence"),
+    [
+        ("rejected", ["jump_max_mm at 6990 r/min"], {}, "The verdict says that the limit on jump is broken, yet by the "
+         "figures below it is held."),
+        ("rejected", [], {}, "The verdict is rejected, yet it names no limit that is broken."),
+        ("sensitive", [], {"worst_in_band": "not converged"}, "The verdict is sensitive, yet at 7000 r/min it is not "
+         "converged."),
+        ("confirmed", [], {"speeds": "sensitive"}, "The verdict is confirmed, yet at 5000 r/min it is sensitive."),
+    ],
+)  # fmt: skip
+def test_contradictions_are_seen(write, contents, verdict, broken, at_speeds, sentence):
+    contents["verification"] |= {"verdict": verdict, "broken": broken}
+    for key, word in at_speeds.items():
+        contents["verification"][key][0]["verdict"] = word
+    assert f"Contradiction: {sentence}" in page_of(write(contents)).text
 
 
 def test_what_broke_without_being_a_limit_of_the_table_has_a_row(write, contents):
@@ -174,10 +180,13 @@ def test_a_contact_that_stays_closed_is_said_to(write, contents):
     )
 
 
+FOLLOWED = "Margins that follow the judged motion gained 0.0041 of area ratio."
+
+
 @pytest.mark.parametrize(
     ("gain", "back", "sentences"),
     [
-        (0.0041, None, ["Margins that follow the judged motion gained 0.0041 of area ratio."]),
+        (0.0041, None, [FOLLOWED]),
         (0.0, None, [
             "The search judged 4 cams, none of them both larger than the no-jump program's and within the limits on "
             "the motion; others were not tried."]),
@@ -185,7 +194,7 @@ def test_a_contact_that_stays_closed_is_said_to(write, contents):
             "The delivered cam has 0.0012 less area ratio than the no-jump program's cam.",
             "The 2 largest cams of the search were verified, and the last of them is delivered; the largest that was "
             "rejected has an area ratio of 0.58652."]),
-        (0.0041, (1, None), ["Margins that follow the judged motion gained 0.0041 of area ratio."]),
+        (0.0041, (1, None), [FOLLOWED]),
     ],
 )  # fmt: skip
 def test_the_gain_is_what_the_delivered_cam_gained(write, contents, gain, back, sentences):
