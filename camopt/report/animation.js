@@ -27,7 +27,7 @@ function trainAnimation(page, first) { // page: container of the elements; retur
   const ROOM = 16; // largest widening of a drawn gap [px]
   const STUB = 7; // distance from a contact's face to its mass [px]
   const still = matchMedia("(prefers-reduced-motion: reduce)");
-  const state = { index: 0, playing: false, last: 0, rest: 0 };
+  const state = { index: 0, playing: false, last: 0, fraction: 0 }; // last: time of the last frame [ms]; fraction: of a step
   let cam, motion, masses, parts, rows;
 
   const make = (parent, ...what) => parent.appendChild(svgNode(...what));
@@ -283,19 +283,19 @@ function trainAnimation(page, first) { // page: container of the elements; retur
     if (!state.playing) return;
     const pause = still.matches ? 500 : 0; // two frames per second where reduced motion is requested
     if (!state.last || now - state.last >= pause) {
-      const turned = state.last ? still.matches ? 5 : ((now - state.last) / 1000) * Number($("train-pace").value) : 0;
-      state.rest += turned / step;
-      const whole = Math.floor(state.rest);
-      state.rest -= whole;
+      const degrees = state.last ? still.matches ? 5 : ((now - state.last) / 1000) * Number($("train-pace").value) : 0;
+      state.fraction += degrees / step;
+      const whole = Math.floor(state.fraction);
+      state.fraction -= whole;
       state.index = (state.index + whole) % steps;
       state.last = now;
       show();
     }
     requestAnimationFrame(frame);
   }
-  function take(next) {
+  function setData(newData) {
     const angleBefore = data ? angle() : -40;
-    data = next;
+    data = newData;
     ({ drawing, step_deg: step } = data);
     scale = drawing.scale;
     steps = Math.round(360 / step);
@@ -322,12 +322,12 @@ function trainAnimation(page, first) { // page: container of the elements; retur
     event.preventDefault();
     play(!state.playing);
   });
-  take(first);
+  setData(first);
   new ResizeObserver(([entry]) => {
     if (entry.contentRect.width === drawnWidth) return;
     drawnWidth = entry.contentRect.width;
     drawChart();
     show();
   }).observe(chart.parentElement);
-  return take;
+  return setData;
 }

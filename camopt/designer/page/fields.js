@@ -1,7 +1,7 @@
 // Sliders with number fields, one for each control, with the worth of its limit and the fault of its value.
 class Field {
   constructor(control, changed) {
-    Object.assign(this, { control, changed, unread: "" });
+    Object.assign(this, { control, changed, invalid: "" });
     const id = `camopt-${control.key.replace(/[^\w-]/g, "_")}`;
     this.worth = h("span", { class: "worth" });
     this.fault = h("p", { class: "fault", id: `${id}-fault` });
@@ -17,39 +17,39 @@ class Field {
   }
   choice(id) {
     this.main = h("select", { id }, ...this.control.choices.map((c) => h("option", { value: c }, c)));
-    this.main.addEventListener("change", () => this.tell(this.main.value, true));
+    this.main.addEventListener("change", () => this.setValue(this.main.value, true));
     return this.main;
   }
   flag(id) {
     this.main = h("input", { id, type: "checkbox" });
-    this.main.addEventListener("change", () => this.tell(this.main.checked, true));
+    this.main.addEventListener("change", () => this.setValue(this.main.checked, true));
     return this.main;
   }
   numbers(id, name) {
     const { low, high, step, optional, usual } = this.control;
     this.slider = h("input", { type: "range", min: low, max: high, step, "aria-label": `${name}, slider` });
     this.main = h("input", { id, type: "number", step: "any", "aria-describedby": `${id}-fault` });
-    this.slider.addEventListener("input", () => this.tell(Number(this.slider.value), false));
-    this.slider.addEventListener("change", () => this.tell(Number(this.slider.value), true));
+    this.slider.addEventListener("input", () => this.setValue(Number(this.slider.value), false));
+    this.slider.addEventListener("change", () => this.setValue(Number(this.slider.value), true));
     this.main.addEventListener("input", () => this.typed(false));
     this.main.addEventListener("change", () => this.typed(true));
     if (!optional) return [this.slider, this.main];
     this.switch = h("input", { type: "checkbox", "aria-label": `${this.control.label}: on` });
-    this.switch.addEventListener("change", () => this.tell(this.switch.checked ? this.last ?? usual : null, true));
+    this.switch.addEventListener("change", () => this.setValue(this.switch.checked ? this.last ?? usual : null, true));
     return [h("span", { class: "switched" }, this.switch, this.slider), this.main];
   }
   typed(settled) {
     const text = this.main.value.trim();
     if (text === "" || !Number.isFinite(Number(text))) {
-      this.unread = "expected a number"; // stays shown, whatever the answer to the last valid number is
-      this.say(this.unread);
+      this.invalid = "expected a number"; // stays shown, whatever the answer to the last valid number is
+      this.showFault(this.invalid);
       return;
     }
-    this.tell(Number(text), settled);
+    this.setValue(Number(text), settled);
   }
-  tell(value, settled) {
-    this.unread = "";
-    this.say("");
+  setValue(value, settled) {
+    this.invalid = "";
+    this.showFault("");
     this.show(value, document.activeElement);
     this.changed(this.control.key, value, settled);
   }
@@ -71,7 +71,7 @@ class Field {
     if (keep !== this.slider) this.slider.value = value;
     if (keep !== this.main) this.main.value = Number(value.toPrecision(12));
   }
-  say(sentence) {
+  showFault(sentence) {
     this.fault.textContent = sentence;
     if (sentence) this.main.setAttribute("aria-invalid", "true");
     else this.main.removeAttribute("aria-invalid");
@@ -95,9 +95,9 @@ class Fields {
     for (const [key, field] of Object.entries(this.byKey)) field.show(values[key]);
   }
   faults(byKey, lastKey) { // a sentence that belongs to no single field is shown beside the field that was changed last
-    for (const [key, field] of Object.entries(this.byKey)) field.say(field.unread || (byKey?.[key] ?? ""));
+    for (const [key, field] of Object.entries(this.byKey)) field.showFault(field.invalid || (byKey?.[key] ?? ""));
     const general = byKey?.[""];
-    if (general && lastKey) this.byKey[lastKey].say(general);
+    if (general && lastKey) this.byKey[lastKey].showFault(general);
     for (const key of Object.keys(byKey ?? {})) this.byKey[key || lastKey]?.node.closest("details").setAttribute("open", "");
   }
   worths(answer, band) { // shows the worth of each limit and its used share

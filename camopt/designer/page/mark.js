@@ -12,20 +12,20 @@ class Mark {
     this.node = h("div", { class: "marked" }, this.words, this.progress, this.cancel);
   }
   // values: the page's numbers; shown: the numbers of what is painted and whether its cam and band are there, or null;
-  // refused: the newest numbers have no cam; asked: time of the newest numbers [ms]; waits: whether more is to come;
+  // refused: the newest numbers have no cam; changedAt: time of the newest numbers [ms]; pending: whether more is to come;
   // cancelled: whether the rest was cancelled
   show(state) {
     clearInterval(this.ticking);
     this.state = state;
     this.draw();
-    if (state.waits) this.ticking = setInterval(() => (this.root.isConnected ? this.draw() : clearInterval(this.ticking)), TICK_MS);
+    if (state.pending) this.ticking = setInterval(() => (this.root.isConnected ? this.draw() : clearInterval(this.ticking)), TICK_MS);
   }
   draw() {
-    const { waits, cancelled } = this.state, kind = this.kind(), waited = performance.now() - this.state.asked, long = waits && waited > WAIT_MS;
+    const { pending, cancelled, changedAt } = this.state, kind = this.kind(), waited = performance.now() - changedAt, long = pending && waited > WAIT_MS;
     const since = long ? ` (${Math.floor(waited / 1000)} s)` : "";
-    const said = this.sentence(kind) + (waits ? `${this.next(kind)}${since}.` : cancelled && kind !== "settled" ? ". The rest was cancelled: the next change is answered again." : ".");
-    if (this.words.textContent !== said) this.words.textContent = said;
-    this.words.setAttribute("aria-live", waits ? "off" : "polite"); // a screen reader reads only the final state
+    const text = this.sentence(kind) + (pending ? `${this.next(kind)}${since}.` : cancelled && kind !== "settled" ? ". The rest was cancelled: the next change is answered again." : ".");
+    if (this.words.textContent !== text) this.words.textContent = text;
+    this.words.setAttribute("aria-live", pending ? "off" : "polite"); // a screen reader reads only the final state
     this.root.dataset.mark = kind;
     const focused = document.activeElement === this.cancel;
     this.progress.hidden = this.cancel.hidden = !long;
@@ -52,9 +52,9 @@ class Mark {
   }
   difference() { // the numbers in which what is shown differs from the page
     const then = JSON.parse(this.state.shown.values), now = this.state.values;
-    const say = (v) => (v === null ? "off" : typeof v === "number" ? shown(v, 5) : v === true ? "on" : v === false ? "off" : v);
+    const inWords = (v) => (v === null ? "off" : typeof v === "number" ? shown(v, 5) : v === true ? "on" : v === false ? "off" : v);
     const differ = this.controls.filter((c) => then[c.key] !== now[c.key]);
-    const listed = differ.slice(0, 2).map((c) => `${c.label} ${say(then[c.key])}, not ${say(now[c.key])}`);
+    const listed = differ.slice(0, 2).map((c) => `${c.label} ${inWords(then[c.key])}, not ${inWords(now[c.key])}`);
     const more = differ.length > 2 ? ` and ${differ.length - 2} more` : "";
     return listed.length ? ` (${listed.join("; ")}${more})` : "";
   }

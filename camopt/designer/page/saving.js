@@ -10,9 +10,9 @@ class Saving {
   }
   async save(what) {
     try {
-      const found = await this.send({ kind: "save", what, name: this.name.value, values: this.values() });
-      const next = what === "run" ? `camopt report ${found.saved}` : `camopt optimize ${found.saved}`;
-      this.saved.textContent = `Saved as ${found.saved} in the folder that the designer was started in. Next: ${next}`;
+      const reply = await this.send({ kind: "save", what, name: this.name.value, values: this.values() });
+      const next = what === "run" ? `camopt report ${reply.saved}` : `camopt optimize ${reply.saved}`;
+      this.saved.textContent = `Saved as ${reply.saved} in the folder that the designer was started in. Next: ${next}`;
       this.done();
     } catch (error) {
       if (error.says) this.saved.textContent = error.says;
