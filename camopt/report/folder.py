@@ -3,7 +3,7 @@
 import csv
 import json
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
@@ -42,6 +42,11 @@ class RunFolder:
     def verdict(self) -> str | None:
         """The verdict; None where the cam was not verified."""
         return self.verification.get("verdict")
+
+    @property
+    def broken(self) -> dict[str, list[str]]:
+        """The limits that the verdict lists as broken, in the form of `broken_places`."""
+        return broken_places(self.verification.get("broken") or [])
 
     @property
     def built(self) -> dict:
@@ -90,6 +95,16 @@ class RunFolder:
         """Time and memory of each stage of the run."""
         stages = _table(self.provenance, "stages")
         return {str(name): cost for name, cost in stages.items() if isinstance(cost, dict)}
+
+
+def broken_places(broken: Iterable) -> dict[str, list[str]]:
+    """Broken limits by key, each with the places at which it is broken, "" for a limit on the cam's shape, from entries
+    such as `nose_deg` and `jump_max_mm at 6990 r/min`."""
+    places: dict[str, list[str]] = {}
+    for entry in broken:
+        key, _, place = str(entry).partition(" at ")
+        places.setdefault(key, []).append(place)
+    return places
 
 
 def _table(content: dict, key: str) -> dict:

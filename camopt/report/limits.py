@@ -11,8 +11,8 @@ from camopt.plots.style import DESIGN, family_of
 from camopt.report.folder import RunFolder
 from camopt.report.wording import as_number, shown
 from camopt.scene.design import ROUNDING, Design
-from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES, is_number, label_and_unit
-from camopt.verifier.record import worst_case_value
+from camopt.scene.quantities import QUANTITIES, is_number, label_and_unit
+from camopt.verifier.record import Worst, worst_case_value
 from camopt.verifier.verdict import ORDER
 
 STATED = "verification.json"
@@ -41,46 +41,42 @@ def limit_rows(run: RunFolder, shape: tuple[Lift, Design] | None = None) -> list
     """One row per limit of the scene's design, and per other condition that the verdict lists as broken: the value
     reached, where it occurs, whether the limit holds (`held`, None where it is not known), and where the value is
     recorded. With `shape`, which is the run's cam and its design, every limit on the shape also has a row."""
-    design, broken = run.demands, _broken(run)
+    design = run.demands
     rows = [_cam_row(run, key, design[key]) for key in CAM_LIMITS if is_number(design.get(key))]
     if shape is not None:
         rows = [row for row in rows if row["held"] is not None]
-        recorded, not_held = {row["key"] for row in rows}, {*broken_by_shape(*shape), *broken}
+        recorded, broken = {row["key"] for row in rows}, {*broken_by_shape(*shape), *run.broken}
         for reached in reached_by_shape(*shape):
             if reached.key in recorded or not np.isfinite(reached.value):
                 continue
             row = _row(reached.key, reached.limit, reached.least, reached.value, reached.where, "design.json pieces")
             label, unit = LABELS.get(reached.key, (row["label"], row["unit"]))
             # a limit holds at both flanks and in every window or not at all: if it is broken, all of its rows are
-            rows.append(row | {"label": reached.label or label, "unit": unit, "held": reached.key not in not_held})
+            rows.append(row | {"label": reached.label or label, "unit": unit, "held": reached.key not in broken})
     for key, quantity in OF_MOTION.items():
         if is_number(limit := design.get(key)):
-            worst, value, where, source = run.verification.worst(quantity.name), None, "not verified", STATED
-            if worst is not None:
-                value, source = worst.value, f"{STATED} {worst.source}"
-                where = worst.where if value is not None else f"no figure {worst.where}"
-            rows.append(_row(key, limit, quantity.less_is_worse, value, where, source, quantity.name))
+            worst = run.verification.worst(quantity.name)
+            where, source = ("not verified", STATED) if worst is None else where_and_source(worst)
+            rows.append(_row(key, limit, quantity.less_is_worse, worst and worst.value, where, source, quantity.name))
     listed = {row["key"] for row in rows}
     unlisted = {"limit": "–", "reached": "–", "source": BROKEN, "share": None, "held": False}
-    for key in (key for key in broken if key not in listed):
-        label, unit = label_and_unit(key)
-        rows.append(unlisted | {"key": key, "label": label, "unit": unit, "where": broken[key]})
+    for key, (first, *_) in run.broken.items():
+        if key not in listed:
+            label, unit = label_and_unit(key)
+            where = f"at {first}" if first else ""
+            rows.append(unlisted | {"key": key, "label": label, "unit": unit, "where": where})
     return rows
 
 
-def demanded(design: dict, name: str) -> str:
-    """The limit on a metric in words; "" where the design sets none."""
-    limit = design.get(QUANTITIES[name].limit or "")
-    return f"at {'least' if name in LESS_IS_WORSE else 'most'} {shown(limit)}" if is_number(limit) else ""
+def limit_in_words(limit: float | None, least: bool) -> str:
+    """A limit in words; empty where it is not a number."""
+    return f"at {'least' if least else 'most'} {shown(limit)}" if is_number(limit) else ""
 
 
-def _broken(run: RunFolder) -> dict[str, str]:
-    """Limits that the verdict lists as broken: key of the design -> the first place, "" for a limit on the shape."""
-    places: dict[str, str] = {}
-    for entry in run.verification.get("broken") or []:
-        key, _, where = str(entry).partition(" at ")
-        places.setdefault(key, f"at {where}" if where else "")
-    return places
+def where_and_source(worst: Worst) -> tuple[str, str]:
+    """Where a worst value occurs, and the key of verification.json from which it is read."""
+    where = worst.where if worst.value is not None else f"no figure {worst.where}"
+    return where, f"{STATED} {worst.source}"
 
 
 def _cam_row(run: RunFolder, key: str, limit: float) -> dict:
@@ -88,7 +84,7 @@ def _cam_row(run: RunFolder, key: str, limit: float) -> dict:
     values = [v for v in (as_number(r.get(key, "")) for r in of_design) if v is not None]
     worst = max(values, key=lambda v: v / limit) if values else None  # the quotient is also right for a negative limit
     row = _row(key, limit, limit < 0, worst, EVERYWHERE, f"comparison.csv {key}", slack=ROUNDING * abs(limit))
-    if row["held"] is not False and key in _broken(run):  # broken at a discontinuity, where there is no value
+    if row["held"] is not False and key in run.broken:  # broken at a discontinuity, where there is no value
         row |= {"held": False, "where": "at a step of the cam's velocity or acceleration", "source": BROKEN}
     return row
 
@@ -105,9 +101,8 @@ def _row(
 ) -> dict:
     label, unit = label_and_unit(name or key)
     held = None if value is None else value >= limit - slack if least else value <= limit + slack
-    demand, reached = f"at {'least' if least else 'most'} {shown(limit)}", shown(value)
-    row = {"key": key, "label": label, "unit": unit, "limit": demand, "reached": reached, "where": where}
-    return row | {"source": source, "share": share_of(limit, least, value), "held": held}
+    words = {"key": key, "label": label, "unit": unit, "limit": limit_in_words(limit, least), "reached": shown(value)}
+    return words | {"where": where, "source": source, "share": share_of(limit, least, value), "held": held}
 
 
 def share_of(limit: float, least: bool, value: float | None) -> float | None:
@@ -120,7 +115,7 @@ def share_of(limit: float, least: bool, value: float | None) -> float | None:
 
 def disagreements(run: RunFolder, rows: Iterable[dict]) -> list[str]:
     """Sentences on every contradiction between the verdict and the values that are shown beside it."""
-    rows, verdict, broken = list(rows), run.verdict, _broken(run)
+    rows, verdict = list(rows), run.verdict
     if verdict not in ORDER:
         return []
     exceeded = [row["label"] for row in rows if row["held"] is False]
@@ -135,9 +130,9 @@ def disagreements(run: RunFolder, rows: Iterable[dict]) -> list[str]:
     sentences += [
         f"The verdict says that the limit on {row['label']} is broken, yet by the figures below it is held."
         for row in rows
-        if row["key"] in broken and row["held"] is True
+        if row["key"] in run.broken and row["held"] is True
     ]
-    if verdict == "rejected" and not broken:
+    if verdict == "rejected" and not run.broken:
         sentences.append("The verdict is rejected, yet it names no limit that is broken.")
     return list(dict.fromkeys(sentences))
 

@@ -1,7 +1,5 @@
 """The outcome of a run as a table and sentences, for the report and for the end of `camopt optimize`."""
 
-from collections.abc import Iterable
-
 from camopt.measure.sweep import reserve_sentences
 from camopt.measure.yield_words import (
     ENOUGH,
@@ -14,7 +12,7 @@ from camopt.measure.yield_words import (
     standing,
 )
 from camopt.report.folder import RunFolder
-from camopt.report.limits import demanded
+from camopt.report.limits import STATED, limit_in_words, where_and_source
 from camopt.report.wording import in_words, shown
 from camopt.scene.quantities import QUANTITIES, is_number, label_and_unit
 
@@ -89,7 +87,6 @@ MOTION = ("bounce_mm", "jump_mm", "jump_deg", "contact_force_min_N", "contact_fo
 
 FREE = ("value", "as_given", "low", "high")
 """Keys of a number in `free` of design.json."""
-STATED = "verification.json"
 LEAST_GAIN = 5e-6
 """Smallest difference of area ratios that counts as a gain; a smaller one does not show in the printed digits."""
 
@@ -110,9 +107,8 @@ def outcome_rows(run: RunFolder) -> list[dict]:
         if worst is None:
             continue
         key = name if name == "contact_force_min_N" else f"worst_{name}"  # least is worst
-        where = worst.where if worst.value is not None else f"no figure {worst.where}"
-        limit, source = demanded(design, name), f"{STATED} {worst.source}"
-        rows.append(_row(key, first.get(f"worst_{name}"), worst.value, limit, where, source))
+        limit = limit_in_words(design.get(QUANTITIES[name].limit or ""), QUANTITIES[name].less_is_worse)
+        rows.append(_row(key, first.get(f"worst_{name}"), worst.value, limit, *where_and_source(worst)))
     if not (built := run.built):
         return rows
     share, low, high = (shown(100 * built[key], 3) for key in ("share", "low", "high"))
@@ -143,7 +139,7 @@ def outcome_lines(run: RunFolder) -> list[str]:
     if is_number(d.get("area_ratio_no_jump")):
         words.append(f"no-jump program {d['area_ratio_no_jump']:.5f}")
     lines += [", ".join(words)] * bool(words) + free_sentences(run) + lift_sentence(run) + gain_sentences(run)
-    verdict, broken = run.verdict or "not verified", broken_limits(run)
+    verdict, broken = run.verdict or "not verified", broken_words(run.broken)
     reason = run.verification.get("reason")
     why = f". {reason}" if isinstance(reason, str) and reason else ""
     verdict_line = f"verdict: {verdict}" + (f" (broken: {'; '.join(broken)})" if broken else why)
@@ -209,7 +205,7 @@ def gain_sentences(run: RunFolder) -> list[str]:
         if run.verdict == "confirmed":
             outcome = f"the last of them is delivered; the largest that was rejected has {largest}"
         else:
-            why = f", because they break limits such as {broken[0]}" if (broken := broken_limits(run)) else ""
+            why = f", because they break limits such as {broken[0]}" if (broken := broken_words(run.broken)) else ""
             outcome = f"all were rejected{why}; the largest has {largest}"
         sentences.append(f"The {shown(judged)} largest cams of the search were verified, and {outcome}.")
     return sentences
@@ -263,20 +259,11 @@ def contact_sentence(run: RunFolder) -> list[str]:
     ]
 
 
-def broken_limits(run: RunFolder) -> list[str]:
-    """Labels of the limits that the verdict lists as broken, in the form of `broken_words`."""
-    return broken_words(run.verification.get("broken") or [])
-
-
-def broken_words(broken: Iterable) -> list[str]:
+def broken_words(broken: dict[str, list[str]]) -> list[str]:
     """Labels of broken limits, each once with all its speeds, such as `bounce at 6000 and 7000 r/min`."""
-    places: dict[str, list[str]] = {}
-    for entry in broken:
-        key, _, where = str(entry).partition(" at ")
-        places.setdefault(key, []).append(where.removesuffix(" r/min"))
     lines = []
-    for key, speeds in places.items():
-        listed = list(dict.fromkeys(s for s in speeds if s))
+    for key, places in broken.items():
+        listed = list(dict.fromkeys(place.removesuffix(" r/min") for place in places if place))
         label = next((q.label for q in QUANTITIES.values() if q.limit == key), label_and_unit(key)[0])
         lines.append(f"{label} at {in_words(listed)} r/min" if listed else label)
     return lines

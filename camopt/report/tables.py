@@ -7,8 +7,8 @@ from typing import Any
 
 from camopt.optimizer.baselines.comparison_table import FAILED, NO_JERK
 from camopt.plots.style import DESIGN, cam_line, family_of
-from camopt.report.folder import RunFolder, comparison_rows
-from camopt.report.outcome import broken_limits, broken_words
+from camopt.report.folder import RunFolder, broken_places, comparison_rows
+from camopt.report.outcome import broken_words
 from camopt.report.wording import as_number, heading
 from camopt.scene.quantities import QUANTITIES, is_number
 from camopt.study.measurements import aligned
@@ -52,14 +52,14 @@ def comparison_groups(run: RunFolder) -> list[dict]:
     for entry in sorted(worst_by_cam(run.comparison), key=lambda e: (e["cam"] != DESIGN, e["limits"], e["cam"])):
         broken, failed = entry["broken"], entry["verdict"] == FAILED
         of_motion = all(" at " in word or word in QUANTITIES for word in broken)
-        listed = "; ".join(broken if failed else broken_words(broken)) or "–"
+        listed = "; ".join(broken if failed else broken_words(broken_places(broken))) or "–"
         group = entry | {"broken": listed, "within": entry["limits"] == "all" and (failed or of_motion)}
         if entry["lost"]:
             group["bounce"] = f"no figure at {entry['lost']} of {entry['speeds']} speeds"
         if entry["cam"] == DESIGN and run.verdict:
             worst = {key: run.verification.worst(name) for key, name in DESIGN_CELLS.items()}
             group |= {key: "none" if w.value is None else w.value for key, w in worst.items() if w is not None}
-            group |= {"verdict": run.verdict, "broken": "; ".join(broken_limits(run)) or "–"}
+            group |= {"verdict": run.verdict, "broken": "; ".join(broken_words(run.broken)) or "–"}
         groups.append(group)
     return groups
 
