@@ -15,7 +15,6 @@ from camopt.plots.style import (
     draw_limit,
     family_of,
     legend_above,
-    limit_text,
     new_figure,
     styled,
     write,
@@ -83,18 +82,13 @@ def _draw_design(rows: Sequence[Axes], cams: Sequence[tuple[str, Table]], design
 
 
 def _limits(rows: Sequence[Axes], design: Design) -> None:
-    draw_limit(
-        rows[0],
-        design.max_lift_mm,
-        limit_text("reach" if design.reach_max_lift else "at most", design.max_lift_mm, "mm"),
-    )
-    low, high = design.acceleration_min_mm_per_deg2, design.acceleration_max_mm_per_deg2
-    draw_limit(rows[2], high, limit_text("at most", high, ""))
-    draw_limit(rows[2], low, limit_text("at least", low, ""))
+    draw_limit(rows[0], design.max_lift_mm, "reach\n{:g} mm" if design.reach_max_lift else "at most\n{:g} mm")
+    draw_limit(rows[2], design.acceleration_max_mm_per_deg2, "at most\n{:g}")
+    draw_limit(rows[2], design.acceleration_min_mm_per_deg2, "at least\n{:g}")
     jerk = design.jerk_max_mm_per_deg3
     if jerk is not None:
-        draw_limit(rows[3], jerk, limit_text("at most", jerk, ""))
-        draw_limit(rows[3], -jerk, limit_text("at least", -jerk, ""))
+        draw_limit(rows[3], jerk, "at most\n{:g}")
+        draw_limit(rows[3], -jerk, "at least\n{:g}")
     for axes in rows[2:]:
         axes.margins(y=0.14)  # space for the text on the nose
     if design.nose_deg is not None:
@@ -157,12 +151,11 @@ def valve_motion(motions: Sequence[DrawnMotion], design: Design) -> Figure:
             high = _force_top(motions, contact, design)
             axes.set_ylim(-0.04 * high, high)
             _name_exceeding(axes, {m.cam: m.contact_force_N[contact] for m in here}, high, "N")
-        bounce, force = design.bounce_max_mm, design.contact_force_max_N
-        last = column == len(speeds) - 1
-        draw_limit(zoom, bounce, limit_text("bounce\nat most", bounce, "mm") if last else "")
+        force, last = design.contact_force_max_N, column == len(speeds) - 1
+        draw_limit(zoom, design.bounce_max_mm, "bounce\nat most\n{:g} mm" if last else "")
         for axes in forces:
             if force is not None and force < axes.get_ylim()[1]:
-                draw_limit(axes, force, limit_text("at most", force, "N") if last else "")
+                draw_limit(axes, force, "at most\n{:g} N" if last else "")
         forces[-1].set_xlabel("cam angle [deg]")
     rows[0, 0].set_ylabel("valve lift [mm]")
     rows[1, 0].set_ylabel("valve above\nseat touch [mm]")

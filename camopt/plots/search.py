@@ -8,17 +8,7 @@ from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
 from camopt.plots.speeds import scale_symlog
-from camopt.plots.style import (
-    DESIGN,
-    INK,
-    LIMIT,
-    cam_line,
-    draw_limit,
-    limit_text,
-    new_figure,
-    styled,
-    write,
-)
+from camopt.plots.style import DESIGN, INK, LIMIT, cam_line, draw_limit, new_figure, styled, write
 
 SHOWN_SHARE = 3.0
 """Largest used share of a limit on the axis of an ascent; how far beyond it a limit is exceeded does not matter."""
@@ -69,14 +59,14 @@ def convergence(
         area.plot(len(step), value, "D", color=INK, markersize=6, label=f"delivered, {verdict}: {value:.4f}", zorder=4)
     if bound is not None:
         _bound(area, bound)
-    draw_limit(area, no_jump, f"no-jump\nprogram\n{no_jump:.4f}" if no_jump is not None else "", va="top")
+    draw_limit(area, no_jump, "no-jump\nprogram\n{:.4f}", va="top")
     area.set_ylabel("area ratio [-]")
     area.margins(y=0.12)
     area.legend(loc="best")
     if not of_yield:
         scale_symlog(lower, bounce_max_mm)
         lower.set_ylabel("worst bounce [mm]")
-        draw_limit(lower, bounce_max_mm, limit_text("at most", bounce_max_mm, "mm"))
+        draw_limit(lower, bounce_max_mm, "at most\n{:g} mm")
     else:
         lower.set_ylabel("failing trains [%]")
         lower.set_ylim(bottom=0.0)
@@ -97,7 +87,7 @@ def _bound(area: Axes, bound: float) -> None:
     seen = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in area.lines])
     low, high = np.nanmin(seen), np.nanmax(seen)
     if bound - high <= NEAR_BOUND * (high - low):
-        draw_limit(area, bound, f"certified\nbound\n{bound:.4f}", va="bottom")
+        draw_limit(area, bound, "certified\nbound\n{:.4f}", va="bottom")
         return
     words = f"certified bound {bound:.4f}, above this axis ↑"
     write(area, words, (0.99, 0.985), (0, 0), over="axes fraction", ha="right", va="top", color=LIMIT)

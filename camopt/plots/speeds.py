@@ -8,17 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from camopt.plots.style import (
-    BASE,
-    SHADE,
-    cam_lines,
-    draw_limit,
-    legend_above,
-    limit_text,
-    new_figure,
-    styled,
-    write,
-)
+from camopt.plots.style import BASE, SHADE, cam_lines, draw_limit, legend_above, new_figure, styled, write
 from camopt.scene.design import Design
 from camopt.scene.quantities import QUANTITIES
 
@@ -61,7 +51,7 @@ def bounce_against_speed(
         for s in sweeps:
             _mark_worst(axes, s, key, lines[s.cam]["color"])
         axes.set_ylabel(f"{quantity.label} [{quantity.unit}]")
-        draw_limit(axes, limit, limit_text("at most", limit, "mm"))
+        draw_limit(axes, limit, "at most\n{:g} mm")
         scale_symlog(axes, limit)
         axes.axvspan(*band_rpm, color=SHADE, zorder=0)
         mark = {"color": "#444444", "markersize": 6, "clip_on": False, "zorder": 5}

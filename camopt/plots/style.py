@@ -2,6 +2,7 @@
 deterministic."""
 
 import io
+import re
 import zlib
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
@@ -147,12 +148,13 @@ class ShownFigure(Figure):
 
 def draw_limit(axes: Axes, value: float | None, text: str, va: str = "center") -> None:
     """Draws a limit, unless it is None, as a dashed line with its text to the right of the axes, where it hides no
-    data."""
+    data; `text` is a format string for the value, such as "at most {:g} mm"."""
     if value is None:
         return
     axes.axhline(value, color=LIMIT, linestyle=(0, (5, 3)), linewidth=0.9, zorder=2.2)
     how = {"va": va, "color": LIMIT, "fontsize": BASE - 1.5, "annotation_clip": False}
-    write(axes, text, (1.0, value), (3, 0), over=axes.get_yaxis_transform(), **how)
+    quoted = re.sub(r"-(?=\d)", "\u2212", text.format(value))  # the minus sign of the axes
+    write(axes, quoted, (1.0, value), (3, 0), over=axes.get_yaxis_transform(), **how)
 
 
 def write(
@@ -161,11 +163,6 @@ def write(
     """Writes a text at an offset [pt] from a point; `over` is the coordinate system of the point."""
     how = {"fontsize": BASE - 1, "ha": "right" if offset[0] < 0 else "left"} | how
     axes.annotate(words, at, xycoords=over, xytext=offset, textcoords="offset points", **how)
-
-
-def limit_text(relation: str, value: float | None, unit: str) -> str:
-    """The text of a limit, such as `at most 0.05 mm`, on two lines and with the minus sign of the axes."""
-    return "" if value is None else f"{relation}\n{value:g} {unit}".replace("-", "\u2212").strip()
 
 
 def legend_above(figure: Figure, axes: Axes, columns: int = 5) -> None:
