@@ -75,15 +75,13 @@ def band_of(scene: Scene, train: Train, lift: Lift, wanted: Callable[[], bool]) 
     """Every metric at speeds over the scene's band, and for each limit on the motion the largest used share and its
     speed. Raises Cancelled between two groups of speeds once `wanted` returns False."""
     speeds = np.linspace(*scene.required_operation.band_rpm, BAND_SPEEDS)
-    parts: dict[str, list[np.ndarray]] = {name: [] for name in QUANTITIES}
+    batches = []
     for begin in range(0, len(speeds), AT_ONCE):
         if not wanted():
             raise Cancelled
-        some = [scene.cam_speed(s) for s in speeds[begin : begin + AT_ONCE]]
-        metrics = settled_metrics([train], [lift], some)
-        for name, values in parts.items():
-            values.append(metrics.worst(name)[0, 0])
-    curves = {name: np.concatenate(values) for name, values in parts.items()}
+        cam_speeds = [scene.cam_speed(s) for s in speeds[begin : begin + AT_ONCE]]
+        batches.append(settled_metrics([train], [lift], cam_speeds))
+    curves = {name: np.concatenate([metrics.worst(name)[0, 0] for metrics in batches]) for name in QUANTITIES}
     worst = {}
     for key, limit in motion_limits(scene.design).items():
         used = limit.share(curves[limit.metric])

@@ -1,6 +1,5 @@
 """Comparison of the scene's limits with the values of a run folder: held, broken or not known, and the share used."""
 
-from collections.abc import Iterable
 from itertools import compress
 
 import numpy as np
@@ -57,7 +56,7 @@ def limit_rows(run: RunFolder, shape: tuple[Lift, Design] | None = None) -> list
         if is_number(limit := design.get(key)):
             worst = run.verification.worst(quantity.name)
             where, source = ("not verified", STATED) if worst is None else where_and_source(worst)
-            rows.append(_row(key, limit, quantity.less_is_worse, worst and worst.value, where, source, quantity.name))
+            rows.append(_row(key, limit, quantity.less_is_worse, worst and worst.value, where, source))
     listed = {row["key"] for row in rows}
     unlisted = {"limit": "–", "reached": "–", "source": BROKEN, "share": None, "held": False}
     for key, (first, *_) in run.broken.items():
@@ -89,17 +88,8 @@ def _cam_row(run: RunFolder, key: str, limit: float) -> dict:
     return row
 
 
-def _row(
-    key: str,
-    limit: float,
-    least: bool,
-    value: float | None,
-    where: str,
-    source: str,
-    name: str = "",
-    slack: float = 0.0,
-) -> dict:
-    label, unit = label_and_unit(name or key)
+def _row(key: str, limit: float, least: bool, value: float | None, where: str, source: str, slack: float = 0.0) -> dict:
+    label, unit = label_and_unit(OF_MOTION[key].name if key in OF_MOTION else key)
     held = None if value is None else value >= limit - slack if least else value <= limit + slack
     words = {"key": key, "label": label, "unit": unit, "limit": limit_in_words(limit, least), "reached": shown(value)}
     return words | {"where": where, "source": source, "share": share_of(limit, least, value), "held": held}
@@ -113,9 +103,9 @@ def share_of(limit: float, least: bool, value: float | None) -> float | None:
     return max(2 - value / limit, 0.0) if least and limit > 0 else value / limit
 
 
-def disagreements(run: RunFolder, rows: Iterable[dict]) -> list[str]:
+def disagreements(run: RunFolder, rows: list[dict]) -> list[str]:
     """Sentences on every contradiction between the verdict and the values that are shown beside it."""
-    rows, verdict = list(rows), run.verdict
+    verdict = run.verdict
     if verdict not in ORDER:
         return []
     exceeded = [row["label"] for row in rows if row["held"] is False]

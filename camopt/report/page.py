@@ -191,12 +191,8 @@ def headline(run: RunFolder) -> list[str]:
     d, v = run.design, run.verification
     sentences = []
     if is_number(d.get("area_ratio")):
-        gap = d.get("area_gap_percent")
-        below = (
-            f", {shown(gap, 3)} % below the certified bound {shown(d.get('area_ratio_bound'))}"
-            if is_number(gap)
-            else ""
-        )
+        gap, bound = d.get("area_gap_percent"), shown(d.get("area_ratio_bound"))
+        below = f", {shown(gap, 3)} % below the certified bound {bound}" if is_number(gap) else ""
         sentences.append(f"Area ratio {shown(d['area_ratio'])}{below}.")
     sentences += outcome.lift_sentence(run) + outcome.gain_sentences(run)
     band, bounce = v.get("band") or {}, run.verification.worst("bounce_mm")
