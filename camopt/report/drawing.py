@@ -207,7 +207,7 @@ def _columns(train: Train, y: np.ndarray) -> list[int]:
     used = 1
     for branch in dict.fromkeys(branches.tolist()):
         level: dict[float, int] = {}
-        for i in (i for i, branch_of_i in zip(rest, branches, strict=True) if branch_of_i == branch):
+        for i in (rest[k] for k in np.flatnonzero(branches == branch)):
             place = level.get(round(float(y[i])), 0)
             column[i] = used + place
             level[round(float(y[i]))] = place + 1

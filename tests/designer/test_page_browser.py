@@ -65,11 +65,16 @@ def number(page, key):
     return page.locator(f"[data-key={key}] input[type=number]")
 
 
+def type_number(page, key: str, text: str) -> None:
+    """Enter a number and wait until the page rests."""
+    number(page, key).fill(text)
+    rest(page)
+
+
 def test_typed_and_dragged_values_give_the_numbers_of_python(open_page, session):
     page = open_page()
     assert area_shown(page) == pytest.approx(session.answer({})["area_ratio"], abs=5e-6)
-    number(page, "max_lift_mm").fill("9.0")
-    rest(page)
+    type_number(page, "max_lift_mm", "9.0")
     values = {"max_lift_mm": 9.0}
     assert area_shown(page) == pytest.approx(session.answer(values)["area_ratio"], abs=5e-6)
     slider(page, "duration_deg").focus()
@@ -171,8 +176,7 @@ def test_a_long_wait_shows_its_progress_and_can_be_cancelled(open_page):
     let_go(held)
     page.wait_for_timeout(500)  # the cancelled answer comes, and is not shown
     assert page.locator(".result").inner_text() == shown and data(page)["mark"] == "settled"
-    number(page, "max_lift_mm").fill("9.1")
-    rest(page)
+    type_number(page, "max_lift_mm", "9.1")
     assert data(page)["mark"] == "settled" and page.locator(".result").inner_text() != shown
 
 
@@ -193,8 +197,7 @@ def test_the_last_change_wins_over_one_that_takes_long(open_page):
         rest(page)
         assert [m["values"]["duration_deg"] for m in asked if m.get("part") == "sketch"][-1] == 145
         page.unroute("**/ask")
-        number(page, "duration_deg").fill("144")
-        rest(page)
+        type_number(page, "duration_deg", "144")
 
 
 def test_undo_redo_reset_and_pin(open_page):
@@ -229,8 +232,7 @@ def test_a_bad_number_is_answered_beside_its_field(open_page):
     assert "no scene" in page.locator(".result").inner_text()
     number(page, "max_lift_mm").fill("")
     assert "expected a number" in page.locator("[data-key=max_lift_mm] .fault").inner_text()
-    number(page, "max_lift_mm").fill("9")
-    rest(page)
+    type_number(page, "max_lift_mm", "9")
     assert page.locator("[data-key=max_lift_mm] .fault").inner_text() == ""
     assert number(page, "max_lift_mm").get_attribute("aria-invalid") is None
 
@@ -282,8 +284,7 @@ def test_a_chart_is_looked_at_closer_and_keeps_that_while_numbers_change(open_pa
     figure.locator("> svg").focus()
     page.keyboard.press("+")
     closer = figure.locator("text").all_text_contents()
-    number(page, "max_lift_mm").fill("9.1")
-    rest(page)
+    type_number(page, "max_lift_mm", "9.1")
     assert figure.locator("button").is_visible()
     assert [t for t in figure.locator("text").all_text_contents() if "−90" in t] == [] and closer
     page.keyboard.press("Tab")
@@ -293,8 +294,7 @@ def test_a_chart_is_looked_at_closer_and_keeps_that_while_numbers_change(open_pa
 
 def test_a_scene_is_saved_from_the_page(open_page, served):
     page = open_page()
-    number(page, "max_lift_mm").fill("8.7")
-    rest(page)
+    type_number(page, "max_lift_mm", "8.7")
     page.locator("#camopt-name").fill("from-page")
     page.get_by_role("button", name="Save scene").click()
     wait(page, lambda: "Saved as from-page.toml" in page.locator(".saved").inner_text())

@@ -139,22 +139,25 @@ def steps_of(run, assumed=()):
 
 
 @pytest.mark.parametrize(
-    ("verdict", "command"),
+    ("verdict", "accuracy", "command"),
     [
-        ("confirmed", "camopt yield kodama-run/scene.toml --cam kodama-run --trains 200"),
-        ("rejected", "camopt optimize kodama-run/scene.toml --accuracy fine"),
-        ("sensitive", "camopt optimize kodama-run/scene.toml --accuracy fine"),
-        ("not converged", "camopt verify kodama-run/scene.toml --cam kodama-run --accuracy fine"),
-        (None, "camopt verify kodama-run/scene.toml --cam kodama-run"),
+        ("confirmed", "standard", "camopt yield kodama-run/scene.toml --cam kodama-run --trains 200"),
+        ("confirmed", "draft", "camopt optimize kodama-run/scene.toml --accuracy standard"),
+        ("rejected", "standard", "camopt optimize kodama-run/scene.toml --accuracy fine"),
+        ("sensitive", "standard", "camopt optimize kodama-run/scene.toml --accuracy fine"),
+        ("not converged", "standard", "camopt verify kodama-run/scene.toml --cam kodama-run --accuracy fine"),
+        ("unheard of", "standard", "camopt verify kodama-run/scene.toml --cam kodama-run"),
     ],
 )
-def test_every_verdict_has_a_next_step(write, contents, verdict, command, tmp_path, monkeypatch):
+def test_every_verdict_has_a_next_step(write, contents, verdict, accuracy, command, tmp_path, monkeypatch):
+    """A cam is ground after a confirmed verdict that is more than a draft."""
     monkeypatch.chdir(tmp_path)
-    contents["verification"]["verdict"] = verdict or "unheard of"
+    contents["verification"]["verdict"] = verdict
+    contents["provenance"]["settings"]["accuracy"] = accuracy
     steps = steps_of(read_run_folder(write(contents)))
     assert steps[0]["command"] == command
     table = "camopt cam kodama-run/scene.toml --cam kodama-run --csv lift.csv --digits 5"
-    assert [step["command"] for step in steps].count(table) == (verdict == "confirmed")
+    assert [step["command"] for step in steps].count(table) == ((verdict, accuracy) == ("confirmed", "standard"))
 
 
 def test_an_open_contact_and_assumed_numbers_come_before_the_grinder(write, contents):
@@ -176,10 +179,3 @@ def test_an_open_contact_and_assumed_numbers_come_before_the_grinder(write, cont
     assert steps_of(replace(run, scene=run.scene | {"geometry": geometry}), rows)[1]["words"].startswith(both)
     known = {"design": run.scene["design"] | {"contact_force_min_N": 5}, "tolerance": [], "geometry": {}}
     assert steps_of(replace(run, scene=run.scene | known))[0]["words"] == "Take the cam to the grinder."
-
-
-def test_a_draft_is_not_taken_to_the_grinder(write, contents, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    contents["provenance"]["settings"] = {"accuracy": "draft"}
-    steps = steps_of(read_run_folder(write(contents)))
-    assert steps[0]["command"] == "camopt optimize kodama-run/scene.toml --accuracy standard"
