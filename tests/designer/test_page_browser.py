@@ -71,7 +71,7 @@ def type_number(page, key: str, text: str) -> None:
     rest(page)
 
 
-def test_typed_and_dragged_values_give_the_numbers_of_python(open_page, session):
+def test_typed_and_dragged_values_give_the_numbers_of_the_api(open_page, session):
     page = open_page()
     assert area_shown(page) == pytest.approx(session.answer({})["area_ratio"], abs=5e-6)
     type_number(page, "max_lift_mm", "9.0")
@@ -130,7 +130,7 @@ def let_go(held: dict) -> None:
         held["routes"].pop(0).continue_()
 
 
-def test_what_is_shown_is_marked_as_what_it_is(open_page):
+def test_the_mark_states_to_which_numbers_the_answer_belongs(open_page):
     """With delayed answers, the marks follow each other: earlier numbers and their difference, first answer, cam,
     settled."""
     page = open_page()
@@ -224,7 +224,7 @@ def test_undo_redo_reset_and_pin(open_page):
     assert page.locator(".line.pinned").count() == 0
 
 
-def test_a_bad_number_is_answered_beside_its_field(open_page):
+def test_a_fault_is_shown_beside_its_field(open_page):
     page = open_page()
     number(page, "max_lift_mm").fill("-3")
     wait(page, lambda: "greater than 0" in page.locator("[data-key=max_lift_mm] .fault").inner_text())
@@ -237,7 +237,7 @@ def test_a_bad_number_is_answered_beside_its_field(open_page):
     assert number(page, "max_lift_mm").get_attribute("aria-invalid") is None
 
 
-def test_limits_without_a_cam_are_said(open_page):
+def test_limits_without_a_cam_are_reported(open_page):
     page = open_page()
     page.locator("[data-key=reach_max_lift] input").check()
     number(page, "max_lift_mm").fill("30")
@@ -248,7 +248,7 @@ def test_limits_without_a_cam_are_said(open_page):
     assert "stale" not in page.locator("#camopt-live").get_attribute("class")
 
 
-def test_it_says_that_nothing_is_confirmed_and_a_verdict_can_be_cancelled(open_page):
+def test_the_status_is_unconfirmed_and_a_verdict_can_be_cancelled(open_page):
     page = open_page()
     status = page.locator(".status")
     assert status.inner_text() == "event-exact only, not confirmed"
@@ -260,7 +260,7 @@ def test_it_says_that_nothing_is_confirmed_and_a_verdict_can_be_cancelled(open_p
 
 
 @pytest.mark.long
-def test_a_verdict_is_carried_to_its_end_and_goes_into_the_run_folder(open_page, served):
+def test_a_verdict_is_completed_and_saved_in_the_run_folder(open_page, served):
     page = open_page()
     status = page.locator(".status")
     page.get_by_role("button", name="Verify").click()
@@ -278,7 +278,7 @@ def test_a_verdict_is_carried_to_its_end_and_goes_into_the_run_folder(open_page,
     wait(page, lambda: "the last verdict was of other numbers" in status.inner_text())
 
 
-def test_a_chart_is_looked_at_closer_and_keeps_that_while_numbers_change(open_page):
+def test_a_chart_keeps_its_zoom_while_numbers_change(open_page):
     page = open_page()
     figure = page.locator("figure.chart").filter(has_text="Cam lift")
     figure.locator("> svg").focus()
@@ -328,7 +328,7 @@ def test_the_valve_train_moves_with_the_angle(open_page):
     assert page.locator("#train-drawing .contour").count() == 1
 
 
-def test_nothing_serious_for_those_who_cannot_see_or_point(open_page):
+def test_there_is_no_serious_accessibility_fault(open_page):
     page = open_page(bypass_csp=True)  # axe is a script of its own
     page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
     assert serious_faults(page) == []
@@ -355,7 +355,7 @@ def killed(process: subprocess.Popen) -> None:
     process.communicate()
 
 
-def test_a_killed_server_is_said_and_the_page_goes_on_after_it(browser, tmp_path, session):
+def test_the_page_reports_a_killed_server_and_continues_with_a_new_one(browser, tmp_path, session):
     process, address = started(tmp_path, 0)
     page = browser.new_page()
     try:

@@ -23,7 +23,7 @@ def scene():
     return type(KODAMA).model_validate(tables)
 
 
-def test_radii_are_looked_for_while_dragging_and_held_at_rest(scene):
+def test_radii_are_pending_while_dragging_and_held_at_rest(scene):
     session, asked = Session(scene), {"max_lift_mm": 9.35}
     session.answer({}, "sketch")
     session.answer({})

@@ -48,12 +48,12 @@ def ask(server, message, **headers):
     return status, json.loads(text)
 
 
-def test_only_the_loopback_interface_is_listened_on(server):
+def test_the_server_listens_on_the_loopback_interface_only(server):
     assert server.server_address[0] == "127.0.0.1"
     assert server.address == f"http://127.0.0.1:{server.port}/"
 
 
-def test_the_page_comes_with_a_policy_that_lets_nothing_in(server):
+def test_the_page_has_a_restrictive_policy(server):
     for path, kind in {"/": "text/html", "/live.js": "text/javascript", "/live.css": "text/css"}.items():
         status, headers, text = request(server, path=path)
         assert status == 200 and headers["Content-Type"].startswith(kind) and len(text) > 100
@@ -76,7 +76,7 @@ def test_a_foreign_origin_is_refused(server, origin):
     assert request(server, Origin=origin)[0] == 403
 
 
-def test_the_own_origin_and_the_name_localhost_may_ask(server):
+def test_the_server_s_origin_and_localhost_are_accepted(server):
     assert ask(server, {"kind": "start"}, Origin=f"http://127.0.0.1:{server.port}")[0] == 200
     own = f"localhost:{server.port}"
     assert ask(server, {"kind": "start"}, Host=own, Origin=f"http://{own}")[0] == 200
@@ -98,7 +98,7 @@ def test_no_name_leads_out_of_the_folder(server, name, what):
     assert status == 400 and "expected letters" in content["says"]
 
 
-def test_messages_that_are_none(server):
+def test_malformed_messages_are_refused(server):
     assert request(server, "POST", "/ask", b"{}", Content_Type="application/json", Content_Length="")[0] == 411
     assert ask(server, b" " * (MOST_BYTES + 1))[0] == 413
     assert request(server, "POST", "/ask", b"", Content_Type="application/json", Content_Length="9" * 11)[0] == 413
@@ -123,7 +123,7 @@ def test_messages_that_are_none(server):
         {"kind": "save", "what": "all", "name": "a", "values": {}},
     ],
 )
-def test_messages_that_ask_for_nothing_are_answered_with_a_sentence(server, message):
+def test_invalid_requests_are_answered_with_a_sentence(server, message):
     status, content = ask(server, message)
     assert status == 400 and "expected" in content["says"]
 
@@ -138,7 +138,7 @@ def test_an_answer_is_the_session_s(server, max_lift_mm, state):
     assert found.get("faults") == expected.get("faults")
 
 
-def test_the_last_question_of_a_page_wins(server):
+def test_the_newest_request_of_a_page_wins(server):
     def message(sequence, client):
         return {"kind": "answer", "part": "sketch", "values": {}, "client": client, "sequence": sequence}
 
@@ -147,7 +147,7 @@ def test_the_last_question_of_a_page_wins(server):
     assert ask(server, message(6, "d"))[1]["state"] == "ok"  # another page has its own numbers
 
 
-def test_what_is_computed_is_dropped_for_a_newer_question(server, monkeypatch):
+def test_a_newer_request_cancels_the_computation(server, monkeypatch):
     """An endless answer, which only checks whether it is wanted, ends for a newer request that computes nothing."""
     asked, begun = {"kind": "answer", "part": "sketch", "values": {}, "client": "e", "sequence": 1}, threading.Event()
 
@@ -202,7 +202,7 @@ def test_a_scene_and_a_run_folder_are_saved_once(server):
     assert {p.name for p in folder.iterdir()} == {"mine.toml", "run-1"}
 
 
-def test_a_verdict_runs_tells_how_far_it_is_and_can_be_cancelled(server):
+def test_a_verdict_reports_its_progress_and_can_be_cancelled(server):
     assert ask(server, {"kind": "cancel"})[1]["state"] in ("none", "cancelled")
     begun = ask(server, {"kind": "verify", "values": {}})[1]
     assert begun["state"] == "running" and begun["stages"] == 2
@@ -213,7 +213,7 @@ def test_a_verdict_runs_tells_how_far_it_is_and_can_be_cancelled(server):
 
 
 @pytest.mark.long
-def test_a_verdict_is_that_of_verify_and_goes_into_the_run_folder(server):
+def test_a_verdict_is_that_of_verify_and_is_saved_in_the_run_folder(server):
     ask(server, {"kind": "verify", "values": {}})
     for _ in range(1200):
         state = ask(server, {"kind": "verification"})[1]
@@ -229,7 +229,7 @@ def test_a_verdict_is_that_of_verify_and_goes_into_the_run_folder(server):
     assert stored["verdict"] == direct.verdict
 
 
-def test_a_port_that_is_taken_is_said(server):
+def test_a_port_that_is_taken_is_named(server):
     with pytest.raises(InputError, match=f"--port {server.port}: cannot be listened on"):
         DesignServer(server.requests, server.port)
 

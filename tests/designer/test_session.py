@@ -84,7 +84,7 @@ def test_the_kinematic_cam_and_the_worth_of_its_limits(session):
     assert found["margin_price"] is None
 
 
-def test_worth_of_a_limit_is_what_a_little_more_of_it_buys(session):
+def test_worth_of_a_limit_is_the_gain_by_a_small_change(session):
     limit, value = "acceleration_max_mm_per_deg2", SCENE.design.acceleration_max_mm_per_deg2
     area = session.answer({})["area_ratio"]
     more = session.answer({limit: 1.001 * value})["area_ratio"]
@@ -140,7 +140,7 @@ def test_bound_polydyne_and_yield_are_those_of_the_public_functions(session, mon
     assert trains_of(SCENE, lift, 8)["share"] == full.share.share
 
 
-def test_a_sketch_is_near_and_says_that_it_is_coarse():
+def test_a_sketch_is_close_and_marked_as_coarse():
     session = Session(SCENE)
     sketch = session.answer({"lash_mm": 0.11}, "sketch")
     cam = session.answer({"lash_mm": 0.11})
@@ -150,7 +150,7 @@ def test_a_sketch_is_near_and_says_that_it_is_coarse():
     assert not again["coarse"]  # only a limit has changed since the rows were complete
 
 
-def test_answers_do_not_hang_on_what_was_asked_before():
+def test_answers_do_not_depend_on_earlier_requests():
     session = Session(SCENE)
     for values in ({}, {"duration_deg": 160}, {"spring_rate_percent": 130.0}, {"margin_N": 40.0}):
         session.answer(values, "sketch")
@@ -178,13 +178,13 @@ def test_answers_do_not_hang_on_what_was_asked_before():
         ({"nonsense": 1}, "nonsense", "unknown"),
     ],
 )
-def test_bad_values_are_answered_beside_their_field(session, values, key, says):
+def test_invalid_values_have_a_sentence_by_key(session, values, key, says):
     found = session.answer(values, "sketch")
     assert found["state"] == "refused" and says in found["faults"][key]
     json.dumps(found, allow_nan=False)
 
 
-def test_limits_that_contradict_each_other_are_answered_as_such(session):
+def test_contradictory_limits_are_reported(session):
     values = {"max_lift_mm": 30.0, "reach_max_lift": True}
     found = session.answer(values)
     assert found["state"] == "no cam" and found["says"] == CONTRADICTION
@@ -193,23 +193,23 @@ def test_limits_that_contradict_each_other_are_answered_as_such(session):
 
 
 @pytest.mark.long
-def test_why_limits_contradict_each_other_is_said(session):
+def test_contradictory_limits_are_diagnosed(session):
     assert "would have to" in why_none(session.edited({"max_lift_mm": 30.0, "reach_max_lift": True}), None)["says"]
 
 
-def test_a_margin_that_no_cam_keeps_leaves_the_kinematic_cam(session):
+def test_a_margin_that_no_cam_keeps_gives_the_kinematic_cam(session):
     found = session.answer({"margin_N": 2000.0})
     assert found["program"] == "kinematic" and "No cam keeps contact" in found["says"]
 
 
-def test_an_answer_that_is_not_wanted_any_more_ends(session):
+def test_an_answer_that_is_not_wanted_any_more_is_cancelled(session):
     with pytest.raises(Cancelled):
         session.answer({"duration_deg": 141.5}, "cam", lambda: False)
     with pytest.raises(Cancelled):
         session.answer({}, "band", lambda: False)
 
 
-def test_an_answer_ends_between_two_programs(session):
+def test_an_answer_is_cancelled_between_two_programs(session):
     """The tangents of a curved law need a sequence of programs; it ends at the first that is not wanted any more."""
     own, asked = Session(load_scene("finger-hydraulic")), []
 
@@ -223,7 +223,7 @@ def test_an_answer_ends_between_two_programs(session):
     assert own.answer({}, "sketch")["state"] == "ok"
 
 
-def test_a_spring_by_its_measured_load_has_sliders():
+def test_a_spring_with_a_force_table_has_sliders():
     """finger-hydraulic has springs by force tables only; its sliders multiply the forces or their slopes."""
     own = Session(load_scene("finger-hydraulic"))
     assert {"spring_rate_percent", "spring_preload_percent"} <= set(own.controls)
@@ -281,6 +281,6 @@ def test_a_tolerance_may_be_changed_and_switched_off():
     assert edited.grinding is None
 
 
-def test_refused_tells_all_of_it_in_its_text():
+def test_refused_states_all_faults():
     with pytest.raises(Refused, match=r"max_lift_mm: expected a number.*; nonsense: unknown key|nonsense.*max_lift_mm"):
         read_values({c.key: c for c in controls(SCENE)}, {"max_lift_mm": "x", "nonsense": 1})

@@ -31,7 +31,7 @@ def test_its_value_is_the_cam_of_the_numbers(widget):
     assert widget.value.area_ratio_in(widget.scene.design) == pytest.approx(sent["reply"]["area_ratio"], abs=1e-12)
 
 
-def test_numbers_that_make_no_scene_leave_its_value(widget):
+def test_invalid_numbers_do_not_change_the_value(widget):
     before = widget.value
     message = {"kind": "answer", "part": "cam", "values": {"max_lift_mm": -9.0}, "client": "a", "sequence": 1}
     widget.hear(widget, {"number": 1, "message": message}, [])

@@ -70,7 +70,7 @@ def test_profiles_without_limits_draw_none():
     assert [len(levels(axes)) for axes in rows] == [1, 0, 0, 0]
 
 
-def test_profiles_say_which_jerk_leaves_the_axis():
+def test_profiles_name_the_jerk_that_exceeds_the_axis():
     steep = bump(9.0, half_deg=30.0)
     largest = np.max(np.abs(steep["jerk_mm_per_deg3"]))
     assert largest > 2.5 * 0.003
@@ -158,7 +158,7 @@ def steps(stage, area_ratio, **columns) -> list[dict]:
     return [{"worst_bounce_mm": 0.01, "confirmed": True} | dict(zip(columns, line, strict=True)) for line in lines]
 
 
-def test_convergence_shows_the_search_s_own_best_and_what_was_delivered():
+def test_convergence_shows_the_best_of_the_search_and_the_delivered_cam():
     best = np.array([0.55, 0.60, 0.57])
     history = steps(["margins"] * 3, [0.55, 0.60, 0.57], best_area_ratio=best)
     axes = convergence(history, 0.62, 0.55, 0.05, (0.57, "confirmed")).axes[0]
@@ -254,7 +254,7 @@ def test_modes_refuse_shapes_that_do_not_fit():
         modes([1.0, 2.0], np.eye(3), ["valve"])
 
 
-def test_modes_say_what_they_leave_out():
+def test_modes_state_how_many_are_left_out():
     names = [f"m{i}" for i in range(20)]
     assert "5 highest left out" in modes(np.arange(1.0, 21.0), np.eye(20), names).get_suptitle()
 
@@ -335,7 +335,7 @@ def test_median_ranges_and_worst_train_stand_in_a_panel_for_each_limit():
     assert [text.get_text() for text in figure.legends[0].get_texts()][-2:] == ["median", "worst train"]
 
 
-def test_bars_of_blame_and_of_what_half_buys():
+def test_bars_of_scatter_and_of_halved_tolerances():
     figure = blame_bars({"lash": 0.4, "preload": 0.1}, {"lash": 0.05, "preload": -0.01})
     blame, bought = figure.axes
     assert [bar.get_width() for bar in blame.patches] == pytest.approx([10.0, 40.0])

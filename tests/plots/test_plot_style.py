@@ -68,7 +68,7 @@ def test_a_cam_keeps_its_line_and_the_design_its_own():
     assert cam_line("intake.csv")["color"] not in {colour for colour, _ in lines().values()}
 
 
-def test_cams_of_ones_own_differ_in_a_figure():
+def test_lift_tables_differ_in_a_figure():
     """Of two lift tables with the same colour, the first keeps it in a common figure; the second gets another."""
     own = [f"{letter}.csv" for letter in "abcdefgh"]
     alike = next((a, b) for a in own for b in own if a < b and cam_line(a)["color"] == cam_line(b)["color"])

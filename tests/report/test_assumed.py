@@ -29,7 +29,7 @@ def test_every_assumed_number_of_masses_and_elements_is_ranked():
     assert {(n.named(kodama)) for n in assumed_numbers(kodama)} == {f"{name}.{key}" for name, key in marked}
 
 
-def test_the_ranking_is_what_a_tenth_does_to_the_limits():
+def test_ranking_is_by_the_effect_of_ten_per_cent_on_the_limits():
     """The first row is recomputed: the settled motion at the top speed with the number 10 % lower and higher."""
     from camopt.exact.settled import settled_metrics
     from camopt.measure.limits import motion_limits
@@ -58,7 +58,7 @@ def test_the_table_and_the_sentence_name_them_in_order():
     assert first_to_measure(found[:2]) == "seat.damping_N_s_per_m, m1.mass_kg" and first_to_measure([]) == ""
 
 
-def test_what_the_materials_bear_stands_beside_the_stress():
+def test_stress_is_shown_with_the_permissible_stress():
     text = scene_toml(SCENE) + '\n[geometry]\nfollower = "flat"\nbase_radius_mm = 40\nface_width_mm = 30\n'
     borne = parse_scene(text + "hertz_max_MPa = 1000\n", "borne")
     rows = stress(RunCams(borne, {"design": CAM}, []))[0]
@@ -73,7 +73,7 @@ def test_what_the_materials_bear_stands_beside_the_stress():
     ("folder", "here"),
     [("runs/first", "."), ("first", "."), ("a b", "."), ("runs/first", "runs"), ("first", "elsewhere")],
 )
-def test_commands_work_from_where_the_report_is_made(tmp_path, monkeypatch, folder, here):
+def test_commands_work_in_the_folder_where_the_report_is_made(tmp_path, monkeypatch, folder, here):
     place = tmp_path / folder
     for path in (place, tmp_path / here):
         path.mkdir(parents=True, exist_ok=True)

@@ -39,7 +39,7 @@ def test_the_pointer_reads_the_value_of_every_cam(open_page, lifts):
     assert figure.locator(".values").inner_text() == ""
 
 
-def test_keys_read_values_and_look_closer(open_page):
+def test_keys_read_values_and_zoom(open_page):
     page = open_page()
     figure = chart(page, "charts-motion", "Valve lift")
     figure.locator("> svg").focus()
@@ -52,7 +52,7 @@ def test_keys_read_values_and_look_closer(open_page):
     assert figure.locator("text").all_text_contents() == before
 
 
-def test_a_dragged_part_of_the_axis_is_looked_at(open_page):
+def test_dragging_zooms_to_a_part_of_the_axis(open_page):
     page = open_page()
     figure = chart(page, "charts-cams", "Acceleration")
     x, y = middle(page, figure)
@@ -112,7 +112,7 @@ def test_forces_and_phase_plane_are_those_of_the_chosen_speed(open_page):
     assert chart(page, "charts-motion", "close to the seat").is_visible()
 
 
-def test_the_first_screen_says_verdict_cam_price_and_what_next(open_page):
+def test_the_first_screen_shows_verdict_cam_worth_and_next_steps(open_page):
     page = open_page()
     for part in (".verdict .line >> nth=0", ".sketch", "#worth", "#next", "#matrix", ".matrix tr >> nth=3"):
         box = page.locator(part).bounding_box()
@@ -130,6 +130,6 @@ def test_no_table_is_cut_off(open_page, width):
     assert cut == [] and page.evaluate("document.documentElement.scrollWidth") == width
 
 
-def test_nothing_serious_for_those_who_cannot_see_or_point(open_page):
+def test_there_is_no_serious_accessibility_fault(open_page):
     page = open_page(bypass_csp=True)  # axe is a script of its own
     assert serious_faults(page) == []

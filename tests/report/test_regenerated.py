@@ -56,7 +56,7 @@ def run(request, tmp_path_factory):
     return folder
 
 
-def test_every_place_states_what_the_verdict_says(run, capsys):
+def test_every_place_states_the_values_of_the_verdict(run, capsys):
     states_what_verification_says(run)
     found = json.loads((run / "verification.json").read_text())
     if found["verdict"] == "rejected":  # between its listed speeds
@@ -93,7 +93,7 @@ def test_the_command_makes_the_same_folder_again(run, capsys):
     assert f"verdict: {verdict}" in capsys.readouterr().out
 
 
-def test_the_check_judges_anew_and_finds_what_was_changed(run, capsys):
+def test_the_check_verifies_again_and_finds_changed_numbers(run, capsys):
     assert main(["report", str(run), "--check"]) == 0
     words = capsys.readouterr().out
     assert "every number comes out as it is stated" in words

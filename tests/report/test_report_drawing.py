@@ -73,7 +73,7 @@ def test_elements_meet_their_masses(name):
                 assert picture["masses"][end]["left"] <= x <= picture["masses"][end]["right"]
 
 
-def test_kodama_reads_as_an_engine_does():
+def test_kodama_is_drawn_like_an_engine():
     _, picture = drawn(KODAMA)
     masses = {m["name"]: m for m in picture["masses"]}
     elements = {e["name"]: e for e in picture["elements"]}
@@ -117,7 +117,7 @@ class TestSwinging:
             assert np.hypot(*np.subtract(arm[end], arm["pivot"])) == pytest.approx(length, abs=1e-3)
         assert arm["valve"][0] > 0
 
-    def test_the_page_s_turning_opens_the_valve_by_the_lift(self, geometry):
+    def test_the_rotation_on_the_page_opens_the_valve_by_the_lift(self, geometry):
         """As in animation.js, the body turns about the pivot by side (asin(sin shut + lift / length) - shut)."""
         arm, lift = drawn_follower(geometry)["arm"], 7.0
         shut = arm["shut_deg"] * DEG
@@ -168,7 +168,7 @@ def test_the_spot_lies_where_the_radius_is_smallest(follower):
         assert found["rows"][0]["faults"] == "none"
 
 
-def test_a_follower_that_cannot_follow_is_said():
+def test_a_follower_that_cannot_run_on_the_cam_is_reported():
     short = KODAMA.geometry.model_copy(update={"valve_arm_mm": 8.0})
     found = geometry(RunCams(KODAMA.model_copy(update={"geometry": short}), {"design": LIFT}, []))
     assert found is not None and "drawing" not in found

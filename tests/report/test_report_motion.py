@@ -52,7 +52,7 @@ def test_motion_is_the_settled_one_of_event_exact(polydyne):
     assert jump == pytest.approx(worst.worst("jump_mm"), abs=2e-3)
 
 
-def test_a_motion_has_settled_here_where_the_verdict_says_so():
+def test_a_motion_settles_here_if_it_does_in_the_verdict():
     """A motion with bouncing contacts settles slowly: it needs more revolutions than the first attempt runs, and
     settles in the verdict's later attempts."""
     lively = [e.model_copy(update={"damping_N_s_per_m": 0.3 * e.damping_N_s_per_m}) for e in SCENE.element]
@@ -111,7 +111,7 @@ def test_cams_are_those_that_the_folder_holds_with_the_recorded_area(
     assert [sentence.startswith(says) for sentence in dict.fromkeys(cams.left_out)] == [True] * (says is not None)
 
 
-def test_animation_keeps_its_size(write, contents, polydyne):
+def test_animation_has_a_limited_size(write, contents, polydyne):
     folder = folder_of(write, contents, polydyne)
     cams = cams_of(folder, read_run_folder(folder))
     data, left_out = animation(cams)

@@ -93,7 +93,7 @@ def said_from_outside(speed_rpm: float, difference_nm: float) -> dict:
     return outside_entry(speed_rpm, "Exudyn 1", 2, difference_nm, 1.1)
 
 
-def test_a_judge_from_outside_has_a_column_and_a_sentence(write, contents):
+def test_an_external_result_has_a_column_and_a_sentence(write, contents):
     folder = write(contents)
     assert "from outside" not in page_of(folder).text
     (folder / "outside.json").write_text(json.dumps([said_from_outside(5000, 0.25)]), encoding="utf-8")
@@ -103,7 +103,7 @@ def test_a_judge_from_outside_has_a_column_and_a_sentence(write, contents):
     assert page.text.index("Confirmed") < page.text.index("Limits")
 
 
-def test_a_judge_from_outside_who_disagrees_undoes_the_verdict(write, contents):
+def test_an_external_result_that_disagrees_changes_the_verdict(write, contents):
     folder = write(contents)
     found = [said_from_outside(5000, 0.25), said_from_outside(6000, 2.5)]
     (folder / "outside.json").write_text(json.dumps(found), encoding="utf-8")
@@ -151,7 +151,7 @@ def test_limits_show_the_worst_at_its_speed(page):
     ],
     ids=["the upper end of the range", "without a range the error is added", "never seats"],
 )  # fmt: skip
-def test_what_decides_of_the_bounce(write, contents, at, changes, state, reached, where):
+def test_the_bounce_is_judged_at_the_upper_end_of_its_range(write, contents, at, changes, state, reached, where):
     contents["verification"]["speeds"][at] |= changes
     page = page_of(write(contents))
     row = page.table("limit")["bounce"]
@@ -169,7 +169,7 @@ def test_a_deceleration_below_its_limit_is_broken(write, contents):
     assert page.table("limit")["acceleration max"]["state"] == "✓ held"
 
 
-def test_start_and_end_are_physical(page):
+def test_start_and_end_are_in_physical_units(page):
     rows = page.table("figure")
     assert rows["area ratio"] == {"figure": "area ratio", "unit": "–", "start": "0.5274 →", "end": "0.5618",
                                   "limit": "–", "where": "–"}  # fmt: skip
@@ -208,7 +208,7 @@ def test_methods_stand_side_by_side_with_their_difference(page):
     assert rows["converged"] == ["yes"] * 4 + ["–"]
 
 
-def test_provenance_is_all_there(page):
+def test_provenance_is_complete(page):
     rows = {row[0]: row[1] for row in page.tables[-1]}
     assert rows["versions.jax"] == "0.10.2" and rows["seed"] == "7" and rows["times.total_s"] == "212.5"
 
@@ -225,7 +225,7 @@ def test_provenance_is_all_there(page):
         ("figures/convergence.svg", "holds no figures"),
     ],
 )
-def test_a_missing_part_is_said(write, contents, file, sentence):
+def test_a_missing_file_is_named(write, contents, file, sentence):
     folder = write(contents)
     (folder / file).unlink()
     page = page_of(folder)
@@ -239,7 +239,7 @@ def test_an_empty_folder_still_gives_a_page(tmp_path):
     assert "Not verified" in page.text and page.text.count("is not in the run folder") == 6
 
 
-def test_a_torn_last_line_of_the_history_is_dropped(write, contents):
+def test_an_incomplete_last_line_of_the_history_is_dropped(write, contents):
     folder = write(contents)
     with open(folder / "history.jsonl", "a", encoding="utf-8") as file:
         file.write('{"stage": "marg')
@@ -260,7 +260,7 @@ def test_a_torn_last_line_of_the_history_is_dropped(write, contents):
         ("scene.toml", "= 3"),
     ],
 )
-def test_a_spoilt_file_is_named_and_the_old_report_stays(write, contents, file, text):
+def test_a_malformed_file_is_named_and_the_old_report_stays(write, contents, file, text):
     folder = write(contents)
     before = write_report(folder).read_bytes()
     (folder / file).write_text(text, encoding="utf-8")

@@ -35,7 +35,7 @@ def drawn(**limits):
     return design.within(flat, SCENE.operation)
 
 
-def test_figures_of_the_drawing_are_those_of_a_dense_grid():
+def test_values_of_the_shape_are_those_of_a_dense_grid():
     design = drawn(piston=PISTON, nose_radius_min_mm=1.0, entrainment_min_m_per_s=0.1, lift_at=((-30.0, 2.0, 9.0),))
     found = {row.label or row.key: row.value for row in reached_by_shape(LIFT, design)}
     lift, slope, bend = (LIFT(GRID, order) for order in range(3))
@@ -59,7 +59,7 @@ def test_the_clearance_to_the_piston_is_that_of_crank_and_rod():
     assert found.value == pytest.approx(clearance.min(), abs=1e-4) and found.least
 
 
-def test_rows_are_held_where_the_judge_of_the_shape_says_so(write, contents):
+def test_rows_agree_with_the_check_of_the_shape(write, contents):
     design = drawn(piston=PISTON, lift_at=((0.0, 0.0, 1.0),), duration_at=((2.0, 10.0, 20.0),))
     run = read_run_folder(write(contents, "motori-1"))
     rows = limit_rows(run, (LIFT, design))
@@ -84,7 +84,7 @@ def test_every_limit_on_the_shape_has_a_row_in_words(write, contents):
 
 
 @pytest.mark.parametrize(("short", "words"), [(1e-5, "100 %"), (1e-2, "✗ 101 %")])
-def test_the_matrix_crosses_out_what_the_judge_of_the_shape_refuses(write, contents, short, words):
+def test_the_matrix_agrees_with_the_check_of_the_shape(write, contents, short, words):
     """A lift that is slightly too small because of a file's digits counts as reached."""
     design = drawn(max_lift_mm=LIFT.max_lift / MM * (1 + short), reach_max_lift=True)
     run = read_run_folder(write(contents, "motori-1"))
@@ -95,7 +95,7 @@ def test_the_matrix_crosses_out_what_the_judge_of_the_shape_refuses(write, conte
 
 
 @pytest.mark.parametrize("over", [5e-7, -5e-7])
-def test_a_row_has_the_slack_of_the_verdict(write, contents, over):
+def test_a_row_has_the_tolerance_of_the_verdict(write, contents, over):
     """A limit that the cam exceeds by less than a printed digit is broken in the table, as in the verdict."""
     jerk = float(np.abs(LIFT.extremes(3)).max()) / MM_PER_DEG3 / (1 + over)
     design = drawn(jerk_max_mm_per_deg3=jerk)
@@ -107,7 +107,7 @@ def test_a_row_has_the_slack_of_the_verdict(write, contents, over):
     assert rows["bounce_max_mm"]["held"] is (over < 0)
 
 
-def test_shares_count_to_the_bad_side():
+def test_shares_increase_towards_the_limit():
     assert share_of(0.05, False, 0.04) == pytest.approx(0.8)
     assert share_of(50.0, True, 60.0) == pytest.approx(0.8)
     assert share_of(-0.008, True, -0.004) == pytest.approx(0.5)

@@ -75,7 +75,7 @@ def states_what_verification_says(folder) -> None:
 @pytest.mark.parametrize("rejected", [False, True])
 @pytest.mark.parametrize("name", LABELS)
 @pytest.mark.parametrize("place", ["band.worst", "worst_in_band", "speeds"])
-def test_a_number_changed_in_verification_is_followed_everywhere(write, contents, rejected, name, place):
+def test_a_number_changed_in_verification_changes_everywhere(write, contents, rejected, name, place):
     found = (rejected_between(contents) if rejected else contents)["verification"]
     far = -12.345 if name in WORSE_BELOW else 12345.0
     if place == "band.worst":
@@ -88,7 +88,7 @@ def test_a_number_changed_in_verification_is_followed_everywhere(write, contents
     assert same(page_of(folder).table("figure")[LABELS[name]]["end"], far)
 
 
-def test_a_figure_of_the_comparison_does_not_speak_for_the_verdict(write, contents):
+def test_values_of_the_comparison_do_not_replace_the_verdict(write, contents):
     before = outcome_lines(read_run_folder(write(contents)))
     for row in contents["comparison"]:
         row |= {"jump_mm": 77.0, "bounce_mm": 77.0, "bounce_high_mm": 77.0, "seating_velocity_m_per_s": 77.0}
@@ -126,7 +126,7 @@ def test_contradictions_are_seen(write, contents, verdict, broken, at_speeds, se
     assert f"Contradiction: {sentence}" in page_of(write(contents)).text
 
 
-def test_what_broke_without_being_a_limit_of_the_table_has_a_row(write, contents):
+def test_a_broken_condition_outside_the_table_has_a_row(write, contents):
     found = contents["verification"]
     found |= {"verdict": "rejected", "broken": ["nose_deg", "never seats at 7000 r/min", "jerk_max_mm_per_deg3"]}
     limits = page_of(write(contents)).table("limit")
@@ -140,7 +140,7 @@ def test_a_band_without_its_worst_is_not_called_held(write, contents):
     assert page.table("limit")["jump"]["state"] == "? not known"
 
 
-def test_floating_stands_in_the_banner_and_in_the_table(write, contents):
+def test_floating_is_stated_in_words_and_in_the_table(write, contents):
     worst = contents["verification"]["band"]["worst"]
     worst["jump_deg"] |= {"value": 76.2, "speed_rpm": 6960}
     worst["contact_force_min_N"] |= {"value": 0.0, "speed_rpm": 6960}
@@ -168,7 +168,7 @@ def test_limits_on_floating_are_shown_where_they_are_set(write, contents):
     assert printed_table(folder)["worst jump angle"][4:7] == ["at", "most", "5"]
 
 
-def test_a_contact_that_stays_closed_is_said_to(write, contents):
+def test_a_contact_that_stays_closed_is_reported(write, contents):
     found = contents["verification"]
     for record in (*found["speeds"], *found["worst_in_band"]):
         record |= {"jump_mm": 0.0, "jump_deg": 0.0, "contact_force_min_N": 41.5, "ranges": {}}
@@ -210,7 +210,7 @@ def test_the_gain_is_what_the_delivered_cam_gained(write, contents, gain, back, 
     assert all(sentence in text for sentence in sentences)
 
 
-def test_it_is_said_why_all_candidates_were_rejected(write, contents):
+def test_the_reason_why_all_candidates_were_rejected_is_stated(write, contents):
     contents["verification"] |= {"verdict": "rejected", "broken": ["bounce_max_mm at 7000 r/min"]}
     contents["design"] |= {"gradient_gain": 0.0041} | {
         "verdict_fell_back": {"candidates_judged": 4, "largest_refused_area_ratio": 0.586}
@@ -221,7 +221,7 @@ def test_it_is_said_why_all_candidates_were_rejected(write, contents):
     )
 
 
-def test_an_error_does_not_pretend_digits(write, contents):
+def test_an_error_estimate_has_no_meaningless_digits(write, contents):
     for record in (*contents["verification"]["speeds"], *contents["verification"]["worst_in_band"]):
         record["bounce_error_mm"] = 4.93e-11
     page = page_of(write(contents))
@@ -229,7 +229,7 @@ def test_an_error_does_not_pretend_digits(write, contents):
     assert "e−" not in " ".join(page.table("speed [r/min]")["7000"].values())
 
 
-def test_an_accuracy_that_was_not_reached_is_said(write, contents):
+def test_an_accuracy_that_was_not_reached_is_stated(write, contents):
     contents["verification"]["accuracy"] = {
         "reached": False,
         "statement": "accuracy asked: 5 um; not reached: bounce is known to a range only, 0.1 to 0.2 mm at 7000 r/min",
