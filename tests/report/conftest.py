@@ -3,13 +3,11 @@
 import csv
 import json
 import re
-import shutil
 
 import pytest
 
 from camopt.cam.design_file import write_design
 from camopt.cam.read import read_cam
-from camopt.plots.style import new_figure, save, styled
 from camopt.report import write_report
 from camopt.scene import load_scene
 from camopt.scene.load import scene_text
@@ -124,8 +122,13 @@ def parts() -> dict:
     }
 
 
-def write_parts(folder, data: dict, scene: str) -> None:
-    folder.mkdir(exist_ok=True)
+FIGURE = '<svg xmlns="http://www.w3.org/2000/svg" width="300" height="200"><path d="M9 9L290 190" stroke="#000"/></svg>'
+
+
+def write_run(folder, data: dict, scene: str) -> None:
+    """Writes contents, a built-in scene and a figure into a run folder."""
+    (folder / "figures").mkdir(parents=True, exist_ok=True)
+    (folder / "figures" / "convergence.svg").write_text(FIGURE, encoding="utf-8")
     (folder / "scene.toml").write_text(scene_text(scene), encoding="utf-8")
     for name in ("design", "verification", "provenance"):
         (folder / f"{name}.json").write_text(json.dumps(data[name]), encoding="utf-8")
@@ -137,38 +140,18 @@ def write_parts(folder, data: dict, scene: str) -> None:
     (folder / "history.jsonl").write_text(lines, encoding="utf-8")
 
 
-@styled
-def draw(folder) -> None:
-    figure = new_figure(3, 2)
-    figure.subplots().plot([0, 1], [0, 1], label="a line")
-    save(figure, folder / "figures", "convergence")
-
-
-@pytest.fixture(scope="session")
-def write_into(tmp_path_factory):
-    """Function (folder, contents, built-in scene) that writes contents and a figure into a folder."""
-    drawn = tmp_path_factory.mktemp("drawn")
-    draw(drawn)
-
-    def write_all(folder, data: dict, scene: str) -> None:
-        write_parts(folder, data, scene)
-        shutil.copytree(drawn / "figures", folder / "figures", dirs_exist_ok=True)
-
-    return write_all
-
-
 @pytest.fixture
 def contents() -> dict:
     return parts()
 
 
 @pytest.fixture
-def write(tmp_path, write_into):
+def write(tmp_path):
     """Function that writes a run folder with the given contents and returns its path."""
 
     def write_folder(data: dict, scene: str = "kodama"):
         folder = tmp_path / "kodama-run"
-        write_into(folder, data, scene)
+        write_run(folder, data, scene)
         return folder
 
     return write_folder
@@ -196,12 +179,12 @@ def lifts():
 
 
 @pytest.fixture(scope="session")
-def report(tmp_path_factory, lifts, write_into):
+def report(tmp_path_factory, lifts):
     """The page of a run folder of kodama whose title would inject a script if it were not escaped."""
     folder = tmp_path_factory.mktemp("browser") / "run"
     data = parts()
     data["comparison"] = rows_of(data["comparison"], lifts)
-    write_into(folder, data, "kodama")
+    write_run(folder, data, "kodama")
     write_cams(folder, lifts, **{k: data["design"][k] for k in ("area_ratio_bound", "area_gap_percent")})
     text = (folder / "scene.toml").read_text(encoding="utf-8")
     geometry = '[geometry]\nfollower = "roller"\nbase_radius_mm = 18\nroller_radius_mm = 8\n\n[[mass]]'
