@@ -8,12 +8,14 @@ import numpy as np
 import pytest
 
 from camopt.cam.families.polydyne import polydyne
+from camopt.exact.settled import settled_metrics
+from camopt.measure.limits import motion_limits
 from camopt.report.advice import advice, assumed_numbers, first_to_measure, ranked
 from camopt.report.cams import stress
 from camopt.report.folder import read_run_folder
 from camopt.report.motion import RunCams
 from camopt.report.wording import used
-from camopt.scene import load_scene, parse_scene
+from camopt.scene import build_train, load_scene, parse_scene
 from camopt.scene.parameters import with_numbers
 from camopt.scene.text_file import scene_toml
 
@@ -31,10 +33,6 @@ def test_every_assumed_number_of_masses_and_elements_is_ranked():
 
 def test_ranking_is_by_the_effect_of_ten_per_cent_on_the_limits():
     """The first row is recomputed: the settled motion at the top speed with the number 10 % lower and higher."""
-    from camopt.exact.settled import settled_metrics
-    from camopt.measure.limits import motion_limits
-    from camopt.scene import build_train
-
     rows = ranked(SCENE, CAM)
     assert {row["name"] for row in rows} == {n.named(SCENE) for n in assumed_numbers(SCENE)} and len(rows) > 1
     moved = [row["moved_to"] - row["share"] for row in rows]
@@ -50,12 +48,12 @@ def test_ranking_is_by_the_effect_of_ten_per_cent_on_the_limits():
 
 
 def test_the_table_and_the_sentence_name_them_in_order():
-    found = [{"name": f"m{i}.mass_kg", "moved_to": 0.9 - 0.1 * i} for i in range(6)]
-    found[0] = {"name": "seat.damping_N_s_per_m", "moved_to": np.inf}
-    assert [used(row["moved_to"]) for row in found[:2]] == ["no motion that counts", "80 %"]
-    said = "seat.damping_N_s_per_m, m1.mass_kg and 4 more, ranked in the valve train's section"
-    assert first_to_measure(found) == said
-    assert first_to_measure(found[:2]) == "seat.damping_N_s_per_m, m1.mass_kg" and first_to_measure([]) == ""
+    rows = [{"name": f"m{i}.mass_kg", "moved_to": 0.9 - 0.1 * i} for i in range(6)]
+    rows[0] = {"name": "seat.damping_N_s_per_m", "moved_to": np.inf}
+    assert [used(row["moved_to"]) for row in rows[:2]] == ["no motion that counts", "80 %"]
+    sentence = "seat.damping_N_s_per_m, m1.mass_kg and 4 more, ranked in the valve train's section"
+    assert first_to_measure(rows) == sentence
+    assert first_to_measure(rows[:2]) == "seat.damping_N_s_per_m, m1.mass_kg" and first_to_measure([]) == ""
 
 
 def test_stress_is_shown_with_the_permissible_stress():
