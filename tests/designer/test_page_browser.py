@@ -83,9 +83,9 @@ def test_typed_and_dragged_values_give_the_numbers_of_the_api(open_page, session
     rest(page)
     values["duration_deg"] = float(number(page, "duration_deg").input_value())
     assert values["duration_deg"] > SCENE.design.duration_deg
-    found, band = session.answer(values), session.answer(values, "band")
-    assert area_shown(page) == pytest.approx(found["area_ratio"], abs=5e-6)
-    assert f"bounce {found['motion']['metrics']['bounce_mm']:.3g}"[:9] in page.locator(".result").inner_text()
+    answer, band = session.answer(values), session.answer(values, "band")
+    assert area_shown(page) == pytest.approx(answer["area_ratio"], abs=5e-6)
+    assert f"bounce {answer['motion']['metrics']['bounce_mm']:.3g}"[:9] in page.locator(".result").inner_text()
     worst = band["worst"]["bounce_max_mm"]
     words = page.locator("[data-key=bounce_max_mm] .worth").inner_text()
     assert f"{round(100 * worst['used'])} % at {worst['speed_rpm']:g} r/min" in words
@@ -168,9 +168,9 @@ def test_a_long_wait_shows_its_progress_and_can_be_cancelled(open_page):
     wait(page, cancel.is_visible)
     assert page.locator(".marked progress >> nth=0").is_visible() and " s)." in words(page)
     newest = data(page)["sequence"]
-    with page.expect_request(lambda r: r.post_data_json.get("kind") == "newest") as told:
+    with page.expect_request(lambda r: r.post_data_json.get("kind") == "newest") as request:
         cancel.press("Enter")
-    assert told.value.post_data_json["sequence"] == int(newest) + 1
+    assert request.value.post_data_json["sequence"] == int(newest) + 1
     assert number(page, "max_lift_mm").input_value() == before and not cancel.is_visible()
     assert data(page)["mark"] == "settled" and page.evaluate("document.activeElement.textContent") != ""
     let_go(held)
@@ -183,19 +183,19 @@ def test_a_long_wait_shows_its_progress_and_can_be_cancelled(open_page):
 def test_the_last_change_wins_over_one_that_takes_long(open_page):
     """A change cancels the cam at rest at once, and a first answer after half a second."""
     page = open_page()
-    asked = []
-    page.on("request", lambda r: asked.append(r.post_data_json) if r.method == "POST" else None)
+    messages = []
+    page.on("request", lambda r: messages.append(r.post_data_json) if r.method == "POST" else None)
     for part in ("cam", "sketch"):
         held = held_back(page, part)
         number(page, "duration_deg").fill("146")
         wait(page, lambda held=held: held["routes"])
-        asked.clear()
+        messages.clear()
         number(page, "duration_deg").fill("145")
-        wait(page, lambda: [m for m in asked if m["kind"] == "newest"])
-        assert [m["sequence"] for m in asked if m["kind"] == "newest"] == [int(data(page)["sequence"])]
+        wait(page, lambda: [m for m in messages if m["kind"] == "newest"])
+        assert [m["sequence"] for m in messages if m["kind"] == "newest"] == [int(data(page)["sequence"])]
         let_go(held)
         rest(page)
-        assert [m["values"]["duration_deg"] for m in asked if m.get("part") == "sketch"][-1] == 145
+        assert [m["values"]["duration_deg"] for m in messages if m.get("part") == "sketch"][-1] == 145
         page.unroute("**/ask")
         type_number(page, "duration_deg", "144")
 
@@ -377,9 +377,9 @@ def test_the_page_reports_a_killed_server_and_continues_with_a_new_one(browser, 
 
 def test_texts_of_the_scene_stay_text(browser, serve, tmp_path):
     evil = "<img src=x onerror=\"document.title='changed'\">"
-    own = serve(SCENE.model_copy(update={"title": evil}), tmp_path)
+    server = serve(SCENE.model_copy(update={"title": evil}), tmp_path)
     page = browser.new_page()
-    page.goto(own.address)
+    page.goto(server.address)
     rest(page)
     assert page.locator("h1").inner_text() == evil and page.title() == "camopt design"
     assert json.loads(page.evaluate("JSON.stringify(document.querySelectorAll('img').length)")) == 0

@@ -78,8 +78,8 @@ def test_a_foreign_origin_is_refused(server, origin):
 
 def test_the_server_s_origin_and_localhost_are_accepted(server):
     assert ask(server, {"kind": "start"}, Origin=f"http://127.0.0.1:{server.port}")[0] == 200
-    own = f"localhost:{server.port}"
-    assert ask(server, {"kind": "start"}, Host=own, Origin=f"http://{own}")[0] == 200
+    host = f"localhost:{server.port}"
+    assert ask(server, {"kind": "start"}, Host=host, Origin=f"http://{host}")[0] == 200
     assert ask(server, {"kind": "start"}, Sec_Fetch_Site="cross-site")[0] == 403
 
 
@@ -131,11 +131,11 @@ def test_invalid_requests_are_answered_with_a_sentence(server, message):
 @pytest.mark.parametrize(("max_lift_mm", "state"), [(9.0, "ok"), (-1, "refused")])
 def test_an_answer_is_the_session_s(server, max_lift_mm, state):
     values = {"max_lift_mm": max_lift_mm}
-    status, found = ask(server, {"kind": "answer", "part": "cam", "values": values, "client": "a", "sequence": 1})
-    assert status == 200 and found["state"] == state and found["sequence"] == 1
+    status, reply = ask(server, {"kind": "answer", "part": "cam", "values": values, "client": "a", "sequence": 1})
+    assert status == 200 and reply["state"] == state and reply["sequence"] == 1
     expected = Session(SCENE).answer(values)
-    assert found.get("area_ratio") == pytest.approx(expected.get("area_ratio"), abs=1e-9)
-    assert found.get("faults") == expected.get("faults")
+    assert reply.get("area_ratio") == pytest.approx(expected.get("area_ratio"), abs=1e-9)
+    assert reply.get("faults") == expected.get("faults")
 
 
 def test_the_newest_request_of_a_page_wins(server):
@@ -149,7 +149,7 @@ def test_the_newest_request_of_a_page_wins(server):
 
 def test_a_newer_request_cancels_the_computation(server, monkeypatch):
     """An endless answer, which only checks whether it is wanted, ends for a newer request that computes nothing."""
-    asked, begun = {"kind": "answer", "part": "sketch", "values": {}, "client": "e", "sequence": 1}, threading.Event()
+    message, begun = {"kind": "answer", "part": "sketch", "values": {}, "client": "e", "sequence": 1}, threading.Event()
 
     def endless(values, part, wanted):
         begun.set()
@@ -158,8 +158,8 @@ def test_a_newer_request_cancels_the_computation(server, monkeypatch):
         raise Cancelled
 
     monkeypatch.setattr(server.requests.session, "answer", endless)
-    found: list = []
-    thread = threading.Thread(target=lambda: found.append(ask(server, asked)))
+    replies: list = []
+    thread = threading.Thread(target=lambda: replies.append(ask(server, message)))
     thread.start()
     assert begun.wait(30)
     assert ask(server, {"kind": "newest", "client": "f", "sequence": 9})[1]["state"] == "ok"  # another page
@@ -167,20 +167,20 @@ def test_a_newer_request_cancels_the_computation(server, monkeypatch):
     assert thread.is_alive()
     assert ask(server, {"kind": "newest", "client": "e", "sequence": 2}) == (200, {"state": "ok", "sequence": 2})
     thread.join(30)
-    assert found == [(200, {"sequence": 1, "part": "sketch", "state": "superseded"})]
+    assert replies == [(200, {"sequence": 1, "part": "sketch", "state": "superseded"})]
 
 
 def test_a_slow_part_is_stopped(server):
     assert ask(server, {"kind": "stop"}) == (200, {"state": "ok"})  # there is none
-    found: list = []
+    replies: list = []
     bound = {"kind": "answer", "part": "bound", "values": {}, "client": "g", "sequence": 1}
-    thread = threading.Thread(target=lambda: found.append(ask(server, bound)[1]))
+    thread = threading.Thread(target=lambda: replies.append(ask(server, bound)[1]))
     thread.start()
-    while thread.is_alive() and not found:  # effective once the process has started
+    while thread.is_alive() and not replies:  # effective once the process has started
         ask(server, {"kind": "stop"})
         time.sleep(0.05)
     thread.join(60)
-    assert found[0]["state"] == "no cam" and "stopped before it was done" in found[0]["says"]
+    assert replies[0]["state"] == "no cam" and "stopped before it was done" in replies[0]["says"]
 
 
 def test_a_scene_and_a_run_folder_are_saved_once(server):
@@ -190,8 +190,8 @@ def test_a_scene_and_a_run_folder_are_saved_once(server):
     folder = server.requests.folder
     assert load_scene(folder / "mine.toml").design.max_lift_mm == 9.0
     assert "exists already" in ask(server, save)[1]["says"]
-    status, found = ask(server, save | {"what": "run", "name": "run-1"})
-    assert (status, found["saved"]) == (200, "run-1")
+    status, reply = ask(server, save | {"what": "run", "name": "run-1"})
+    assert (status, reply["saved"]) == (200, "run-1")
     scene = load_scene(folder / "run-1" / "scene.toml")
     cam = camopt.read_cam(str(folder / "run-1"), scene)
     assert cam.area_ratio_in(scene.design) == pytest.approx(

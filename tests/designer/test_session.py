@@ -57,31 +57,31 @@ def api_scene(values: dict):
 def test_the_cam_is_that_of_the_public_functions(session, name):
     values = EDITS[name]
     session.answer(values, "sketch")  # its intermediate results must not change the answer
-    found, scene = session.answer(values), api_scene(values)
-    assert found["state"] == "ok" and found["program"] == "no-jump" and not found["coarse"] and found["says"] == ""
+    answer, scene = session.answer(values), api_scene(values)
+    assert answer["state"] == "ok" and answer["program"] == "no-jump" and not answer["coarse"] and answer["says"] == ""
     cam, margin = camopt.free_cam(scene.design, KNOT_DEG), values.get("margin_N", 0.0)
     speeds = [scene.cam_speed(s) for s in program_speeds_rpm(scene)]
     with threadpool_limits(limits=1, user_api="blas"):
         direct = no_jump_program(build_train(scene), scene.design, cam, speeds).solve(margin)
-    assert found["area_ratio"] == pytest.approx(direct.area_ratio, abs=1e-8)
-    assert found["broken_by_shape"] == []
+    assert answer["area_ratio"] == pytest.approx(direct.area_ratio, abs=1e-8)
+    assert answer["broken_by_shape"] == []
 
 
 @pytest.mark.long
 def test_the_area_is_that_of_area_bound():
     """`area_bound` uses the listed speeds, which are set to those of the program."""
-    asked = SCENE.operation.model_copy(update={"speeds_rpm": tuple(program_speeds_rpm(SCENE))})
-    bound = camopt.area_bound(SCENE.model_copy(update={"operation": asked}), KNOT_DEG, 10.0)
+    operation = SCENE.operation.model_copy(update={"speeds_rpm": tuple(program_speeds_rpm(SCENE))})
+    bound = camopt.area_bound(SCENE.model_copy(update={"operation": operation}), KNOT_DEG, 10.0)
     area = Session(SCENE).answer({"margin_N": 10.0})["area_ratio"]
     assert area == pytest.approx(bound["area_ratio_no_jump"], abs=1e-8)
 
 
 def test_the_kinematic_cam_and_the_worth_of_its_limits(session):
-    found = session.answer({"program": "kinematic"})
+    answer = session.answer({"program": "kinematic"})
     direct = kinematic_optimum(SCENE.design, camopt.free_cam(SCENE.design, KNOT_DEG))
-    assert found["area_ratio"] == pytest.approx(direct.area_ratio, abs=1e-9)
-    assert found["worth"] == pytest.approx(direct.sensitivities, abs=1e-6)
-    assert found["margin_price"] is None
+    assert answer["area_ratio"] == pytest.approx(direct.area_ratio, abs=1e-9)
+    assert answer["worth"] == pytest.approx(direct.sensitivities, abs=1e-6)
+    assert answer["margin_price"] is None
 
 
 def test_worth_of_a_limit_is_the_gain_by_a_small_change(session):
@@ -179,15 +179,15 @@ def test_answers_do_not_depend_on_earlier_requests():
     ],
 )
 def test_invalid_values_have_a_sentence_by_key(session, values, key, says):
-    found = session.answer(values, "sketch")
-    assert found["state"] == "refused" and says in found["faults"][key]
-    json.dumps(found, allow_nan=False)
+    answer = session.answer(values, "sketch")
+    assert answer["state"] == "refused" and says in answer["faults"][key]
+    json.dumps(answer, allow_nan=False)
 
 
 def test_contradictory_limits_are_reported(session):
     values = {"max_lift_mm": 30.0, "reach_max_lift": True}
-    found = session.answer(values)
-    assert found["state"] == "no cam" and found["says"] == CONTRADICTION
+    answer = session.answer(values)
+    assert answer["state"] == "no cam" and answer["says"] == CONTRADICTION
     assert session.answer({})["state"] == "ok"
     assert why_none(session.edited({}), None)["says"] == ""
 
@@ -198,8 +198,8 @@ def test_contradictory_limits_are_diagnosed(session):
 
 
 def test_a_margin_that_no_cam_keeps_gives_the_kinematic_cam(session):
-    found = session.answer({"margin_N": 2000.0})
-    assert found["program"] == "kinematic" and "No cam keeps contact" in found["says"]
+    answer = session.answer({"margin_N": 2000.0})
+    assert answer["program"] == "kinematic" and "No cam keeps contact" in answer["says"]
 
 
 def test_an_answer_that_is_not_wanted_any_more_is_cancelled(session):
@@ -211,29 +211,29 @@ def test_an_answer_that_is_not_wanted_any_more_is_cancelled(session):
 
 def test_an_answer_is_cancelled_between_two_programs(session):
     """The tangents of a curved law need a sequence of programs; it ends at the first that is not wanted any more."""
-    own, asked = Session(load_scene("finger-hydraulic")), []
+    hydraulic, checks = Session(load_scene("finger-hydraulic")), []
 
     def wanted() -> bool:
-        asked.append(None)
-        return len(asked) < 5
+        checks.append(None)
+        return len(checks) < 5
 
     with pytest.raises(Cancelled):
-        own.answer({}, "cam", wanted)
-    assert len(asked) == 5
-    assert own.answer({}, "sketch")["state"] == "ok"
+        hydraulic.answer({}, "cam", wanted)
+    assert len(checks) == 5
+    assert hydraulic.answer({}, "sketch")["state"] == "ok"
 
 
 def test_a_spring_with_a_force_table_has_sliders():
     """finger-hydraulic has springs by force tables only; its sliders multiply the forces or their slopes."""
-    own = Session(load_scene("finger-hydraulic"))
-    assert {"spring_rate_percent", "spring_preload_percent"} <= set(own.controls)
-    stiffer = own.edited({"spring_rate_percent": 110.0})
-    for before, after in zip(own.scene.element, stiffer.element, strict=True):
+    hydraulic = Session(load_scene("finger-hydraulic"))
+    assert {"spring_rate_percent", "spring_preload_percent"} <= set(hydraulic.controls)
+    stiffer = hydraulic.edited({"spring_rate_percent": 110.0})
+    for before, after in zip(hydraulic.scene.element, stiffer.element, strict=True):
         if before.force_table:
             (c0, f0), (c1, f1) = before.force_table[:2]
             (d0, g0), (d1, g1) = after.force_table[:2]
             assert (g1 - g0) / (d1 - d0) == pytest.approx(1.1 * (f1 - f0) / (c1 - c0))
-    assert own.answer({"spring_rate_percent": 110.0}, "sketch")["state"] == "ok"
+    assert hydraulic.answer({"spring_rate_percent": 110.0}, "sketch")["state"] == "ok"
 
 
 def resident_MB() -> float:

@@ -215,8 +215,8 @@ def test_convergence_draws_steps_limits_and_stages():
     area, confirmed = [0.50, 0.60, 0.52, 0.51, 0.55], [True, False, True, True, True]
     stage = ["program", "program", "margins", "margins", "margins"]
     best = np.array([0.50, 0.50, 0.52, 0.52, 0.55])
-    found = {"worst_bounce_mm": [None, 0.3, 0.04, 0.03, 0.05], "confirmed": confirmed, "best_area_ratio": best}
-    top, bottom = convergence(steps(stage, area, **found), 0.62, 0.57, 0.05).axes
+    columns = {"worst_bounce_mm": [None, 0.3, 0.04, 0.03, 0.05], "confirmed": confirmed, "best_area_ratio": best}
+    top, bottom = convergence(steps(stage, area, **columns), 0.62, 0.57, 0.05).axes
     drawn = next(line for line in top.lines if line.get_label() == "best of the search")
     np.testing.assert_array_equal(drawn.get_ydata(), best)
     assert levels(top) == {0.62, 0.57} and levels(bottom) == {0.05}
@@ -227,8 +227,8 @@ def test_convergence_draws_steps_limits_and_stages():
 
 
 def test_convergence_of_a_search_for_a_yield_shows_failing_trains():
-    found = {"worst_bounce_mm": [None, None], "confirmed": [False, True], "failing": [4, 1], "trains": [200, 200]}
-    history = steps(["common margin"] * 2, [0.56, 0.55], **found)
+    columns = {"worst_bounce_mm": [None, None], "confirmed": [False, True], "failing": [4, 1], "trains": [200, 200]}
+    history = steps(["common margin"] * 2, [0.56, 0.55], **columns)
     lower = convergence(history, bounce_max_mm=0.05).axes[1]
     assert lower.get_ylabel() == "failing trains [%]" and not levels(lower) and lower.get_ylim()[0] == 0.0
     np.testing.assert_array_equal(lower.lines[0].get_ydata(), [2.0, 0.5])

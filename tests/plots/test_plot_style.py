@@ -70,13 +70,13 @@ def test_a_cam_keeps_its_line_and_the_design_its_own():
 
 def test_lift_tables_differ_in_a_figure():
     """Of two lift tables with the same colour, the first keeps it in a common figure; the second gets another."""
-    own = [f"{letter}.csv" for letter in "abcdefgh"]
-    alike = next((a, b) for a in own for b in own if a < b and cam_line(a)["color"] == cam_line(b)["color"])
-    found = cam_lines([*alike, "polydyne", "design"])
-    assert found[alike[0]]["color"] == cam_line(alike[0])["color"] != found[alike[1]]["color"]
-    assert len({(line["color"], str(line["linestyle"])) for line in found.values()}) == 4
-    assert len({str(found[name]["linestyle"]) for name in alike}) == 2
-    assert found["polydyne"] == cam_line("polydyne") and found["design"] == cam_line("design")
+    tables = [f"{letter}.csv" for letter in "abcdefgh"]
+    alike = next((a, b) for a in tables for b in tables if a < b and cam_line(a)["color"] == cam_line(b)["color"])
+    by_cam = cam_lines([*alike, "polydyne", "design"])
+    assert by_cam[alike[0]]["color"] == cam_line(alike[0])["color"] != by_cam[alike[1]]["color"]
+    assert len({(line["color"], str(line["linestyle"])) for line in by_cam.values()}) == 4
+    assert len({str(by_cam[name]["linestyle"]) for name in alike}) == 2
+    assert by_cam["polydyne"] == cam_line("polydyne") and by_cam["design"] == cam_line("design")
 
 
 @pytest.mark.parametrize("length", [5, 40, 400])

@@ -39,12 +39,12 @@ def test_ranking_is_by_the_effect_of_ten_per_cent_on_the_limits():
     assert moved == sorted(moved, reverse=True) and moved[0] > 0
     first = rows[0]
     (number,) = (n for n in assumed_numbers(SCENE) if n.named(SCENE) == first["name"])
-    limit, found = motion_limits(SCENE.design)[first["limit"]], []
+    limit, shares = motion_limits(SCENE.design)[first["limit"]], []
     for factor in (0.9, 1.1):
         scene = with_numbers(SCENE, {number: factor * number.of(SCENE)})
         worst = settled_metrics([build_train(scene)], [CAM], [scene.cam_speed(SCENE.operation.speeds_rpm[-1])])
-        found.append(float(limit.share(worst.worst(limit.metric)[0, 0])[0]))
-    assert first["moved_to"] == pytest.approx(np.max(found), rel=1e-9)
+        shares.append(float(limit.share(worst.worst(limit.metric)[0, 0])[0]))
+    assert first["moved_to"] == pytest.approx(np.max(shares), rel=1e-9)
 
 
 def test_the_table_and_the_sentence_name_them_in_order():

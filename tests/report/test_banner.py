@@ -42,9 +42,9 @@ def run_of(write, contents, built: dict | None):
 def test_the_banner_is_green_only_if_verdict_and_yield_are(write, contents, verdict, built, kind, words):
     contents["verification"]["verdict"] = verdict
     run = run_of(write, contents, built)
-    found = banner(run)
-    assert [line["which"] for line in found["lines"]] == ["as designed", "as built"]
-    assert found["kind"] == kind and found["lines"][1]["meaning"].endswith(words)
+    content = banner(run)
+    assert [line["which"] for line in content["lines"]] == ["as designed", "as built"]
+    assert content["kind"] == kind and content["lines"][1]["meaning"].endswith(words)
     (said,) = (line for line in outcome_lines(run) if line.startswith("as built: "))
     assert said.lower().endswith(words.rstrip(".").lower())
 
@@ -52,8 +52,8 @@ def test_the_banner_is_green_only_if_verdict_and_yield_are(write, contents, verd
 def test_a_scene_that_does_not_say_how_trains_differ_has_no_green_banner(write, contents):
     run = run_of(write, contents, None)
     run = replace(run, scene={key: value for key, value in run.scene.items() if key not in ("tolerance", "grinding")})
-    found = banner(run)
-    assert found["kind"] == "doubt" and "does not say how trains differ" in found["lines"][1]["meaning"]
+    content = banner(run)
+    assert content["kind"] == "doubt" and "does not say how trains differ" in content["lines"][1]["meaning"]
     assert advice(run, "kodama", "run")[0]["words"].endswith("the scene does not say how trains differ.")
 
 

@@ -58,13 +58,13 @@ def run(request, tmp_path_factory):
 
 def test_every_place_states_the_values_of_the_verdict(run, capsys):
     states_what_verification_says(run)
-    found = json.loads((run / "verification.json").read_text())
-    if found["verdict"] == "rejected":  # between its listed speeds
-        assert found["speeds"][0]["verdict"] == "confirmed" and found["broken"]
+    verification = json.loads((run / "verification.json").read_text())
+    if verification["verdict"] == "rejected":  # between its listed speeds
+        assert verification["speeds"][0]["verdict"] == "confirmed" and verification["broken"]
         assert page_of(run).table("limit")["jump"]["state"] == "✗ broken"
     with open(run / "comparison.csv", encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["cam"] == "design"]
-    judged = {s["speed_rpm"]: s for s in found["worst_in_band"] + found["speeds"]}
+    judged = {s["speed_rpm"]: s for s in verification["worst_in_band"] + verification["speeds"]}
     assert [float(row["speed_rpm"]) for row in rows] == sorted(judged)
     for row in rows:
         speed = judged[float(row["speed_rpm"])]
@@ -98,14 +98,14 @@ def test_the_check_verifies_again_and_finds_changed_numbers(run, capsys):
     words = capsys.readouterr().out
     assert "every number comes out as it is stated" in words
     assert re.search(r"limit jump: [\d.e−]+ mm, at \d+ r/min  \[verification.json ", words)
-    kept = {name: (run / name).read_text(encoding="utf-8") for name in ("verification.json", "report.html")}
-    found = json.loads(kept["verification.json"])
-    found["band"]["worst"]["jump_mm"]["value"] = 0.0123
-    row = re.search(r"<td>worst seating velocity</td>.*?→</td><td>([\d.]+)</td>", kept["report.html"])
+    texts = {name: (run / name).read_text(encoding="utf-8") for name in ("verification.json", "report.html")}
+    verification = json.loads(texts["verification.json"])
+    verification["band"]["worst"]["jump_mm"]["value"] = 0.0123
+    row = re.search(r"<td>worst seating velocity</td>.*?→</td><td>([\d.]+)</td>", texts["report.html"])
     assert row is not None
-    spoilt = kept["report.html"].replace(row.group(0), row.group(0).replace(row.group(1), "0.98765"))
+    spoilt = texts["report.html"].replace(row.group(0), row.group(0).replace(row.group(1), "0.98765"))
     try:
-        write_json(run / "verification.json", found)
+        write_json(run / "verification.json", verification)
         (run / "report.html").write_text(spoilt, encoding="utf-8")
         assert main(["report", str(run), "--check"]) == 3
         words = capsys.readouterr().out
@@ -113,18 +113,18 @@ def test_the_check_verifies_again_and_finds_changed_numbers(run, capsys):
         assert "report.html says without a source: worst seating velocity" in words and "0.98765" in words
         assert (run / "report.html").read_text(encoding="utf-8") == spoilt  # a check writes nothing
     finally:
-        for name, text in kept.items():
+        for name, text in texts.items():
             (run / name).write_text(text, encoding="utf-8")
 
 
 def test_the_check_of_a_folder_without_its_verdict_ends_in_sentences(run, capsys):
     """Input number 1082127 of the campaign."""
-    kept = run / "verification.json"
-    kept.rename(run / "away.json")
+    original = run / "verification.json"
+    original.rename(run / "away.json")
     try:
         assert main(["report", str(run), "--check"]) == 3
     finally:
-        (run / "away.json").rename(kept)
+        (run / "away.json").rename(original)
     assert "verdict says None, it comes out as " in capsys.readouterr().out
 
 

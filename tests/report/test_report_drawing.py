@@ -150,12 +150,12 @@ def test_without_geometry_there_is_no_section():
                                       Geometry(follower="roller", base_radius_mm=18, roller_radius_mm=8)])  # fmt: skip
 def test_the_spot_lies_where_the_radius_is_smallest(follower):
     scene = KODAMA.model_copy(update={"geometry": follower})
-    found = geometry(RunCams(scene, {"design": LIFT, "polydyne": LIFT}, []))
-    assert found is not None and [row["cam"] for row in found["rows"]] == ["design", "polydyne"]
+    content = geometry(RunCams(scene, {"design": LIFT, "polydyne": LIFT}, []))
+    assert content is not None and [row["cam"] for row in content["rows"]] == ["design", "polydyne"]
     c = contact(LIFT, follower)
     i = tightest(c)
     assert abs(c.radius_of_curvature[i]) == np.min(np.abs(c.radius_of_curvature))
-    drawn = found["drawing"]
+    drawn = content["drawing"]
     # the drawing's scale from the base circle; nose up, the angle growing to the right
     scale = drawn["base"] / follower.base_radius_mm
     x, y = c.contour[i] / MM
@@ -163,13 +163,13 @@ def test_the_spot_lies_where_the_radius_is_smallest(follower):
     assert drawn["centre"][1] - drawn["spot"][1] == pytest.approx(scale * x, abs=0.2)
     assert f"{c.theta[i] / DEG:.3g}".replace("-", "−") in drawn["sentence"]
     if follower.follower == "flat":
-        assert "face" in found["rows"][0]["faults"] and "face_width_needed_mm" in found["columns"]
+        assert "face" in content["rows"][0]["faults"] and "face_width_needed_mm" in content["columns"]
     else:
-        assert found["rows"][0]["faults"] == "none"
+        assert content["rows"][0]["faults"] == "none"
 
 
 def test_a_follower_that_cannot_run_on_the_cam_is_reported():
     short = KODAMA.geometry.model_copy(update={"valve_arm_mm": 8.0})
-    found = geometry(RunCams(KODAMA.model_copy(update={"geometry": short}), {"design": LIFT}, []))
-    assert found is not None and "drawing" not in found
-    assert found["none"][0].startswith("design: [geometry]: a valve arm of 8 mm does not lift the valve")
+    content = geometry(RunCams(KODAMA.model_copy(update={"geometry": short}), {"design": LIFT}, []))
+    assert content is not None and "drawing" not in content
+    assert content["none"][0].startswith("design: [geometry]: a valve arm of 8 mm does not lift the valve")

@@ -30,25 +30,25 @@ def polydyne():
 
 def test_motion_is_the_settled_one_of_event_exact(polydyne):
     train = build_train(SCENE)
-    found = last_revolution_numbers(settled_motion(train, polydyne, SPEED, None, 720), 0.5)
+    numbers = last_revolution_numbers(settled_motion(train, polydyne, SPEED, None, 720), 0.5)
     settled = settle(prepare(train, polydyne, SPEED), state_at_rest(train))
     record = settled.response
     middle = 2 * np.pi * (record.revolutions - 1)
     for i in (0, 250, 360, 500, 720):
         at = middle + (-180 + 0.5 * i) * DEG
         x = np.interp(at, record.angle, record.x[:, 0])
-        assert found["position_um"][0][i] == pytest.approx(1e6 * x, abs=1.5)  # rounded to 1 um, chords of the record
+        assert numbers["position_um"][0][i] == pytest.approx(1e6 * x, abs=1.5)  # rounded to 1 um, chords of the record
         v = np.interp(at, record.angle, record.v[:, train.valve])
-        assert found["valve_mm_per_s"][i] == pytest.approx(1e3 * v, rel=0.02, abs=2.0)
+        assert numbers["valve_mm_per_s"][i] == pytest.approx(1e3 * v, rel=0.02, abs=2.0)
         for e in range(4):
-            assert found["separation_um"][e][i] == pytest.approx(
+            assert numbers["separation_um"][e][i] == pytest.approx(
                 1e6 * np.interp(at, record.angle, record.separation(e)), abs=1.0
             )
-    assert found["periodic"] == settled.periodic
+    assert numbers["periodic"] == settled.periodic
     worst = settled.metrics(polydyne)
     inside = slice(round((180 - 72) / 0.5), round((180 + 72) / 0.5) + 1)
-    assert max(found["force_N"][0][inside]) == pytest.approx(worst.worst("contact_force_max_N"), rel=0.02)
-    jump = max(found["separation_um"][0][inside]) / 1000
+    assert max(numbers["force_N"][0][inside]) == pytest.approx(worst.worst("contact_force_max_N"), rel=0.02)
+    jump = max(numbers["separation_um"][0][inside]) / 1000
     assert jump == pytest.approx(worst.worst("jump_mm"), abs=2e-3)
 
 

@@ -105,8 +105,8 @@ def test_an_external_result_has_a_column_and_a_sentence(write, contents):
 
 def test_an_external_result_that_disagrees_changes_the_verdict(write, contents):
     folder = write(contents)
-    found = [said_from_outside(5000, 0.25), said_from_outside(6000, 2.5)]
-    (folder / "outside.json").write_text(json.dumps(found), encoding="utf-8")
+    entries = [said_from_outside(5000, 0.25), said_from_outside(6000, 2.5)]
+    (folder / "outside.json").write_text(json.dumps(entries), encoding="utf-8")
     page = page_of(folder)
     assert [v for k, v in page.attributes if k == "class" and v.startswith("verdict ")] == ["verdict doubt"]
     assert "Not converged" in page.text and "Exudyn 1 disagrees at 6000 r/min" in page.text

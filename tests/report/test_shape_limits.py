@@ -37,26 +37,26 @@ def drawn(**limits):
 
 def test_values_of_the_shape_are_those_of_a_dense_grid():
     design = drawn(piston=PISTON, nose_radius_min_mm=1.0, entrainment_min_m_per_s=0.1, lift_at=((-30.0, 2.0, 9.0),))
-    found = {row.label or row.key: row.value for row in reached_by_shape(LIFT, design)}
+    values = {row.label or row.key: row.value for row in reached_by_shape(LIFT, design)}
     lift, slope, bend = (LIFT(GRID, order) for order in range(3))
-    assert found["max_lift_mm"] == pytest.approx(lift.max() / MM, abs=1e-6)
-    assert found["acceleration_max_mm_per_deg2"] == pytest.approx(bend.max() / MM_PER_DEG2, rel=1e-5)
-    assert found["nose_radius_min_mm"] == pytest.approx((40 * MM + lift + bend).min() / MM, rel=1e-5)
-    assert found["face_width_mm"] == pytest.approx(2 * np.abs(slope).max() / MM, rel=1e-5)
+    assert values["max_lift_mm"] == pytest.approx(lift.max() / MM, abs=1e-6)
+    assert values["acceleration_max_mm_per_deg2"] == pytest.approx(bend.max() / MM_PER_DEG2, rel=1e-5)
+    assert values["nose_radius_min_mm"] == pytest.approx((40 * MM + lift + bend).min() / MM, rel=1e-5)
+    assert values["face_width_mm"] == pytest.approx(2 * np.abs(slope).max() / MM, rel=1e-5)
     entrained = design.slowest * ((40 * MM + lift) / 2 + bend).min()
-    assert found["entrainment_min_m_per_s"] == pytest.approx(entrained, rel=1e-4)
-    assert found["lift_at"] == pytest.approx(float(LIFT(-30 * DEG)) / MM, rel=1e-9)
+    assert values["entrainment_min_m_per_s"] == pytest.approx(entrained, rel=1e-4)
+    assert values["lift_at"] == pytest.approx(float(LIFT(-30 * DEG)) / MM, rel=1e-9)
     outside = np.abs(GRID) >= design.duration_deg / 2 * DEG
-    ramps = max(found["opening ramp velocity"], found["closing ramp velocity"])
+    ramps = max(values["opening ramp velocity"], values["closing ramp velocity"])
     assert ramps == pytest.approx(np.abs(slope[outside]).max() / MM_PER_DEG, rel=1e-3)
 
 
 def test_the_clearance_to_the_piston_is_that_of_crank_and_rod():
-    found = next(row for row in reached_by_shape(LIFT, drawn(piston=PISTON)) if row.key == "piston")
+    row = next(row for row in reached_by_shape(LIFT, drawn(piston=PISTON)) if row.key == "piston")
     crank = PISTON.lobe_centre_deg * DEG + GRID / 0.5
     height = 40 * np.cos(crank) + np.sqrt(140**2 - (40 * np.sin(crank)) ** 2)
     clearance = PISTON.gap_at_top_mm + (180 - height) - LIFT(GRID) / MM
-    assert found.value == pytest.approx(clearance.min(), abs=1e-4) and found.least
+    assert row.value == pytest.approx(clearance.min(), abs=1e-4) and row.least
 
 
 def test_rows_agree_with_the_check_of_the_shape(write, contents):
@@ -117,9 +117,9 @@ def test_shares_increase_towards_the_limit():
 def test_the_matrix_marks_the_worst_speed_of_each_limit(write, contents):
     contents["verification"]["speeds"][2]["ranges"]["bounce_mm"] = [0.01, 0.0501]
     run = read_run_folder(write(contents))
-    found = matrix(run, limit_rows(run))
-    assert found["speeds"] == ["5000", "6000", "6500", "7000", "band"]
-    bounce = next(row for row in found["rows"] if row["label"] == "bounce")
+    table = matrix(run, limit_rows(run))
+    assert table["speeds"] == ["5000", "6000", "6500", "7000", "band"]
+    bounce = next(row for row in table["rows"] if row["label"] == "bounce")
     assert bounce["shares"].index(max(bounce["shares"])) == 2
     assert share_kind(bounce["shares"][2]) == "bad" and used(bounce["shares"][2], True) == "✗ 100 %"
 
@@ -177,5 +177,5 @@ def test_an_open_contact_and_assumed_numbers_come_before_the_grinder(write, cont
         "Measure what the scene assumes (of the train first valve.mass_kg; of the geometry base radius, face width), "
     )
     assert steps_of(replace(run, scene=run.scene | {"geometry": geometry}), rows)[1]["words"].startswith(both)
-    known = {"design": run.scene["design"] | {"contact_force_min_N": 5}, "tolerance": [], "geometry": {}}
-    assert steps_of(replace(run, scene=run.scene | known))[0]["words"] == "Take the cam to the grinder."
+    complete = {"design": run.scene["design"] | {"contact_force_min_N": 5}, "tolerance": [], "geometry": {}}
+    assert steps_of(replace(run, scene=run.scene | complete))[0]["words"] == "Take the cam to the grinder."

@@ -23,19 +23,19 @@ LIMITED = {"bounce": "bounce_mm", "jump": "jump_mm", "seating velocity": "seatin
 
 def rejected_between(contents: dict) -> dict:
     """The contents for a cam that is confirmed at every listed speed but rejected for its jump at a speed between."""
-    found, jump_mm, speed_rpm = contents["verification"], 0.2, 6990.0
-    record = {**found["speeds"][3], "speed_rpm": speed_rpm, "verdict": "rejected", "jump_mm": jump_mm}
+    verification, jump_mm, speed_rpm = contents["verification"], 0.2, 6990.0
+    record = {**verification["speeds"][3], "speed_rpm": speed_rpm, "verdict": "rejected", "jump_mm": jump_mm}
     record["ranges"] = record["ranges"] | {"jump_mm": [0.9 * jump_mm, jump_mm]}
-    found |= {"verdict": "rejected", "broken": [f"jump_max_mm at {speed_rpm:g} r/min"]}
-    found["worst_in_band"] = [record]
-    found["band"]["worst"]["jump_mm"] |= {"value": jump_mm, "speed_rpm": speed_rpm}
+    verification |= {"verdict": "rejected", "broken": [f"jump_max_mm at {speed_rpm:g} r/min"]}
+    verification["worst_in_band"] = [record]
+    verification["band"]["worst"]["jump_mm"] |= {"value": jump_mm, "speed_rpm": speed_rpm}
     return contents
 
 
-def expected(found: dict, name: str) -> tuple[float, float]:
+def expected(verification: dict, name: str) -> tuple[float, float]:
     """The worst value of a metric in verification.json and its speed, read without camopt's functions."""
-    pairs = [(found["band"]["worst"][name]["value"], found["band"]["worst"][name]["speed_rpm"])]
-    for speed in found["speeds"] + found["worst_in_band"]:
+    pairs = [(verification["band"]["worst"][name]["value"], verification["band"]["worst"][name]["speed_rpm"])]
+    for speed in verification["speeds"] + verification["worst_in_band"]:
         value = (min if name in WORSE_BELOW else max)(speed["ranges"][name])
         pairs.append((value, speed["speed_rpm"]))
     return (min if name in WORSE_BELOW else max)(pairs, key=lambda pair: pair[0])
@@ -56,19 +56,19 @@ def same(text: str, value: float) -> bool:
 
 def states_what_verification_says(folder) -> None:
     """Assert that the page and the printed table state the worst values of verification.json to their digits."""
-    found = json.loads((folder / "verification.json").read_text())
+    verification = json.loads((folder / "verification.json").read_text())
     page, printed = page_of(folder), printed_table(folder)
     table, limits = page.table("figure"), page.table("limit")
     for name, label in LABELS.items():
-        value, speed = expected(found, name)
+        value, speed = expected(verification, name)
         assert same(table[label]["end"], value) and table[label]["where"] == f"at {speed:g} r/min"
         assert same(printed[label][3], value) and f"at {speed:g} r/min" in " ".join(printed[label])
     for label, name in LIMITED.items():
         if label in limits:
-            value, speed = expected(found, name)
+            value, speed = expected(verification, name)
             assert same(limits[label]["reached"], value) and limits[label]["where"] == f"at {speed:g} r/min"
-    for name, row in zip(found["band"]["worst"], page.table("over the band").values(), strict=True):
-        worst = found["band"]["worst"][name]
+    for name, row in zip(verification["band"]["worst"], page.table("over the band").values(), strict=True):
+        worst = verification["band"]["worst"][name]
         assert same(row["worst"], worst["value"]) and row["at [r/min]"] == f"{worst['speed_rpm']:g}"
 
 
@@ -76,13 +76,13 @@ def states_what_verification_says(folder) -> None:
 @pytest.mark.parametrize("name", LABELS)
 @pytest.mark.parametrize("place", ["band.worst", "worst_in_band", "speeds"])
 def test_a_number_changed_in_verification_changes_everywhere(write, contents, rejected, name, place):
-    found = (rejected_between(contents) if rejected else contents)["verification"]
+    verification = (rejected_between(contents) if rejected else contents)["verification"]
     far = -12.345 if name in WORSE_BELOW else 12345.0
     if place == "band.worst":
-        found["band"]["worst"][name]["value"] = far
+        verification["band"]["worst"][name]["value"] = far
     else:
-        found[place][0][name] = far
-        found[place][0]["ranges"][name] = [far, far]
+        verification[place][0][name] = far
+        verification[place][0]["ranges"][name] = [far, far]
     folder = write(contents)
     states_what_verification_says(folder)
     assert same(page_of(folder).table("figure")[LABELS[name]]["end"], far)
@@ -127,8 +127,8 @@ def test_contradictions_are_seen(write, contents, verdict, broken, at_speeds, se
 
 
 def test_a_broken_condition_outside_the_table_has_a_row(write, contents):
-    found = contents["verification"]
-    found |= {"verdict": "rejected", "broken": ["nose_deg", "never seats at 7000 r/min", "jerk_max_mm_per_deg3"]}
+    verification = contents["verification"]
+    verification |= {"verdict": "rejected", "broken": ["nose_deg", "never seats at 7000 r/min", "jerk_max_mm_per_deg3"]}
     limits = page_of(write(contents)).table("limit")
     assert limits["nose"]["state"] == limits["never seats"]["state"] == limits["jerk max"]["state"] == "✗ broken"
     assert limits["never seats"]["where"] == "at 7000 r/min"
@@ -169,11 +169,11 @@ def test_limits_on_floating_are_shown_where_they_are_set(write, contents):
 
 
 def test_a_contact_that_stays_closed_is_reported(write, contents):
-    found = contents["verification"]
-    for record in (*found["speeds"], *found["worst_in_band"]):
+    verification = contents["verification"]
+    for record in (*verification["speeds"], *verification["worst_in_band"]):
         record |= {"jump_mm": 0.0, "jump_deg": 0.0, "contact_force_min_N": 41.5, "ranges": {}}
     for name, value in (("jump_mm", 0.0), ("jump_deg", 0.0), ("contact_force_min_N", 35.25)):
-        found["band"]["worst"][name] |= {"value": value, "speed_rpm": 6900}
+        verification["band"]["worst"][name] |= {"value": value, "speed_rpm": 6900}
     sentence = "No contact between cam and valve opens: its least force is 35.25 N, at 6900 r/min."
     assert sentence in page_of(write(contents)).text
 
