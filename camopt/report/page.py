@@ -131,7 +131,7 @@ def _environment() -> Environment:
     environment.filters |= {"label": lambda key: label_and_unit(key)[0], "unit": lambda key: label_and_unit(key)[1]}
     environment.filters |= {"method": lambda name: METHOD_NAMES.get(name, shown(name)), "line": cam_line}
     environment.filters |= {"base64": lambda text: base64.b64encode(text.encode()).decode()}
-    environment.tests["figure"] = is_number
+    environment.tests["finite"] = is_number
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
     return environment
 
