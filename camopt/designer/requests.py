@@ -15,8 +15,7 @@ from typing import Any
 from camopt.cam.design_file import as_written, write_design
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.designer.cams import Cancelled
-from camopt.designer.controls import Refused
-from camopt.designer.session import QUICK, EditedDesign, Session
+from camopt.designer.session import QUICK, EditedDesign, Session, no_answer
 from camopt.designer.slow_parts import PARTS, WHY
 from camopt.designer.worker import SlowProcess, Verification
 from camopt.optimizer.bound.certificate import area_ratio_bound
@@ -117,10 +116,8 @@ class RequestHandler:
                 with self._one_at_a_time:
                     design = self.session.design(values, part == "few trains")
                 answer = self.slow.compute(part, design.scene, design.cam.lift)
-        except Refused as refused:
-            return {"state": "refused", "faults": refused.faults}
         except (InputError, Cancelled) as error:
-            return {"state": "no cam", "says": str(error)}
+            return no_answer(error)
         return {"state": "ok", **answer}
 
     def _verify(self, message: Mapping[str, Any]) -> dict[str, Any]:

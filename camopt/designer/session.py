@@ -141,10 +141,8 @@ class Session:
             speed_rpm = read_values(self.controls, values)["speed_rpm"]
             with cancellable(wanted):
                 design = self.design(values, part == "sketch")
-        except Refused as refused:
-            return {"state": "refused", "faults": refused.faults}
         except InputError as error:
-            return {"state": "no cam", "says": str(error)}
+            return no_answer(error)
         if part == "band":
             content = band_of(design.scene, design.train, design.cam.lift, wanted)
         else:
@@ -199,6 +197,13 @@ class Session:
             "curves": curves(cam.lift),
             "motion": motion,
         }
+
+
+def no_answer(error: Exception) -> dict[str, Any]:
+    """The reply to values that are refused or have no cam."""
+    if isinstance(error, Refused):
+        return {"state": "refused", "faults": error.faults}
+    return {"state": "no cam", "says": str(error)}
 
 
 @contextmanager

@@ -125,21 +125,19 @@ def _steps_if_confirmed(run: RunFolder, steps: "_Commands", assumed: Sequence[di
     words = _grinding_sentence(run, share if stands in (HELD, ENOUGH) else "", assumed)
     table = steps.step(words, "cam", steps.scene, "--cam", steps.cam, "--csv", "lift.csv", "--digits", 5)
     if not stands and run.scene.get("tolerance"):
-        words = ("yield", steps.scene, "--cam", steps.cam, "--trains", FEW_TRAINS)
-        return [steps.step("Ask how many trains as built hold.", *words), table]
+        command = ("yield", steps.scene, "--cam", steps.cam, "--trains", FEW_TRAINS)
+        return [steps.step("Ask how many trains as built hold.", *command), table]
     return [table]
 
 
 def _steps_if_yield_missed(record: dict, share: str, steps: "_Commands") -> list[dict[str, str]]:
     """Steps where the yield is missed: a finer accuracy, then a lower yield, then narrower tolerances."""
     words = f"Only {share}, and {100 * record['wanted']:g} % were asked"
-    more = steps.further(f"{words}: search further.")
-    if more:
-        return [*more, steps.halved()]
-    less = [share for share in LOWER_YIELDS if share <= record["low"] and share < record["wanted"]]
-    if less:
-        ask = f"{words}: ask for what can be held, or narrow the tolerances."
-        return [steps.again(ask, steps.accuracy, less[0]), steps.halved()]
+    if finer := steps.further(f"{words}: search further."):
+        return [*finer, steps.halved()]
+    if lower := [share for share in LOWER_YIELDS if share <= record["low"] and share < record["wanted"]]:
+        sentence = f"{words}: ask for what can be held, or narrow the tolerances."
+        return [steps.again(sentence, steps.accuracy, lower[0]), steps.halved()]
     return [steps.halved(f"{words}: see which tolerance spoils most, and narrow it.")]
 
 
