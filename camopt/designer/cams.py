@@ -128,8 +128,7 @@ def _shape(scene: Scene, train: Train) -> tuple:
 
 
 def _worth(optimum: NoJumpOptimum) -> dict[str, float]:
-    """Percentage gain of area in the no-jump program for one per cent more of each limit on the shape and of the
-    largest contact force."""
+    """Percentage gain of area for one per cent more of each limit on the shape and of the largest contact force."""
     program, duals = optimum.program, optimum.optimum.duals
     first, forces = len(program.limits.bound), len(program.kind)
     worth = sensitivities(program.limits, duals, duals[first + forces :], optimum.area_ratio)

@@ -1,5 +1,4 @@
-"""The numbers of a scene that a user can change in the designer, and the scene with the changed numbers, which is
-checked like a scene file."""
+"""The numbers of a scene that the designer's user can change, and the changed scene, checked like a scene file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
