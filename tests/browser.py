@@ -28,10 +28,14 @@ def started_browser() -> Iterator[Any]:
 
 
 @contextmanager
-def watched_pages(browser: Any, requested: list[str]) -> Iterator[Callable[..., Any]]:
-    """Opens empty pages in separate windows and records their requests; at the end no page may have written to the
-    console or raised an error."""
+def watched_pages(browser: Any, address: str) -> Iterator[Callable[..., Any]]:
+    """Opens an address in new windows. At the end there must be no console message, no error, and no request to another
+    address, except below an address that ends with a slash."""
     contexts, faults = [], []
+
+    def note(request: Any) -> None:
+        if request.url != address and not (address.endswith("/") and request.url.startswith(address)):
+            faults.append(request.url)
 
     def opened(**settings):
         context = browser.new_context(**{"viewport": {"width": 1366, "height": 768}} | settings)
@@ -39,7 +43,8 @@ def watched_pages(browser: Any, requested: list[str]) -> Iterator[Callable[..., 
         page = context.new_page()
         page.on("console", lambda message: faults.append(message.text))
         page.on("pageerror", lambda error: faults.append(str(error)))
-        page.on("request", lambda request: requested.append(request.url))
+        page.on("request", note)
+        page.goto(address)
         return page
 
     yield opened

@@ -1,8 +1,9 @@
-"""The cam of largest area of an edited scene, by the linear programs that the optimiser's search begins with.
+"""The cam of largest area of an edited scene, by the linear programs with which the optimiser's search begins.
 
-Where only the sizes of limits change, a program's rows stay and the solver goes on from its last basis. Where the
-train, the duration or the ramps change, rows are made again: far apart while the user drags a slider, all of them once
-it rests. Radii of the cam under a roller or pad take a sequence of programs and are held once it rests.
+Where only the values of limits change, a program's rows are kept and the solver starts from its last basis. Where the
+train, the duration or the ramps change, the rows are built again: coarsely spaced while the user drags a slider,
+completely once it rests. Limits on the cam's radii under a roller or pad need a sequence of programs and are therefore
+applied only once the slider rests.
 """
 
 from dataclasses import dataclass, field, replace
@@ -25,25 +26,25 @@ from camopt.scene.rest import is_linear
 from camopt.scene.units import DEG
 
 KNOT_DEG = 3.0
-"""Knot interval of the page's cams [deg]: coarser than any job's, since an answer must come while the user drags."""
+"""Knot interval of the page's cams [deg]: coarser than in any job, for an answer while the user drags."""
 BAND_SPEEDS = 5
-"""Speeds of the program over the band: an answer must come while the user drags."""
+"""Number of speeds of the program over the band: few, because the answer must come while the user drags."""
 COARSE_STEP = 1.5 * DEG
-"""Step of the rows while the user drags."""
+"""Angle between the rows while the user drags [rad]."""
 CONTRADICTION = "no cam holds these limits together: loosen one"
-"""What would have to change takes seconds to find: `camopt.designer.slow_parts.why_none`."""
+"""Sentence on infeasible limits. The diagnosis takes seconds: `camopt.designer.slow_parts.why_none`."""
 RAMPS = ("ramp_height_mm", "ramp_velocity_mm_per_deg", "ramp_foot_deg")
 GEOMETRY = ("duration_deg", *RAMPS, *(f"closing_{key}" for key in RAMPS[:2]))
-"""Keys of the design that the left side of every row depends on."""
+"""Keys of the design on which the left-hand sides of all rows depend."""
 
 
 class Cancelled(Exception):
-    """There is no answer: a newer request has come in, or the process that computes it was stopped."""
+    """There is no answer: a newer request has come in, or the computing process was stopped."""
 
 
 @dataclass(frozen=True)
-class FoundCam:
-    """A cam and the program that it is the largest of; `says` is why it is not the one asked for, if it is not."""
+class ProgramCam:
+    """A cam and the program of which it is the solution; `says` is the reason where another program was requested."""
 
     lift: Lift
     program: str
@@ -56,14 +57,14 @@ class FoundCam:
 
 @dataclass
 class CamFinder:
-    """The cams of one designer's edited scenes; remembers the last programs."""
+    """The cams of one designer's edited scenes; the last programs are kept for the next request."""
 
-    kept: dict[bool, tuple[tuple, NoJumpProgram]] = field(default_factory=dict)  # by whether they are coarse
+    programs: dict[bool, tuple[tuple, NoJumpProgram]] = field(default_factory=dict)  # by whether they are coarse
 
-    def largest(self, scene: Scene, train: Train, margin_N: float | None, coarse: bool) -> FoundCam:
-        """The cam of largest area that the scene's limits allow: under the no-jump program with a margin, or under the
-        kinematic one where the margin is None, or where no cam keeps contact, which it then says. With `coarse` the
-        force rows may be few. Raises InputError for limits that contradict each other."""
+    def largest(self, scene: Scene, train: Train, margin_N: float | None, coarse: bool) -> ProgramCam:
+        """The cam of largest area under the scene's limits, by the no-jump program with a margin. It is that of the
+        kinematic program where the margin is None, or where no cam keeps contact, which `says` then states. With
+        `coarse` the force rows may be coarsely spaced. Raises InputError for limits that contradict each other."""
         if margin_N is None:
             return self._kinematic(scene, coarse)
         try:
@@ -71,19 +72,19 @@ class CamFinder:
         except InputError as error:
             return self._kinematic(scene, coarse, f"No cam keeps contact, so this is the kinematic one: {error}.")
 
-    def _kinematic(self, scene: Scene, coarse: bool, says: str = "") -> FoundCam:
+    def _kinematic(self, scene: Scene, coarse: bool, says: str = "") -> ProgramCam:
         design = scene.required_design
         try:
             optimum = kinematic_optimum(design, free_cam(design, KNOT_DEG) if coarse else _cam(design), explain=False)
         except Infeasible:
             raise InputError(CONTRADICTION) from None
         coarse = coarse and bool(radii_held_near(design))
-        return FoundCam(optimum.lift, KINEMATIC, optimum.area_ratio, optimum.sensitivities, None, coarse, says)
+        return ProgramCam(optimum.lift, KINEMATIC, optimum.area_ratio, optimum.sensitivities, None, coarse, says)
 
-    def _no_jump(self, scene: Scene, train: Train, margin_N: float, coarse: bool) -> FoundCam:
+    def _no_jump(self, scene: Scene, train: Train, margin_N: float, coarse: bool) -> ProgramCam:
         shape = _shape(scene, train)
         takes_a_sequence = bool(radii_held_near(scene.required_design)) or not is_linear(train)
-        if coarse and self.kept.get(False, (None,))[0] == shape:  # all rows are there, so few are not needed
+        if coarse and self.programs.get(False, (None,))[0] == shape:  # the complete rows exist already
             coarse = takes_a_sequence
         program = self._program(scene, train, shape, coarse)
         if not coarse and takes_a_sequence:
@@ -94,13 +95,13 @@ class CamFinder:
             raise InputError(
                 f"no free cam keeps {margin_N:g} N at all of the program's speeds: lower the margin or the speeds"
             ) from None
-        self.kept[coarse] = shape, program
+        self.programs[coarse] = shape, program
         price = float(optimum.margin_prices.sum())
-        return FoundCam(optimum.lift, NO_JUMP, optimum.area_ratio, _worth(optimum), price, coarse)
+        return ProgramCam(optimum.lift, NO_JUMP, optimum.area_ratio, _worth(optimum), price, coarse)
 
     def _program(self, scene: Scene, train: Train, shape: tuple, coarse: bool) -> NoJumpProgram:
-        """The program of a scene, made from the last one: under other limits alone its rows stay."""
-        design, (last_shape, program) = scene.required_design, self.kept.get(coarse, ((), None))
+        """The program of a scene; it keeps the rows of the last one where only values of limits have changed."""
+        design, (last_shape, program) = scene.required_design, self.programs.get(coarse, ((), None))
         if program is not None and last_shape == shape and is_linear(train):
             held = program.cam.about.near is not None
             return replace(program, design=design, cam=_cam(design)) if held else program.under(design)
@@ -110,24 +111,24 @@ class CamFinder:
 
 
 def _cam(design: Design) -> FreeCam:
-    """The free cam of the programs at rest: where radii are held, near the cam of largest area that holds them."""
+    """The free cam of the programs at rest; limits on radii are linearised about the cam of largest area under them."""
     return (program_cam if radii_held_near(design) else free_cam)(design, KNOT_DEG)
 
 
 def program_speeds_rpm(scene: Scene) -> np.ndarray:
-    """Crankshaft speeds at which the program keeps contact."""
+    """Crankshaft speeds [r/min] at which the program keeps contact."""
     return np.linspace(*scene.required_operation.band_rpm, BAND_SPEEDS)
 
 
 def _shape(scene: Scene, train: Train) -> tuple:
-    """What the left sides of a program's force rows depend on; trains are distinguished by identity."""
+    """Key of everything on which the left-hand sides of a program's force rows depend; trains differ by identity."""
     design, operation = scene.required_design, scene.required_operation
     limited = design.contact_force_max_N is not None
     return (id(train), *(getattr(design, key) for key in GEOMETRY), limited, operation)
 
 
 def _worth(optimum: NoJumpOptimum) -> dict[str, float]:
-    """What each limit on the shape, and the largest contact force, is worth in the no-jump program, in % per %."""
+    """Percentage gain of area for one per cent more of each limit on the shape and of the largest contact force."""
     program, duals = optimum.program, optimum.optimum.duals
     first, forces = len(program.limits.bound), len(program.kind)
     worth = sensitivities(program.limits, duals, duals[first + forces :], optimum.area_ratio)

@@ -1,5 +1,4 @@
-"""The numbers of a scene that a user can drag in the designer, and the scene with the dragged numbers, checked like a
-file."""
+"""The numbers of a scene that the designer's user can change, and the changed scene, checked like a scene file."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -16,16 +15,16 @@ from camopt.scene.text_file import excerpt
 
 NO_JUMP, KINEMATIC = "no-jump", "kinematic"
 PROGRAMS = (NO_JUMP, KINEMATIC)
-"""The linear programs that may design the cam."""
+"""The linear programs by which the cam can be designed."""
 STEPS = 200
-"""Steps of a slider, at least."""
+"""Smallest number of steps of a slider."""
 LONGEST_KEY = 80
-"""Letters of an unknown key that are repeated in the answer."""
+"""Largest number of characters of an unknown key that the answer repeats."""
 BAND, ERROR = ("band_low_rpm", "band_high_rpm"), "grinding_error_um"
 
 
 class Refused(InputError):
-    """Numbers that make no scene: a sentence by the key beside which it belongs; "" where it is of several."""
+    """Numbers that are not a valid scene; `faults` holds sentences by the key of their control, "" for several ones."""
 
     def __init__(self, faults: Mapping[str, str]):
         super().__init__("; ".join(f"{key}: {sentence}" if key else sentence for key, sentence in faults.items()))
@@ -34,7 +33,7 @@ class Refused(InputError):
 
 @dataclass(frozen=True)
 class Control:
-    """One number that may be dragged; `value` is the scene's, None where it sets none, and `key` is its name."""
+    """One number that may be changed: `key` is its name, and `value` that of the scene, None where it sets none."""
 
     key: str
     label: str
@@ -45,7 +44,7 @@ class Control:
     high: float = 0.0
     step: float = 0.0
     optional: bool = False
-    usual: float | None = None  # what an optional number begins with when it is switched on
+    usual: float | None = None  # start value of an optional number when it is switched on
     choices: tuple[str, ...] = ()
 
 
@@ -69,11 +68,11 @@ DESIGN = {
     "contact_force_min_N": ("Contact force, least", "N", "Limits on the motion", 20.0),
     "contact_force_max_N": ("Contact force, largest", "N", "Limits on the motion", 4000.0),
 }
-"""By key of the design: label, unit, group, and what is usual where the scene sets none."""
+"""By key of the design: label, unit, group, and a usual value for a scene that sets none."""
 
 
 def controls(scene: Scene) -> tuple[Control, ...]:
-    """What may be dragged of a scene, in the order of the page."""
+    """The controls of a scene, in the order of the page."""
     design, operation = scene.required_design, scene.required_operation
     low, high = operation.band_rpm
     middle = float(sorted(operation.speeds_rpm)[len(operation.speeds_rpm) // 2])
@@ -101,7 +100,7 @@ def controls(scene: Scene) -> tuple[Control, ...]:
 
 
 def _of_train(scene: Scene) -> list[Control]:
-    """Rate and preload of the valve spring in per cent of the scene's, and the lash."""
+    """Controls of the rate and preload of the valve spring, in per cent of the scene's, and of the lash."""
     listed = []
     try:
         spring = valve_spring(scene)
@@ -119,21 +118,21 @@ def _of_train(scene: Scene) -> list[Control]:
 
 
 def lash_element(scene: Scene) -> int:
-    """Number of the element with the lash: the widest gap among the contacts between cam and valve."""
+    """Index of the element with the lash: the largest gap among the contacts between cam and valve."""
     return max(build_train(scene).cam_side, key=lambda e: scene.element[e].gap_mm)
 
 
 def _widths(scene: Scene) -> dict[str, tuple[str, str, float]]:
     """Label, unit and width of every tolerance and of the grinding error, by the key of its control."""
-    found = {}
-    for one in scene.tolerance:
-        unit, width = ("in its unit", one.plus_minus) if one.relative is None else ("of the number", one.relative)
-        found[f"tolerance.{one.label}"] = f"Tolerance: {one.label}", unit, width
-    return found | ({} if scene.grinding is None else {ERROR: ("Grinding error", "µm", scene.grinding.error_um)})
+    widths = {}
+    for row in scene.tolerance:
+        unit, width = ("in its unit", row.plus_minus) if row.relative is None else ("of the number", row.relative)
+        widths[f"tolerance.{row.label}"] = f"Tolerance: {row.label}", unit, width
+    return widths | ({} if scene.grinding is None else {ERROR: ("Grinding error", "µm", scene.grinding.error_um)})
 
 
 def _about(value: float) -> tuple[float, float, float]:
-    """Low, high and step of a slider about a number: from its half to its double."""
+    """Lower end, upper end and step of a slider about a number: from half to double its value."""
     return _ranged(*sorted((0.5 * value, 2.0 * value)))
 
 
@@ -147,7 +146,7 @@ def _ranged(low: float, high: float) -> tuple[float, float, float]:
 
 
 def read_values(controls: Mapping[str, Control], values: Mapping[str, Any]) -> dict[str, Any]:
-    """Every control's value by key: those given, else the scene's. Raises Refused, with a sentence by key."""
+    """Every control's value by key: the given one, else the scene's. Raises Refused with a sentence by key."""
     faults = {str(key)[:LONGEST_KEY]: "unknown key" for key in values if key not in controls}
     numbers = {}
     for key, control in controls.items():
@@ -165,7 +164,7 @@ def read_values(controls: Mapping[str, Control], values: Mapping[str, Any]) -> d
 
 
 def _fault(control: Control, value: Any) -> str:
-    """Why a value is none for this control; empty where it is one."""
+    """The reason why a value is invalid for this control; empty where it is valid."""
     if control.choices:
         return "" if value in control.choices else f"expected one of {', '.join(control.choices)}"
     if isinstance(control.value, bool):
@@ -204,17 +203,19 @@ def _with_train(scene: Scene, values: Mapping[str, Any]) -> Scene:
 
 
 def _as_built(scene: Scene, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Tolerances and grinding error of the values; what is switched off is left out."""
-    rows = [(one, values[f"tolerance.{one.label}"]) for one in scene.tolerance]
-    keys = ["plus_minus" if one.relative is None else "relative" for one in scene.tolerance]
-    kept = [one.model_copy(update={k: w}) for (one, w), k in zip(rows, keys, strict=True) if w is not None]
+    """Tolerances and grinding error of the values; those that are switched off are left out."""
+    tolerances = []
+    for row in scene.tolerance:
+        if (width := values[f"tolerance.{row.label}"]) is not None:
+            key = "plus_minus" if row.relative is None else "relative"
+            tolerances.append(row.model_copy(update={key: width}))
     error = values.get(ERROR)
     ground = None if scene.grinding is None or error is None else scene.grinding.model_copy(update={"error_um": error})
-    return {"tolerance": tuple(kept), "grinding": ground}
+    return {"tolerance": tuple(tolerances), "grinding": ground}
 
 
 def _by_key(faults: list[str]) -> dict[str, str]:
-    """The schema's sentences by the control that they belong to; those of several share the empty key."""
+    """The schema's sentences by the key of their control; those of several controls share the empty key."""
     by_key: dict[str, list[str]] = {}
     for fault in faults:
         place, _, sentence = fault.partition(": ")

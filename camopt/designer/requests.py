@@ -1,4 +1,4 @@
-"""The requests of a page, which a server of this machine or a notebook's kernel passes on; among them to save an edited
+"""The requests of a page, received from a server of this machine or a notebook's kernel; they include saving an edited
 scene as a file, or with its cam as a run folder."""
 
 import json
@@ -15,8 +15,7 @@ from typing import Any
 from camopt.cam.design_file import as_written, write_design
 from camopt.cam.tables.lift_table import write_lift_table
 from camopt.designer.cams import Cancelled
-from camopt.designer.controls import Refused
-from camopt.designer.session import QUICK, Edited, Session
+from camopt.designer.session import QUICK, EditedDesign, Session, no_answer
 from camopt.designer.slow_parts import PARTS, WHY
 from camopt.designer.worker import SlowProcess, Verification
 from camopt.optimizer.bound.certificate import area_ratio_bound
@@ -27,13 +26,13 @@ from camopt.scene.units import MM
 from camopt.storage import plain, run_folder, run_identity, write_json, write_text
 
 MOST_CLIENTS = 32
-"""Pages whose last question is remembered."""
+"""Number of pages whose newest request is stored."""
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]{0,63}")
-"""What a saved file or folder may be called: nothing that leads out of the folder that the designer was started in."""
+"""Permitted names of a saved file or folder: none leads out of the folder in which the designer was started."""
 
 
 class RequestHandler:
-    """Answers the messages of pages about one scene; with a `folder` it verifies, and saves there and nowhere else."""
+    """Answers the messages of pages about one scene; with a `folder` it also verifies, and saves only there."""
 
     def __init__(self, session: Session, folder: Path | None):
         self.session, self.folder = session, folder
@@ -43,8 +42,8 @@ class RequestHandler:
         self._kinds: dict[str, Callable[[Mapping[str, Any]], dict[str, Any]]] = {
             "start": lambda _: self.session.start() | {"files": folder is not None},
             "answer": self._answer,
-            # whatever is being computed for an older question of the page is dropped
-            "newest": lambda message: {"state": "ok", "sequence": self._asked(message)[1]},
+            # cancels what is being computed for an older request of the page
+            "newest": lambda message: {"state": "ok", "sequence": self._register(message)[1]},
             "stop": self._stop,
         }
         if folder is not None:
@@ -56,14 +55,14 @@ class RequestHandler:
             }
 
     def reply(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        """The reply to a message: its "kind" says what is asked. Raises InputError for a message that is none."""
+        """The reply to a message, whose "kind" selects the request. Raises InputError for an invalid message."""
         kind = message.get("kind")
         if not isinstance(kind, str) or kind not in self._kinds:
             raise InputError(f"kind {excerpt(str(kind))}: expected one of {', '.join(self._kinds)}")
         return self._kinds[kind](message)
 
     def verified(self, values: Mapping[str, Any]) -> dict[str, Any] | None:
-        """verification.json of values whose verdict has ended, else None."""
+        """verification.json of values whose full verdict is complete, else None."""
         return self.verification.verified(_subject(values))
 
     def stop(self) -> None:
@@ -73,27 +72,27 @@ class RequestHandler:
         self.slow.stop()
 
     def _answer(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        """A part of the answer to values; the last question of a page wins, whichever comes through first."""
-        part, (client, sequence) = message.get("part"), self._asked(message)
+        """A part of the answer to values; the newest request of a page wins, in whatever order they arrive."""
+        part, (client, sequence) = message.get("part"), self._register(message)
         if not isinstance(part, str) or part not in (*QUICK, *PARTS):
             raise InputError(f"part {excerpt(str(part))}: expected one of {', '.join((*QUICK, *PARTS))}")
 
         def wanted() -> bool:
             return self._newest.get(client, sequence) <= sequence
 
-        told = {"sequence": sequence, "part": part}
+        request = {"sequence": sequence, "part": part}
         try:
             if part in QUICK:
                 with self._one_at_a_time:
                     if not wanted():
                         raise Cancelled
-                    return told | self.session.answer(_values(message), part, wanted)
-            return told | self._slow_answer(part, message)
+                    return request | self.session.answer(_values(message), part, wanted)
+            return request | self._slow_answer(part, message)
         except Cancelled:
-            return told | {"state": "superseded"}
+            return request | {"state": "superseded"}
 
-    def _asked(self, message: Mapping[str, Any]) -> tuple[str, int]:
-        """Page and number of a question, which is the newest one of this page if none has come in before it."""
+    def _register(self, message: Mapping[str, Any]) -> tuple[str, int]:
+        """Page and sequence number of a request; the number is stored if it is the largest of this page so far."""
         client, sequence = str(message.get("client", ""))[:64], message.get("sequence", 0)
         if isinstance(sequence, bool) or not isinstance(sequence, int):
             raise InputError(f"sequence {excerpt(str(sequence))}: expected an integer")
@@ -104,7 +103,7 @@ class RequestHandler:
         return client, sequence
 
     def _stop(self, message: Mapping[str, Any]) -> dict[str, Any]:
-        """The slow part that is being computed is dropped."""
+        """Stops the slow part that is being computed."""
         self.slow.stop()
         return {"state": "ok"}
 
@@ -112,15 +111,13 @@ class RequestHandler:
         values = _values(message)
         try:
             if part == WHY:
-                answer = self.slow.ask(part, self.session.edited(values), None)
+                answer = self.slow.compute(part, self.session.edited(values), None)
             else:
                 with self._one_at_a_time:
                     design = self.session.design(values, part == "few trains")
-                answer = self.slow.ask(part, design.scene, design.cam.lift)
-        except Refused as refused:
-            return {"state": "refused", "faults": refused.faults}
+                answer = self.slow.compute(part, design.scene, design.cam.lift)
         except (InputError, Cancelled) as error:
-            return {"state": "no cam", "says": str(error)}
+            return no_answer(error)
         return {"state": "ok", **answer}
 
     def _verify(self, message: Mapping[str, Any]) -> dict[str, Any]:
@@ -135,7 +132,7 @@ class RequestHandler:
         with self._one_at_a_time:
             design = self.session.design(values)
         if what == "scene":
-            path = self.folder / f"{_named(message.get('name'))}.toml"
+            path = self.folder / f"{_checked_name(message.get('name'))}.toml"
             if path.exists():
                 raise InputError(f"{path.name}: exists already: give another name")
             write_text(path, scene_toml(design.scene))
@@ -154,15 +151,14 @@ def _values(message: Mapping[str, Any]) -> Mapping[str, Any]:
 
 
 def _subject(values: Mapping[str, Any]) -> str:
-    """Values as a text, but for the speed that is shown: the subject of a verdict."""
+    """Values as a text, without the speed that is shown: the subject of a verdict."""
     return json.dumps({k: v for k, v in sorted(values.items()) if k != "speed_rpm"})
 
 
-def save_run(folder: Path, name: object, design: Edited, verification: dict[str, Any] | None) -> Path:
-    """Writes scene, cam and lift table into the new run folder `<name>`, with the verdict where there is one, and a
-    report of them."""
+def save_run(folder: Path, name: object, design: EditedDesign, verification: dict[str, Any] | None) -> Path:
+    """Writes scene, cam, lift table, the verdict if there is one, and a report into the new run folder `<name>`."""
     scene, cam = design.scene, design.cam
-    path, lift = folder / _named(name), as_written(cam.lift)
+    path, lift = folder / _checked_name(name), as_written(cam.lift)
     with run_folder(path, run_identity("design", scene, program=cam.program)):
         bound = float(area_ratio_bound(scene.required_design).bound)
         write_design(
@@ -187,7 +183,7 @@ def save_run(folder: Path, name: object, design: Edited, verification: dict[str,
     return path
 
 
-def _named(name: object) -> str:
+def _checked_name(name: object) -> str:
     if not isinstance(name, str) or not NAME.fullmatch(name):
         raise InputError(
             f"name {excerpt(str(name))}: expected letters, digits, - and _, at most 64 of them, a letter or digit first"

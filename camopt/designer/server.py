@@ -1,8 +1,8 @@
-"""The designer's page and its messages over HTTP, for browsers on this machine alone.
+"""The designer's page and its messages over HTTP, for browsers on this machine only.
 
-It listens on the loopback interface only. A request that names another host, or that another site's page makes, is
-refused, so that no page of the network can ask through a browser of this machine (DNS rebinding, cross-site requests).
-Addresses are a fixed table: none leads to a file.
+The server listens on the loopback interface only. It refuses a request that names another host or comes from the page
+of another site, so no page of the network can use it through a browser of this machine (DNS rebinding, cross-site
+requests). Its addresses are a fixed table; none leads to a file.
 """
 
 import json
@@ -19,9 +19,9 @@ from camopt.scene.errors import InputError
 HOST = "127.0.0.1"
 NAMES = (HOST, "localhost")
 MOST_BYTES = 64_000
-"""Longest message: what the page sends is a tenth of it."""
+"""Longest message [bytes], ten times that of the page."""
 QUIET_S = 120.0
-"""Seconds after which a connection without requests is closed."""
+"""Time after which a connection without requests is closed [s]."""
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; connect-src 'self'; img-src 'self' data:; "
     "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
@@ -35,18 +35,18 @@ HEADERS = {
     "Cache-Control": "no-store",
 }
 SHARED = ("animation", "charts")
-"""Scripts and style sheets of the report that come first: the moving train, and the charts."""
+"""Scripts and style sheets of the report that precede those of the page: the animation of the train, and the charts."""
 SCRIPTS = ("fields.js", "panels.js", "verdict.js", "mark.js", "slow.js", "saving.js", "live.js", "start.js")
-"""Parts of the module in the order in which they stand in it, after the shared ones."""
+"""The page's own parts of the module, in their order after the shared ones."""
 
 
 def module_text() -> str:
-    """The ES module: what the report shares, and the page's own scripts, one after the other."""
+    """The ES module: the scripts shared with the report, followed by the page's own."""
     return "\n".join([*_shared("js"), *map(_page, SCRIPTS)])
 
 
 def style_text() -> str:
-    """The style sheet: what the report shares, and the page's own."""
+    """The style sheet: the rules shared with the report, followed by the page's own."""
     return "\n".join([*_shared("css"), _page("live.css")])
 
 
@@ -60,7 +60,7 @@ def _shared(kind: str) -> list[str]:
 
 
 class DesignServer(ThreadingHTTPServer):
-    """Serves one handler of requests; `port` 0 takes a free one. Raises InputError where the port cannot be had."""
+    """Serves one handler of requests; `port` 0 selects a free port. Raises InputError where the port is taken."""
 
     daemon_threads = True
 
@@ -80,35 +80,35 @@ class DesignServer(ThreadingHTTPServer):
 
     @property
     def port(self) -> int:
-        """The port it listens on."""
+        """The port on which it listens."""
         return self.server_address[1]
 
     @property
     def address(self) -> str:
-        """What a browser is given."""
+        """The address for a browser."""
         return f"http://{HOST}:{self.port}/"
 
     def handle_error(self, request: Any, client_address: Any) -> None:
-        """Reports defects, but not that a browser closed its connection."""
+        """Reports a defect, but not a connection that the browser closed."""
         if not isinstance(sys.exc_info()[1], ConnectionError | TimeoutError):
             super().handle_error(request, client_address)
 
 
 class Handler(BaseHTTPRequestHandler):
-    """One connection: fixed pages by GET, messages by POST /ask."""
+    """One connection: fixed pages by GET, messages by POST to /ask."""
 
     server: DesignServer
     protocol_version = "HTTP/1.1"
     timeout = QUIET_S
-    disable_nagle_algorithm = True  # else the end of an answer may wait until the browser has said that it has the rest
-    wbufsize = -1  # an answer's head and body go at once
+    disable_nagle_algorithm = True  # else the end of an answer may wait for the browser's acknowledgement
+    wbufsize = -1  # head and body of an answer are sent together
 
     def version_string(self) -> str:
-        """The name alone, without versions."""
+        """The name of the program, without versions."""
         return "camopt"
 
     def log_message(self, format: str, *args: Any) -> None:
-        """Nothing: the terminal is the user's."""
+        """Logs nothing, to keep the user's terminal free."""
 
     def do_GET(self) -> None:
         """A page of the fixed table."""
@@ -142,18 +142,18 @@ class Handler(BaseHTTPRequestHandler):
             self._send_json(500, {"says": f"a defect of camopt ({type(error).__name__}: {error})"})
 
     def _is_foreign(self) -> bool:
-        """Refuses what does not come from this server's own page."""
+        """Refuse a request that does not come from this server's page, and return whether it was refused."""
         hosts = {f"{name}:{self.server.port}" for name in NAMES}
         host, origin = self.headers.get("Host"), self.headers.get("Origin")
         cross = self.headers.get("Sec-Fetch-Site", "same-origin") not in ("same-origin", "none")
-        own = host in hosts and (origin is None or origin in {f"http://{name}" for name in hosts})
-        if own and not (cross and self.command == "POST"):
+        same = host in hosts and (origin is None or origin in {f"http://{name}" for name in hosts})
+        if same and not (cross and self.command == "POST"):
             return False
         self._refuse(403, "only this machine's own page may ask")
         return True
 
     def _message(self) -> Mapping[str, Any] | None:
-        """The body as a JSON object; where it is none, that is answered, and None returned."""
+        """The body as a JSON object; for any other body, sends the error and returns None."""
         length = self.headers.get("Content-Length", "")
         if not (length.isascii() and length.isdigit() and len(length) < 12):
             self._refuse(411, "a message says how long it is")
@@ -172,7 +172,7 @@ class Handler(BaseHTTPRequestHandler):
         return None
 
     def _refuse(self, status: int, says: str) -> None:
-        """Answers and closes: whatever else was sent is not read."""
+        """Send the error and close the connection without reading the rest of the request."""
         self.close_connection = True
         self._send_json(status, {"says": says})
 

@@ -1,8 +1,8 @@
-"""What the designer answers to the numbers of an edited scene, without any page or server around it.
+"""The designer's answers to the numbers of an edited scene, independent of page and server.
 
-An answer has parts, which are asked for one by one, the quick ones first: "sketch" while the user drags, "cam" and
-"band" once it rests, and then what takes seconds ("bound", "baselines", "trains"), of which a server lets another
-process take care. Every number is the one that camopt's own functions give for the edited scene.
+An answer has parts, which are requested one by one, the quick ones first: "sketch" while the user drags a slider, "cam"
+and "band" once it rests, and then the parts that take seconds ("bound", "baselines", "trains"), which another process
+computes. Every number is the one that camopt's public functions give for the edited scene.
 """
 
 import json
@@ -17,7 +17,7 @@ from threadpoolctl import ThreadpoolController
 
 from camopt.cam.lift import Lift, lift_table
 from camopt.cam.linear_limits import radii_held_near
-from camopt.designer.cams import CamFinder, Cancelled, FoundCam, program_speeds_rpm
+from camopt.designer.cams import CamFinder, Cancelled, ProgramCam, program_speeds_rpm
 from camopt.designer.controls import NO_JUMP, Refused, controls, edited_scene, read_values
 from camopt.exact.engine import prepare
 from camopt.exact.settled import settled_metrics
@@ -33,26 +33,26 @@ from camopt.scene.units import DEG, MM
 from camopt.storage import plain
 
 STEP_DEG = 1.0
-"""Step of the shown motion."""
+"""Step of the displayed motion [deg]."""
 FEW_REVOLUTIONS = 6
-"""Most revolutions that a sketch of the motion runs before the one that is shown."""
+"""Largest number of revolutions of a sketch before the one that is shown."""
 BAND_SPEEDS, AT_ONCE = 41, 12
-"""Speeds of the band's curve, and how many of them are computed between two checks whether they are still wanted."""
+"""Number of speeds of the band's curve, and number of them between two checks whether the request is cancelled."""
 
 
 def motion_at(
     scene: Scene, train: Train, lift: Lift, speed_rpm: float, sketch: bool, start: np.ndarray | None
 ) -> tuple[dict[str, Any], np.ndarray | None]:
-    """One revolution at a crankshaft speed with its metrics, the share of every limit that it uses, and what the
-    animation draws, or in place of these a sentence where the motion is refused; and the state in which it ends.
-    The motion has settled, or for a `sketch` run at most FEW_REVOLUTIONS, from the state `start` where there is one."""
+    """One revolution at a crankshaft speed with its metrics, the used share of every limit and the data of the
+    animation, or instead a sentence where event-exact refuses the motion; and the state at its end. The motion has
+    settled; a `sketch` runs at most FEW_REVOLUTIONS before it, from the state `start` if there is one."""
     cam_speed = scene.cam_speed(speed_rpm)
     try:
         if sketch:
             decay = decay_per_revolution(train, cam_speed)
             begin = start if start is not None and len(start) == train.state_size else state_at_rest(train)
             settled = settle(prepare(train, lift, cam_speed), begin, FEW_REVOLUTIONS, 1, 1, decay=decay)
-            settled = replace(settled, periodic=True)  # whether it settles is said at rest
+            settled = replace(settled, periodic=True)  # whether it settles is stated at rest
         else:
             settled = settled_from_rest(prepare, train, lift, cam_speed)
     except (MotionRefused, InputError) as error:
@@ -72,18 +72,16 @@ def motion_at(
 
 
 def band_of(scene: Scene, train: Train, lift: Lift, wanted: Callable[[], bool]) -> dict[str, Any]:
-    """Every metric at speeds over the scene's band, and by limit on the motion the largest part used and where. Raises
-    Cancelled between some of the speeds once it is not `wanted` any more."""
+    """Every metric at speeds over the scene's band, and for each limit on the motion the largest used share and its
+    speed. Raises Cancelled between two groups of speeds once `wanted` returns False."""
     speeds = np.linspace(*scene.required_operation.band_rpm, BAND_SPEEDS)
-    parts: dict[str, list[np.ndarray]] = {name: [] for name in QUANTITIES}
+    batches = []
     for begin in range(0, len(speeds), AT_ONCE):
         if not wanted():
             raise Cancelled
-        some = [scene.cam_speed(s) for s in speeds[begin : begin + AT_ONCE]]
-        metrics = settled_metrics([train], [lift], some)
-        for name, values in parts.items():
-            values.append(metrics.worst(name)[0, 0])
-    curves = {name: np.concatenate(values) for name, values in parts.items()}
+        cam_speeds = [scene.cam_speed(s) for s in speeds[begin : begin + AT_ONCE]]
+        batches.append(settled_metrics([train], [lift], cam_speeds))
+    curves = {name: np.concatenate([metrics.worst(name)[0, 0] for metrics in batches]) for name in QUANTITIES}
     worst = {}
     for key, limit in motion_limits(scene.design).items():
         used = limit.share(curves[limit.metric])
@@ -93,25 +91,25 @@ def band_of(scene: Scene, train: Train, lift: Lift, wanted: Callable[[], bool]) 
 
 
 QUICK = ("sketch", "cam", "band")
-"""The parts of an answer that a session gives itself; the others are `camopt.designer.slow_parts`."""
-THREADS = ThreadpoolController()  # to look for the libraries' threads takes milliseconds
+"""The parts of an answer that a session computes itself; the others are in `camopt.designer.slow_parts`."""
+THREADS = ThreadpoolController()  # created once, because it takes milliseconds to find the libraries' thread pools
 REMEMBERED = 4
-"""Cams of the last values that are kept."""
+"""Number of the last cams that are kept."""
 DECIMALS = (6, 8, 9, 9)
-"""Decimals of the lift and its derivatives that are sent: far more than a chart shows, half the bytes."""
+"""Decimals of the lift and its derivatives in an answer: far more than a chart shows, and half the bytes."""
 
 
 @dataclass(frozen=True)
-class Edited:
-    """An edited scene with its train and the cam found for it."""
+class EditedDesign:
+    """An edited scene with its train and its cam."""
 
     scene: Scene
     train: Train
-    cam: FoundCam
+    cam: ProgramCam
 
 
 class Session:
-    """A scene that a user edits: answers values by key, and keeps what the next answer can use."""
+    """A scene that a user edits: answers values by key, and keeps intermediate results for the next answer."""
 
     def __init__(self, scene: Scene):
         self.scene = scene
@@ -119,10 +117,10 @@ class Session:
         self._cams = CamFinder()
         self._end: np.ndarray | None = None  # the state in which the last motion ended
         self._train: tuple[tuple, Train] | None = None
-        self._designs: OrderedDict[str, Edited] = OrderedDict()
+        self._designs: OrderedDict[str, EditedDesign] = OrderedDict()
 
     def start(self) -> dict[str, Any]:
-        """What a page needs once: the scene's name and title, and the controls."""
+        """Data for the start of a page: the scene's name and title, and the controls."""
         title = self.scene.title or self.scene.name
         listed = [asdict(control) for control in self.controls.values()]
         return {"name": self.scene.name, "title": title, "controls": listed}
@@ -134,19 +132,17 @@ class Session:
     def answer(
         self, values: Mapping[str, Any], part: str = "cam", wanted: Callable[[], bool] = lambda: True
     ) -> dict[str, Any]:
-        """One of the QUICK parts of the answer to values by key, as JSON; a value left out is the scene's.
+        """One of the QUICK parts of the answer to values by key, as JSON; a missing value is that of the scene.
 
         "state" is "ok", "refused" with `faults` (sentences by key), or "no cam" with the sentence `says`. Raises
-        Cancelled on the way, before the next linear program, once it is not `wanted` any more.
+        Cancelled before the next linear program once `wanted` returns False.
         """
         try:
             speed_rpm = read_values(self.controls, values)["speed_rpm"]
-            with watched(wanted):
+            with cancellable(wanted):
                 design = self.design(values, part == "sketch")
-        except Refused as refused:
-            return {"state": "refused", "faults": refused.faults}
         except InputError as error:
-            return {"state": "no cam", "says": str(error)}
+            return no_answer(error)
         if part == "band":
             content = band_of(design.scene, design.train, design.cam.lift, wanted)
         else:
@@ -154,12 +150,12 @@ class Session:
         return {"state": "ok", **plain(content)}
 
     def edited(self, values: Mapping[str, Any]) -> Scene:
-        """The scene with the values; raises Refused for values that are none."""
+        """The scene with the values; raises Refused for invalid values."""
         return edited_scene(self.scene, read_values(self.controls, values))
 
-    def design(self, values: Mapping[str, Any], coarse: bool = False) -> Edited:
-        """The edited scene, its train and its cam; raises Refused for values that are none, and InputError where the
-        limits contradict each other."""
+    def design(self, values: Mapping[str, Any], coarse: bool = False) -> EditedDesign:
+        """The edited scene, its train and its cam; raises Refused for invalid values, and InputError where the limits
+        contradict each other."""
         read = read_values(self.controls, values)
         margin_N = read["margin_N"] if read["program"] == NO_JUMP else None
         subject = {k: v for k, v in read.items() if k != "speed_rpm"}
@@ -171,17 +167,17 @@ class Session:
             return self._designs[key]
         scene = edited_scene(self.scene, read)
         made_of = (scene.valve, scene.seat, scene.mass, scene.element, scene.force)
-        if self._train is None or self._train[0] != made_of:  # else the last one, with all that is kept of it
+        if self._train is None or self._train[0] != made_of:  # an unchanged train is kept with its caches
             self._train = made_of, build_train(scene)
         train = self._train[1]
-        with THREADS.limit(limits=1, user_api="blas"):  # small matrices: threads would only wait for each other
+        with THREADS.limit(limits=1, user_api="blas"):  # threads slow down small matrices
             cam = self._cams.largest(scene, train, margin_N, coarse)
-        edited = self._designs[key if cam.coarse or cam.says else exact] = Edited(scene, train, cam)
+        edited = self._designs[key if cam.coarse or cam.says else exact] = EditedDesign(scene, train, cam)
         while len(self._designs) > REMEMBERED:
             self._designs.popitem(last=False)
         return edited
 
-    def _cam_answer(self, design: Edited, speed_rpm: float) -> dict[str, Any]:
+    def _cam_answer(self, design: EditedDesign, speed_rpm: float) -> dict[str, Any]:
         scene, cam = design.scene, design.cam
         broken = broken_by_shape(cam.lift, scene.required_design)
         motion, self._end = motion_at(scene, design.train, cam.lift, speed_rpm, cam.coarse, self._end)
@@ -203,9 +199,16 @@ class Session:
         }
 
 
+def no_answer(error: Exception) -> dict[str, Any]:
+    """The reply to values that are refused or have no cam."""
+    if isinstance(error, Refused):
+        return {"state": "refused", "faults": error.faults}
+    return {"state": "no cam", "says": str(error)}
+
+
 @contextmanager
-def watched(wanted: Callable[[], bool]) -> Iterator[None]:
-    """Within it, the next linear program raises Cancelled once it is not `wanted` any more."""
+def cancellable(wanted: Callable[[], bool]) -> Iterator[None]:
+    """Context in which the next linear program raises Cancelled once `wanted` returns False."""
 
     def watch() -> None:
         if not wanted():

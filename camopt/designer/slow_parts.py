@@ -1,5 +1,5 @@
-"""The parts of an answer that take seconds, as functions of an edited scene and its cam alone, so that another process
-may compute them: the certified bound, the literature's cams, and trains as built."""
+"""The parts of an answer that take seconds: the certified bound, the literature's cams, and trains as built. They are
+functions of an edited scene and its cam alone, so another process can compute them."""
 
 from collections.abc import Callable
 from functools import partial
@@ -22,11 +22,11 @@ from camopt.scene import InputError, Scene
 from camopt.verifier.accuracy import verify
 
 FAMILIES = {"polydyne": "Polydyne", "multi-pol": "Multi-Pol"}
-"""The literature's cams that stand beside the design, and what the page calls them."""
+"""Families of the literature's cams that are compared with the design, and their names on the page."""
 FEW, MANY = 8, 100
-"""Trains drawn while the user drags a slider, and once it rests."""
+"""Number of trains drawn while the user drags a slider, and once it rests."""
 YIELD_SPEEDS = 5
-"""Speeds of the band at which the drawn trains are judged."""
+"""Number of speeds of the band at which the drawn trains are judged."""
 
 
 def bound_part(scene: Scene, lift: Lift) -> dict[str, Any]:
@@ -35,7 +35,7 @@ def bound_part(scene: Scene, lift: Lift) -> dict[str, Any]:
 
 
 def baselines_part(scene: Scene, lift: Lift) -> dict[str, Any]:
-    """Area ratio of the literature's cams under the same limits, or why a family has no member there."""
+    """Area ratio of the literature's cams under the same limits, or the reason why a family has no member."""
     rows = []
     for family, label in FAMILIES.items():
         member = member_or_sentence(scene, family)
@@ -49,24 +49,24 @@ def baselines_part(scene: Scene, lift: Lift) -> dict[str, Any]:
 
 
 def trains_of(scene: Scene, lift: Lift, count: int) -> dict[str, Any]:
-    """The share of the first `count` drawn trains that hold the limits on the motion, as `camopt yield` says it."""
+    """Share of the first `count` drawn trains that hold the limits on the motion, in the words of `camopt yield`."""
     if not motion_limits(scene.design):
         return {"says": "The scene limits nothing of the motion, so every train holds."}
     if not scene.tolerance and scene.grinding is None:
         return {"says": "The scene states no tolerances, so all trains are alike."}
     speeds = np.linspace(*scene.required_operation.band_rpm, YIELD_SPEEDS)
     try:
-        way = track(scene, lift, speeds)
-        used = UsedLimits(tuple(way.limits), speeds, way.used(trains_as_built(scene, count)))
+        usage = track(scene, lift, speeds)
+        used = UsedLimits(tuple(usage.limits), speeds, usage.used(trains_as_built(scene, count)))
     except InputError as error:
         return {"says": str(error)}
     record = yield_record(used, share_of(used.holds), 0, {})
-    said = [share_sentence(record), *spoiling_sentences(record)]
-    return {"share": record["share"], "says": f"{'; '.join(said)}."}
+    sentences = [share_sentence(record), *spoiling_sentences(record)]
+    return {"share": record["share"], "says": f"{'; '.join(sentences)}."}
 
 
 def why_none(scene: Scene, lift: None) -> dict[str, Any]:
-    """Which limits would have to change, and by how much, before any cam holds them together."""
+    """Which limits would have to change, and by how much, for a cam to hold all of them."""
     try:
         kinematic_optimum(design := scene.required_design, free_cam(design, KNOT_DEG))
     except InputError as error:
@@ -75,7 +75,7 @@ def why_none(scene: Scene, lift: None) -> dict[str, Any]:
 
 
 def verdict_at(scene: Scene, lift: Lift, accuracy: str) -> dict[str, Any]:
-    """verification.json of the verdict that `camopt verify` gives at an accuracy, and its reason."""
+    """verification.json of the verdict of `camopt verify` at an accuracy, and its reason."""
     verdict = verify(scene, lift, accuracy=accuracy)
     return {"verification": verdict.as_dict(), "reason": verdict.reason}
 
@@ -88,4 +88,4 @@ PARTS: dict[str, Callable[[Scene, Any], dict[str, Any]]] = {
     "few trains": partial(trains_of, count=FEW),
     "trains": partial(trains_of, count=MANY),
 }
-"""By name, the slow parts of an answer."""
+"""The slow parts of an answer by name."""

@@ -1,4 +1,4 @@
-"""The designer as a widget of a notebook: the same module as the served page, whose messages go to the kernel."""
+"""The designer as a widget of a notebook: the module of the served page, whose messages go to the notebook's kernel."""
 
 from pathlib import Path
 from typing import Any
@@ -33,16 +33,16 @@ class LiveWidget(anywidget.AnyWidget):
 
     @property
     def scene(self) -> Scene:
-        """The scene with the page's numbers; raises InputError where they make none."""
+        """The scene with the page's numbers; raises InputError where they are not a valid scene."""
         return self.requests.session.design(self.values).scene
 
     @property
     def verification(self) -> dict[str, Any] | None:
-        """verification.json of the page's numbers; None where no verdict on them has ended."""
+        """verification.json of the page's numbers; None without a complete verdict on them."""
         return self.requests.verified(self.values)
 
     def hear(self, widget: Any, content: dict[str, Any], buffers: Any) -> None:
-        """A message of the page: its number comes back with the reply, or with why there is none."""
+        """Answer a message of the page: its number is sent back with the reply, or with the sentence of an error."""
         message = content["message"]
         try:
             reply = self.requests.reply(message)
@@ -54,6 +54,6 @@ class LiveWidget(anywidget.AnyWidget):
         self.send({"number": content["number"], "reply": reply})
 
     def close(self) -> None:
-        """Ends the widget and its process."""
+        """Close the widget and end its processes."""
         self.requests.stop()
         super().close()

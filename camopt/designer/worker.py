@@ -1,4 +1,4 @@
-"""Processes for what takes seconds while the designer goes on answering: slow parts of an answer, and a verdict."""
+"""Processes for computations that take seconds and must not delay the designer's answers: slow parts and verdicts."""
 
 import os
 import signal
@@ -19,23 +19,22 @@ from camopt.verifier import DRAFT, STANDARD
 NICENESS = 15
 """Niceness of a worker, so that interactive answers get the processor first."""
 STAGES = {DRAFT: "a draft verdict by two methods", STANDARD: "the full verdict by all methods"}
-"""Stages of a verdict, by their accuracy, a first one that is soon there and the one that counts; what the page calls
-them."""
+"""Stages of a verdict by their accuracy, a quick preliminary one and the final one, with the page's words for them."""
 
 
 class SlowProcess:
-    """One process, started when it is first asked; it answers one question at a time, at this niceness."""
+    """One process with this niceness, started at the first request; it computes one request at a time."""
 
     def __init__(self, niceness: int = NICENESS) -> None:
         self._niceness = niceness
-        self._asking, self._starting = Lock(), Lock()
+        self._computing, self._starting = Lock(), Lock()
         self._process: SpawnProcess | None = None
         self._connection: Connection | None = None
 
-    def ask(self, part: str, scene: Scene, lift: Lift | None) -> dict[str, Any]:
-        """One part of the answer, as JSON; other callers wait meanwhile. Raises InputError as the part does,
-        and Cancelled."""
-        with self._asking:
+    def compute(self, part: str, scene: Scene, lift: Lift | None) -> dict[str, Any]:
+        """One part of the answer, as JSON; other callers wait meanwhile. Raises the InputError of the part, and
+        Cancelled where the process is stopped."""
+        with self._computing:
             connection = self.start()
             try:
                 connection.send((part, scene, lift))
@@ -49,7 +48,7 @@ class SlowProcess:
         return content
 
     def stop(self) -> None:
-        """End the process; what it was asked ends with Cancelled."""
+        """End the process; a pending request raises Cancelled."""
         with self._starting:
             process, self._process = self._process, None
             if process is not None:
@@ -58,21 +57,21 @@ class SlowProcess:
                 process.close()
 
     def start(self) -> Connection:
-        """Starts the process, if it is not alive, so that the first question does not wait for it."""
+        """Start the process, if it is not alive, and return the connection to it."""
         with self._starting:
             if self._process is None or not self._process.is_alive():
                 context = get_context("spawn")
                 self._connection, theirs = context.Pipe()
-                self._process = context.Process(target=answer_all, args=(theirs, self._niceness), daemon=True)
+                self._process = context.Process(target=answer_requests, args=(theirs, self._niceness), daemon=True)
                 self._process.start()
                 theirs.close()
             assert self._connection is not None, "made with the process"
             return self._connection
 
 
-def answer_all(connection: Connection, niceness: int) -> None:
-    """The process: answers questions until the connection closes."""
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the keyboard's interrupt is the designer's business
+def answer_requests(connection: Connection, niceness: int) -> None:
+    """Main function of the process: answers requests until the connection closes."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the designer's own process handles the keyboard interrupt
     os.nice(niceness)
     from threadpoolctl import threadpool_limits
 
@@ -89,7 +88,7 @@ def answer_all(connection: Connection, niceness: int) -> None:
             outcome, content = "done", plain(answers[part](scene, lift))
         except InputError as error:
             outcome, content = "refused", str(error)
-        except Exception as error:  # a defect must not end the process, and the page says what it was
+        except Exception as error:  # a defect must not end the process; the page reports it
             outcome, content = "failed", f"{type(error).__name__}: {error}"
         try:
             connection.send((outcome, content))
@@ -98,15 +97,15 @@ def answer_all(connection: Connection, niceness: int) -> None:
 
 
 class Verification:
-    """The verdict of one designer: none, running, or ended; `subject` is what the page calls what is judged."""
+    """The verdict of one designer: none, running, or ended; `subject` identifies the numbers that are verified."""
 
     def __init__(self) -> None:
-        self.worker = SlowProcess(niceness=0)  # a user waits for it
+        self.worker = SlowProcess(niceness=0)  # the user waits for it
         self._lock, self._begun, self._number = Lock(), 0.0, 0
         self._state: dict[str, Any] = {"state": "none"}
 
     def start(self, scene: Scene, lift: Lift, subject: str) -> dict[str, Any]:
-        """Begin a verdict; one that is running is stopped before."""
+        """Begin a verdict, after stopping one that is running."""
         self.cancel()
         with self._lock:
             self._number += 1
@@ -128,14 +127,14 @@ class Verification:
         return self.state()
 
     def state(self) -> dict[str, Any]:
-        """What there is to say now: "state" (none, running, cancelled, done, failed), "stage" with `says`, "seconds",
-        and of a stage that has ended "verdict", "broken" and "reason"."""
+        """The present state: "state" (none, running, cancelled, done, failed), "stage" with its words `says`,
+        "seconds", and "verdict", "broken" and "reason" of the last completed stage."""
         with self._lock:
             running = self._state["state"] == "running"
             return self._state | ({"seconds": time.monotonic() - self._begun} if running else {})
 
     def verified(self, subject: str) -> dict[str, Any] | None:
-        """verification.json of a subject whose full verdict has ended, else None."""
+        """verification.json of a subject whose full verdict is complete, else None."""
         with self._lock:
             done = self._state["state"] == "done" and self._state["subject"] == subject
             return self._state["verification"] if done else None
@@ -145,7 +144,7 @@ class Verification:
             if not self._update(number, stage=stage, says=words):
                 return
             try:
-                answer = self.worker.ask(part, scene, lift)
+                answer = self.worker.compute(part, scene, lift)
             except Cancelled:
                 self._update(number, state="cancelled")
                 return
@@ -157,7 +156,7 @@ class Verification:
         self._update(number, state="done", seconds=time.monotonic() - self._begun, verification=record)
 
     def _update(self, number: int, **more: Any) -> bool:
-        """Adds to the state of that verdict; False where it is not the one that runs any more."""
+        """Add to the state of that verdict; returns False where a newer one has replaced it."""
         with self._lock:
             if number == self._number:
                 self._state = {**self._state, **more}

@@ -1,4 +1,4 @@
-"""Figures from arrays: every function returns a matplotlib Figure, `save` writes it; nothing here computes a result."""
+"""Figures from arrays: every function returns a matplotlib Figure, and `save` writes it; no result is computed here."""
 
 from camopt.plots.cams import DrawnMotion as DrawnMotion
 from camopt.plots.cams import last_revolution as last_revolution

@@ -1,4 +1,4 @@
-"""The course of an optimisation over its steps: of a search, and of a gradient ascent."""
+"""Figures of an optimisation over its steps: of a search, and of a gradient ascent."""
 
 from collections.abc import Mapping, Sequence
 
@@ -7,28 +7,18 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from camopt.plots.speeds import zero_and_decades
-from camopt.plots.style import (
-    DESIGN,
-    INK,
-    LIMIT,
-    cam_line,
-    draw_limit,
-    new_figure,
-    quoted,
-    styled,
-    write,
-)
+from camopt.plots.speeds import scale_symlog
+from camopt.plots.style import DESIGN, INK, LIMIT, cam_line, draw_limit, new_figure, styled, write
 
 SHOWN_SHARE = 3.0
-"""Shares of a limit beyond which the axis of an ascent ends: by how much a limit is exceeded does not matter there."""
+"""Largest used share of a limit on the axis of an ascent; how far beyond it a limit is exceeded does not matter."""
 ROWS = 6
-"""Rows of names of stages above the axes."""
+"""Number of rows for the names of stages above the axes."""
 HOLDING = "holds at the searched speeds", "a limit broken or not measured"
 KEPT = "largest so far that enough trains hold", "not kept"
-"""What filled and hollow steps are, in a search for the limits and in one for a yield."""
+"""Labels of filled and hollow steps: `HOLDING` for a search under the limits, `KEPT` for a search for a yield."""
 NEAR_BOUND = 1.0
-"""A bound that lies further above the steps than this multiple of their range is not drawn as a line."""
+"""A bound that is further above the steps than this multiple of their range is not drawn as a line."""
 
 
 @styled
@@ -39,12 +29,12 @@ def convergence(
     bounce_max_mm: float | None = None,
     delivered: tuple[float, str] | None = None,
 ) -> Figure:
-    """Area ratio and worst bounce of every step, filled where it holds the limits, with the certified bound as a line
-    where it is near. A search for a yield has the share of failing trains in place of the bounce.
+    """Draws area ratio and worst bounce of every step, filled where it holds the limits, with the certified bound as a
+    line where it is near. A search for a yield has the percentage of failing trains in place of the bounce.
 
-    `steps` are the lines of history.jsonl, whose best area ratio falls where a cam that was kept is dropped again.
-    `bound` is the area ratio that no cam of the kinematic problem exceeds, `no_jump` what the no-jump linear program
-    reached under its linear model, `delivered` the area ratio of the cam that the verdict chose, and its verdict.
+    `steps` are the lines of history.jsonl, in which the best area ratio falls where a cam is rejected later. `bound` is
+    the area ratio that no cam of the kinematic problem exceeds, `no_jump` the one that the no-jump linear program
+    reached under its linear model, and `delivered` the area ratio of the delivered cam and its verdict.
     """
     figure = new_figure(7.6, 5.6)
     area, lower = figure.subplots(2, 1, sharex=True, height_ratios=(1.4, 1))
@@ -69,14 +59,14 @@ def convergence(
         area.plot(len(step), value, "D", color=INK, markersize=6, label=f"delivered, {verdict}: {value:.4f}", zorder=4)
     if bound is not None:
         _bound(area, bound)
-    draw_limit(area, no_jump, f"no-jump\nprogram\n{no_jump:.4f}" if no_jump is not None else "", va="top")
+    draw_limit(area, no_jump, "no-jump\nprogram\n{:.4f}", va="top")
     area.set_ylabel("area ratio [-]")
     area.margins(y=0.12)
     area.legend(loc="best")
     if not of_yield:
-        zero_and_decades(lower, bounce_max_mm)
+        scale_symlog(lower, bounce_max_mm)
         lower.set_ylabel("worst bounce [mm]")
-        draw_limit(lower, bounce_max_mm, quoted("at most", bounce_max_mm, "mm"))
+        draw_limit(lower, bounce_max_mm, "at most\n{:g} mm")
     else:
         lower.set_ylabel("failing trains [%]")
         lower.set_ylim(bottom=0.0)
@@ -87,24 +77,25 @@ def convergence(
 
 
 def _column(steps: Sequence[Mapping], key: str) -> np.ndarray:
-    """The numbers (n) of the steps under a key, NaN where a step has none."""
+    """Values (n) of the steps under a key, NaN where a step has none."""
     return np.array([np.nan if line.get(key) is None else line[key] for line in steps], dtype=float)
 
 
 def _bound(area: Axes, bound: float) -> None:
-    """Draws the certified bound where it is near the steps; a far one, which would flatten them, is said in words."""
+    """Draws the certified bound as a line where it is near the steps; a distant one, which would flatten them, is given
+    as text."""
     seen = np.concatenate([np.asarray(line.get_ydata(), dtype=float) for line in area.lines])
     low, high = np.nanmin(seen), np.nanmax(seen)
     if bound - high <= NEAR_BOUND * (high - low):
-        draw_limit(area, bound, f"certified\nbound\n{bound:.4f}", va="bottom")
+        draw_limit(area, bound, "certified\nbound\n{:.4f}", va="bottom")
         return
     words = f"certified bound {bound:.4f}, above this axis ↑"
     write(area, words, (0.99, 0.985), (0, 0), over="axes fraction", ha="right", va="top", color=LIMIT)
 
 
 def _stages(area: Axes, lower: Axes, stage: Sequence[str]) -> None:
-    """Writes the name of each stage above its run of steps, in a row of its own, with a line where it begins; on the
-    left of that line in the later half, so that it ends inside the figure."""
+    """Writes the name of each stage above its steps, in a separate row, with a line at its beginning. In the later half
+    the name is on the left of that line, so that it ends inside the figure."""
     begins = [i for i in range(len(stage)) if i == 0 or stage[i] != stage[i - 1]]
     for row, i in enumerate(begins):
         late = i > len(stage) / 2
@@ -124,9 +115,9 @@ def course(
     holds: np.ndarray,
     *,
     best: int | None,
-    title: str = "",
+    title: str,
 ) -> Figure:
-    """Draws objective and area ratio (n) over the steps, and the judged shares of the limits (n, NaN: not judged);
+    """Draws objective and area ratio (n) over the steps, and the largest used share of a limit (n, NaN: not computed);
     `best` is the step of the best cam, None where none holds every limit."""
     figure = new_figure(7.6, 6.0)
     value, area, judged = figure.subplots(3, 1, sharex=True)

@@ -8,24 +8,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.ticker import FuncFormatter
 
-from camopt.plots.style import (
-    BASE,
-    SHADE,
-    cam_lines,
-    draw_limit,
-    legend_above,
-    new_figure,
-    quoted,
-    styled,
-    write,
-)
+from camopt.plots.style import BASE, SHADE, cam_lines, draw_limit, legend_above, new_figure, styled, write
 from camopt.scene.design import Design
 from camopt.scene.quantities import QUANTITIES
 
 FINEST_MM = 0.01
 """The axis is linear below this value and logarithmic above it, because a bounce or jump of zero must be seen."""
 NUMBER_WIDTH = 0.08
-"""Width of a speed's number as a share of the axes."""
+"""Width of the number beside a mark as a share of the axes."""
 NUMBER_HEIGHT = 1.3 * BASE
 """Height of a line of numbers [pt]."""
 
@@ -38,7 +28,7 @@ class Sweep:
     speed_rpm: np.ndarray  # (k) ascending
     bounce_mm: np.ndarray  # (k)
     jump_mm: np.ndarray  # (k)
-    starts_rpm: Mapping[str, float | None] | None = None  # by metric, where a verdict says that it passes its limit
+    starts_rpm: Mapping[str, float | None] | None = None  # by metric: the verdict's speed of the first excess
     worst: Mapping[str, tuple[float, float | None]] = field(default_factory=dict)  # by metric: speed, value [mm]
 
 
@@ -49,7 +39,7 @@ def bounce_against_speed(
     band_rpm: tuple[float, float],
     speeds_rpm: Sequence[float] = (),
 ) -> Figure:
-    """Draws bounce and jump against speed with their limits; the band is shaded, the `speeds_rpm` judged are marked."""
+    """Draws bounce and jump against speed with their limits, a shaded band, and marks at the verified `speeds_rpm`."""
     figure = new_figure(7.6, 5.8)
     rows, lines = figure.subplots(2, 1, sharex=True), cam_lines(s.cam for s in sweeps)
     for axes, key in zip(rows, ("bounce_mm", "jump_mm"), strict=True):
@@ -61,8 +51,8 @@ def bounce_against_speed(
         for s in sweeps:
             _mark_worst(axes, s, key, lines[s.cam]["color"])
         axes.set_ylabel(f"{quantity.label} [{quantity.unit}]")
-        draw_limit(axes, limit, quoted("at most", limit, "mm"))
-        zero_and_decades(axes, limit)
+        draw_limit(axes, limit, "at most\n{:g} mm")
+        scale_symlog(axes, limit)
         axes.axvspan(*band_rpm, color=SHADE, zorder=0)
         mark = {"color": "#444444", "markersize": 6, "clip_on": False, "zorder": 5}
         axes.plot(list(speeds_rpm), [0] * len(speeds_rpm), "^", transform=axes.get_xaxis_transform(), **mark)
@@ -74,8 +64,8 @@ def bounce_against_speed(
     return figure
 
 
-def zero_and_decades(axes: Axes, limit: float | None) -> None:
-    """Scales a bounce or jump axis: linear from zero to `FINEST_MM`, logarithmic above; the limit is always inside."""
+def scale_symlog(axes: Axes, limit: float | None) -> None:
+    """Scales a bounce or jump axis: linear from zero to `FINEST_MM`, logarithmic above; it always shows the limit."""
     shown = [line.get_ydata() for line in axes.lines if line.get_transform() == axes.transData]
     largest = max([np.nanmax(np.append(np.asarray(y, dtype=float), 0.0)) for y in shown], default=0.0)
     axes.set_yscale("symlog", linthresh=FINEST_MM, linscale=0.5, subs=[2, 5])
@@ -83,7 +73,7 @@ def zero_and_decades(axes: Axes, limit: float | None) -> None:
     axes.set_ylim(0, 1.5 * max(largest, 3 * (limit or 0.0), 10 * FINEST_MM))
 
 
-def first_passed(speed_rpm: np.ndarray, values: np.ndarray, limit: float) -> float | None:
+def first_exceeded(speed_rpm: np.ndarray, values: np.ndarray, limit: float) -> float | None:
     """Speed [r/min] at which the drawn curve first rises above the limit, or None where it never does; a speed without
     a value, at which the valve never seats, counts as above."""
     above = ~(np.asarray(values, dtype=float) <= limit)
@@ -96,13 +86,14 @@ def first_passed(speed_rpm: np.ndarray, values: np.ndarray, limit: float) -> flo
 
 
 def _mark_starts(axes: Axes, sweeps: Sequence[Sweep], key: str, limit: float | None, lines: Mapping[str, dict]) -> None:
-    """The speeds from which cams float or bounce: a diamond on the limit, or on the curve where there is no limit.
+    """Marks the speeds above which cams float or bounce by a diamond on the limit, or on the curve without a limit.
 
-    Beside it stands the verdict's speed, or, where none was given, the drawn curve's, marked as about, to 10 r/min. It
-    stands on the left, or on the right where there is a diamond near on the left, each higher than the one before.
+    Beside it is the verdict's speed or, without a verdict, that of the drawn curve, marked as approximate, to 10 r/min.
+    The number is on the left, or on the right where another diamond is near on the left; then each number is higher
+    than the one before.
     """
-    starts = [(*_start(s, key, limit), s) for s in sweeps]
-    before, level = -np.inf, 0  # how many diamonds stand near one another on the left
+    starts = [(*_diamond(s, key, limit), s) for s in sweeps]
+    before, level = -np.inf, 0  # number of close diamonds on the left
     for at, words, s in sorted(((at, w, s) for at, w, s in starts if at is not None), key=lambda one: one[0]):
         level = level + 1 if at - before <= NUMBER_WIDTH * np.ptp(sweeps[0].speed_rpm) else 0
         colour, left, before = lines[s.cam]["color"], level == 0, at
@@ -111,10 +102,10 @@ def _mark_starts(axes: Axes, sweeps: Sequence[Sweep], key: str, limit: float | N
         _number(axes, words, (at, height), (-5 if left else 5, 5 + NUMBER_HEIGHT * max(level - 1, 0)), colour)
 
 
-def _start(sweep: Sweep, key: str, limit: float | None) -> tuple[float | None, str]:
-    """Speed [r/min] of a cam's diamond and its words; None where there is none inside the axes."""
+def _diamond(sweep: Sweep, key: str, limit: float | None) -> tuple[float | None, str]:
+    """Speed [r/min] of a cam's diamond and its text; None where it is outside the axes or missing."""
     if sweep.starts_rpm is None:
-        at = None if limit is None else first_passed(sweep.speed_rpm, getattr(sweep, key), limit)
+        at = None if limit is None else first_exceeded(sweep.speed_rpm, getattr(sweep, key), limit)
         return at, "" if at is None else f"≈{round(at, -1):.0f}"
     at = sweep.starts_rpm.get(key)
     inside = at is not None and sweep.speed_rpm[0] <= at <= sweep.speed_rpm[-1]
@@ -122,7 +113,7 @@ def _start(sweep: Sweep, key: str, limit: float | None) -> tuple[float | None, s
 
 
 def _mark_worst(axes: Axes, sweep: Sweep, key: str, colour: str) -> None:
-    """A circle around the worst of the band with its value, as the verdict states them."""
+    """Draws a circle around the worst point of the band, with its value, both as the verdict states them."""
     speed, value = sweep.worst.get(key, (0.0, None))
     if value is None:
         return
@@ -131,7 +122,7 @@ def _mark_worst(axes: Axes, sweep: Sweep, key: str, colour: str) -> None:
 
 
 def _number(axes: Axes, words: str, at: tuple[float, float], offset: tuple[float, float], colour: str) -> None:
-    """Words beside a mark, readable over the curves."""
+    """Writes a text beside a mark, legible over the curves."""
     write(axes, words, at, offset, color=colour, bbox={"facecolor": "white", "alpha": 0.7, "linewidth": 0, "pad": 0.5})
 
 

@@ -1,5 +1,5 @@
-"""The figures of studies: a front of limits, identified parameters, natural modes, a matrix of verdicts, and error
-against time."""
+"""Figures of studies: area over a limit, identified parameters, natural modes, a matrix of verdicts, and error over
+time."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
@@ -25,7 +25,7 @@ VERDICTS = {
     "refused": ("#bbbbbb", "–"),
     "wrong": ("#8a1c1c", "x"),
 }
-"""Colour and sign of each verdict; the sign tells the verdicts apart without any colour."""
+"""Colour and sign of each verdict; the signs distinguish the verdicts without colour."""
 
 
 @styled
@@ -116,7 +116,7 @@ def modes(frequency_Hz: np.ndarray, shape: np.ndarray, mass_names: Sequence[str]
 @styled
 def verdict_matrix(rows: Sequence[Mapping], scene: str) -> Figure:
     """Draws the verdicts of `rows`, which have `case` ("scene: case"), `method` and `verdict`; the field of a case that
-    a method did not run stays white."""
+    was not run with a method stays white."""
     cases = list(dict.fromkeys(r["case"].split(": ", 1)[-1] for r in rows))
     methods = list(dict.fromkeys(r["method"] for r in rows))
     figure = new_figure(3.4 + 0.42 * len(methods), 1.9 + 0.2 * len(cases))
@@ -145,17 +145,19 @@ MARKERS = "osD^vP"
 PANEL = 3.5
 """Width of a panel [in]."""
 NARROW = 100.0
-"""An axis whose ends have a smaller ratio than this has labels at 2 and 5 too."""
+"""Ratio of the ends of an axis below which it also has labels at 2 and 5 of each decade."""
 Series = Mapping[str, tuple[Sequence[float], Sequence[float]]]
-"""Times (k) [s] and errors (k) by the name of a series."""
+"""By the name of a series: times (k) [s] and errors (k)."""
 
 
 @styled
 def work_precision(clouds: Mapping[str, Series], xlabel: str, rivals: bool = True) -> Figure:
-    """Draws a panel of error over time for each quantity, whose label is the key; an error of 0 is drawn at the floor.
+    """Draws a panel of error over time for each quantity, whose label is the key; an error of 0 is drawn at the lower
+    end of the axis.
 
-    The line of a series runs through those of its settings that none of its other settings beats. Where the series are
-    `rivals`, which means ways to the same result, a grey line steps along what nothing at all beats.
+    The line of a series runs through its Pareto-optimal settings, to which none of its other settings is superior in
+    both time and error. Where the series are `rivals`, which means methods for the same result, a grey staircase marks
+    the Pareto front of all series.
     """
     names = list(dict.fromkeys(name for cloud in clouds.values() for name in cloud))
     look = {n: (COLOURS[i % len(COLOURS)], MARKERS[i // len(COLOURS) % len(MARKERS)]) for i, n in enumerate(names)}
@@ -183,7 +185,7 @@ def work_precision(clouds: Mapping[str, Series], xlabel: str, rivals: bool = Tru
         for axis in (axes.xaxis, axes.yaxis):
             low, high = axis.get_view_interval()
             axis.set_minor_formatter(NullFormatter())
-            if high < NARROW * low:  # the decades alone would leave one label or none
+            if high < NARROW * low:  # labels at the decades alone would be at most one or two
                 axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
                 axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     for name in names:
@@ -196,7 +198,7 @@ def work_precision(clouds: Mapping[str, Series], xlabel: str, rivals: bool = Tru
 
 
 def pareto(seconds: np.ndarray, errors: np.ndarray) -> np.ndarray:
-    """Indices of the points that no faster point equals in accuracy, from the fastest to the most accurate."""
+    """Indices of the Pareto-optimal points, from the fastest to the most accurate: no faster point is as accurate."""
     best: list[int] = []
     for i in np.lexsort((errors, seconds)):
         if not best or errors[i] < errors[best[-1]]:
@@ -215,10 +217,10 @@ LABELS = {
 
 
 def figures(rows: Sequence[dict]) -> dict[str, Figure]:
-    """A figure by the name of each case of methods, "job" for the job's dials, "masses" for smaller models."""
+    """Figures by name: one for each case of methods, "job" for the settings of a job, "masses" for smaller models."""
     usable = [row for row in rows if row["converged"] and row["seconds"] and row["error_of"] in LABELS]
     methods = [row for row in usable if not row["case"].startswith("job: ") and row["method"] != "reference"]
-    # a smaller model is timed by the revolution, the other dials by the whole step of the job
+    # the time of a smaller model is that of a revolution, of the other settings that of the whole step of the job
     masses = [row for row in usable if row["case"] == "job: masses"]
     job = [row for row in usable if row["case"].startswith("job: ") and row not in masses]
     named = {
@@ -230,12 +232,12 @@ def figures(rows: Sequence[dict]) -> dict[str, Figure]:
     return {
         name: work_precision(clouds, xlabels.get(name, "processor time per revolution [s]"), rivals=name != "job")
         for name, clouds in named.items()
-        if clouds  # none where nothing is wrong about anything: there is no error to draw
+        if clouds  # empty where all errors are zero
     }
 
 
 def _clouds(rows: Sequence[dict], by: str) -> dict[str, Series]:
-    """The series of each quantity that anything is wrong about, by its label."""
+    """By the label of each quantity with an error above zero, its series, which are named by the column `by`."""
     clouds = {}
     for name, label in LABELS.items():
         series: dict[str, tuple[list[float], list[float]]] = {}

@@ -1,4 +1,4 @@
-"""Trains as built: how much of each limit they use over the speed, and which tolerance makes them differ."""
+"""Figures of trains as built: used share of each limit over the speed, and the effect of each tolerance."""
 
 from collections.abc import Mapping
 
@@ -8,19 +8,20 @@ from matplotlib.figure import Figure
 from camopt.plots.style import DESIGN_LINE, draw_limit, legend_above, new_figure, styled
 
 SHOWN = 2.0
-"""Parts of a limit beyond which the axis ends: how far a limit is broken there does not matter."""
+"""Largest used share of a limit on the axis; how far beyond it a limit is exceeded does not matter."""
 RANGES = ((5, 95, 0.18), (25, 75, 0.3))
-"""Percentiles that are shaded, with the depth of the shade."""
+"""Lower and upper percentile of each shaded range, and the opacity of its shade."""
 COLOUR = DESIGN_LINE[0]
 
 
 @styled
-def used_against_speed(speeds_rpm: np.ndarray, used: Mapping[str, np.ndarray], title: str = "") -> Figure:
-    """Draws by limit the parts (t, s) that the trains use over the crankshaft speeds (s): median and ranges."""
+def used_against_speed(speeds_rpm: np.ndarray, used: Mapping[str, np.ndarray], title: str) -> Figure:
+    """Draws for each limit the shares (t, s) used by the trains over the crankshaft speeds (s): median, percentile
+    ranges and the worst train."""
     figure = new_figure(7.6, 0.9 + 1.7 * len(used))
     grid = figure.subplots(len(used), 1, sharex=True, squeeze=False)[:, 0]
     for axes, (limit, parts) in zip(grid, used.items(), strict=True):
-        bounded = np.minimum(parts, 10 * SHOWN)  # percentiles of what is infinite are not
+        bounded = np.minimum(parts, 10 * SHOWN)  # percentiles need finite values
         for low, high, depth in RANGES:
             ends = np.percentile(bounded, (low, high), axis=0)
             label = f"{high - low} % of the trains"
@@ -30,17 +31,15 @@ def used_against_speed(speeds_rpm: np.ndarray, used: Mapping[str, np.ndarray], t
         draw_limit(axes, 1.0, "limit")
         axes.set_ylim(0.0, min(SHOWN, 1.1 * max(1.05, float(bounded.max()))))
         axes.set_ylabel("used part [-]")
-        axes.set_title(limit)
+        axes.set_title(f"{title}\n{limit}" if axes is grid[0] else limit)
     grid[-1].set_xlabel("crankshaft speed [r/min]")
-    if title:
-        grid[0].set_title(f"{title}\n{grid[0].get_title(loc='left')}")
     legend_above(figure, grid[0])
     return figure
 
 
 @styled
 def blame_bars(blame: Mapping[str, float], bought: Mapping[str, float]) -> Figure:
-    """Draws by tolerance its part in the trains' scatter and, where known, what half of it adds to the yield."""
+    """Draws for each tolerance its part in the trains' scatter and, where known, the gain of yield by halving it."""
     labels = list(blame)[::-1]
     figure = new_figure(7.6, 1.3 + 0.3 * max(len(labels), 1))
     panels = [(blame, "part in the scatter [%]")] + (
@@ -62,8 +61,8 @@ def price_bars(
     worth: Mapping[str, float],
     worth_noise: float,
 ) -> Figure:
-    """Draws by tolerance the changes of the area ratio where it is left out and halved, and those for one per cent more
-    of its numbers, each with a standard error."""
+    """Draws for each tolerance the change of the area ratio where it is left out or halved, and the change for one per
+    cent more of the numbers that it moves, each with a standard error."""
     labels = sorted(left_out or halved, key=lambda label: (left_out or halved)[label])
     figure = new_figure(7.6, 1.5 + 0.42 * max(len(labels), 1))
     both, raised = figure.subplots(1, 2, sharey=True)

@@ -1,11 +1,11 @@
-"""What to do next with a run, from its outcome: the same for the page and for the command line's last line.
+"""Next steps after a run, derived from its outcome, for the report and for the last line of the command line.
 
-No command is advised that ran already with the same options: accuracy rises from step to step, then the wanted yield
-falls to what was reached, and in the end the user has to move the limits.
+A command with the options of this run is never advised again: the accuracy is raised first, then the requested yield is
+lowered to what was reached, and finally the limits or the tolerances have to change.
 
-What is to be measured first are the numbers that the scene assumes, ranked by their influence on the verdict: every
-assumed number of a mass or an element is raised and lowered by `MOVED`, and event-exact computes the settled motion at
-the highest listed speed; a number ranks by how much it raises the used share of a limit on the motion.
+The numbers that the scene assumes are to be measured first. They are ranked by their influence on the verdict: each
+assumed number of a mass or an element is raised and lowered by `MOVED`, event-exact computes the settled motion at the
+highest listed speed, and the rank follows from the largest increase of the used share of a limit on the motion.
 """
 
 import shlex
@@ -23,13 +23,13 @@ from camopt.scene.quantities import is_number, label_and_unit
 from camopt.verifier import ACCURACY_NAMES, FINE
 
 MOVED = 0.1
-"""Share by which each number is moved: a usual error of a guess."""
+"""Relative change of each assumed number: a usual error of a guess."""
 MOST_SHOWN = 2
-"""Names in the sentence on what to measure first."""
+"""Largest number of names in the sentence on what to measure first."""
 
 
 def assumed_numbers(scene: Scene) -> list[SceneNumber]:
-    """The numbers of masses and elements that the scene marks as assumed and that are not zero."""
+    """Numbers of masses and elements that the scene marks as assumed, except those that are zero."""
     numbers = [
         SceneNumber(table, i, key)
         for table, keys in KEYS.items()
@@ -40,11 +40,12 @@ def assumed_numbers(scene: Scene) -> list[SceneNumber]:
     return [number for number in numbers if number.of(scene)]
 
 
-@lru_cache(maxsize=4)  # a run writes its page before the comparison, and after it once more
+@lru_cache(maxsize=4)  # a run writes its report twice: before the comparison and after it
 def ranked(scene: Scene, lift: Lift) -> tuple[dict, ...]:
-    """The assumed numbers, the most influential first; empty where the scene limits no motion, and where event-exact
-    cannot compute it. Each has its `name`, its `value`, and the `limit` that a change of it affects most, with the
-    `share` of it that is used and what that is `moved_to` at the worst, infinite where no motion settles or seats."""
+    """The assumed numbers, the most influential first; empty where the scene has no limit on the motion, or where
+    event-exact cannot compute it. Each has its `name`, its `value`, the `limit` that its change affects most, the used
+    `share` of that limit, and the worst share after the change, `moved_to`, which is infinite where the motion does not
+    settle or the valve does not seat."""
     limits, numbers, train = motion_limits(scene.design), assumed_numbers(scene), build_train(scene)
     if not limits or not numbers or scene.operation is None or not train.straight:
         return ()
@@ -62,23 +63,23 @@ def ranked(scene: Scene, lift: Lift) -> tuple[dict, ...]:
 
 
 def first_to_measure(ranking: Sequence[dict]) -> str:
-    """The names of the most influential numbers, for a sentence; empty where none is assumed."""
+    """Names of the most influential numbers, as part of a sentence; empty where no number is assumed."""
     names = [row["name"] for row in ranking[:MOST_SHOWN]]
     more = len(ranking) - len(names)
     return ", ".join(names) + (f" and {more} more, ranked in the valve train's section" if more else "")
 
 
-LESS_WANTED = (0.99, 0.97, 0.95, 0.9, 0.8, 0.7, 0.6, 0.5)
-"""Yields that are asked for where a larger one was missed at the finest accuracy."""
+LOWER_YIELDS = (0.99, 0.97, 0.95, 0.9, 0.8, 0.7, 0.6, 0.5)
+"""Yields that may be requested where a larger one was missed at the finest accuracy."""
 FEW_TRAINS = 200
 NAMED = 2
-"""Assumed numbers of the geometry that a sentence names; the others are counted."""
+"""Largest number of assumed numbers of the geometry that a sentence names; the others are counted."""
 
 
 def advice(run: RunFolder, scene: str, cam: str, assumed: Sequence[dict] = ()) -> list[dict[str, str]]:
-    """What to do with this run, the first thing first: a sentence each, and the command that does it.
+    """Next steps for this run, the most important first, each with a sentence (`words`) and a `command`.
 
-    `scene` and `cam` are what the commands name: a scene's name or file, and the run folder's path. `assumed` are the
+    `scene` and `cam` are the commands' arguments: a scene's name or file, and the run folder's path. `assumed` are the
     train's assumed numbers, the most influential first.
     """
     verdict, steps = run.verdict, _Commands(run, scene, cam)
@@ -86,7 +87,7 @@ def advice(run: RunFolder, scene: str, cam: str, assumed: Sequence[dict] = ()) -
     if verdict == "confirmed":
         first = max(run.worth, key=lambda key: run.worth[key], default=None)
         words = f"Move the limits; {label_and_unit(first)[0]} buys most area." if first else "Move the limits."
-        return [*_before_the_grinder(run, steps, assumed), steps.step(words, "design", scene)]
+        return [*_steps_if_confirmed(run, steps, assumed), steps.step(words, "design", scene)]
     if verdict == "rejected":
         return [*steps.further("Search further: the verdict broke a limit."), move]
     if verdict == "sensitive":
@@ -100,19 +101,19 @@ def advice(run: RunFolder, scene: str, cam: str, assumed: Sequence[dict] = ()) -
 
 
 def further(run: RunFolder, scene: str, cam: str) -> dict[str, str]:
-    """To search again for what this run was to find, with more effort; to move the limits where there is no more."""
+    """The step that repeats the search at the next finer accuracy; after the finest, the step that moves the limits."""
     steps = _Commands(run, scene, cam)
     next_steps = steps.further("Search further.")
     return next_steps[0] if next_steps else steps.step("Move the limits and watch the cam.", "design", scene)
 
 
-def _before_the_grinder(run: RunFolder, steps: "_Commands", assumed: Sequence[dict]) -> list[dict[str, str]]:
-    """What is left to do with a confirmed cam until it is ground."""
+def _steps_if_confirmed(run: RunFolder, steps: "_Commands", assumed: Sequence[dict]) -> list[dict[str, str]]:
+    """Steps that remain for a confirmed cam before it is ground."""
     record = run.built
     stands = standing(record)
     share = f"{100 * record['share']:.3g} % of those as built hold" if stands else ""
     if stands == MISSED:
-        return _after_a_miss(record, share, steps)
+        return _steps_if_yield_missed(record, share, steps)
     if stands == NOT_ASKED:
         estimate = estimated_words(record)
         words = (
@@ -121,29 +122,27 @@ def _before_the_grinder(run: RunFolder, steps: "_Commands", assumed: Sequence[di
         return [steps.again(words, max(steps.accuracy, 1), ADVISED), steps.halved()]
     if steps.accuracy == 0:
         return [steps.again("This was a draft: design once more before it is ground.", 1, steps.wanted)]
-    words = _to_the_grinder(run, share if stands in (HELD, ENOUGH) else "", assumed)
+    words = _grinding_sentence(run, share if stands in (HELD, ENOUGH) else "", assumed)
     table = steps.step(words, "cam", steps.scene, "--cam", steps.cam, "--csv", "lift.csv", "--digits", 5)
     if not stands and run.scene.get("tolerance"):
-        words = ("yield", steps.scene, "--cam", steps.cam, "--trains", FEW_TRAINS)
-        return [steps.step("Ask how many trains as built hold.", *words), table]
+        command = ("yield", steps.scene, "--cam", steps.cam, "--trains", FEW_TRAINS)
+        return [steps.step("Ask how many trains as built hold.", *command), table]
     return [table]
 
 
-def _after_a_miss(record: dict, share: str, steps: "_Commands") -> list[dict[str, str]]:
-    """What to do where fewer trains hold than was asked: more effort, then less to ask, then other tolerances."""
+def _steps_if_yield_missed(record: dict, share: str, steps: "_Commands") -> list[dict[str, str]]:
+    """Steps where the yield is missed: a finer accuracy, then a lower yield, then narrower tolerances."""
     words = f"Only {share}, and {100 * record['wanted']:g} % were asked"
-    more = steps.further(f"{words}: search further.")
-    if more:
-        return [*more, steps.halved()]
-    less = [share for share in LESS_WANTED if share <= record["low"] and share < record["wanted"]]
-    if less:
-        ask = f"{words}: ask for what can be held, or narrow the tolerances."
-        return [steps.again(ask, steps.accuracy, less[0]), steps.halved()]
+    if finer := steps.further(f"{words}: search further."):
+        return [*finer, steps.halved()]
+    if lower := [share for share in LOWER_YIELDS if share <= record["low"] and share < record["wanted"]]:
+        sentence = f"{words}: ask for what can be held, or narrow the tolerances."
+        return [steps.again(sentence, steps.accuracy, lower[0]), steps.halved()]
     return [steps.halved(f"{words}: see which tolerance spoils most, and narrow it.")]
 
 
-def _to_the_grinder(run: RunFolder, share: str, assumed: Sequence[dict]) -> str:
-    """To have the cam ground, once the numbers that its motion and its outline depend on are measured."""
+def _grinding_sentence(run: RunFolder, share: str, assumed: Sequence[dict]) -> str:
+    """The sentence on grinding the cam, after the assumed numbers of its train and its geometry have been measured."""
     geometry = run.scene.get("geometry")
     guessed = geometry.get("assumed") if isinstance(geometry, dict) else None
     names = [label_and_unit(str(key))[0] for key in guessed] if isinstance(guessed, list) else []
@@ -157,7 +156,7 @@ def _to_the_grinder(run: RunFolder, share: str, assumed: Sequence[dict]) -> str:
 
 
 class _Commands:
-    """The commands about a run, with the words that it was given."""
+    """Steps and their commands, with the options of the run."""
 
     def __init__(self, run: RunFolder, scene: str, cam: str):
         named, wanted, free = (run.settings.get(key) for key in ("accuracy", "yield", "free"))
@@ -170,20 +169,20 @@ class _Commands:
         self._free = [word for name, low, high in ends for word in ("--free", f"{name}={low:g}:{high:g}")]
 
     def step(self, words: str, *command: object) -> dict[str, str]:
-        """A sentence and its command."""
+        """A step: its sentence and its command."""
         return {"words": words, "command": shlex.join(["camopt", *map(str, command)])}
 
     def again(self, words: str, accuracy: int, wanted: float | None) -> dict[str, str]:
-        """To design at an accuracy, for a yield if one is wanted, with what else was asked."""
+        """The step that designs at an accuracy, for a yield if one is wanted, with the run's other options."""
         command: list[object] = ["optimize", self.scene, *self._free, "--accuracy", ACCURACY_NAMES[accuracy]]
         command += ["--speeds", "nominal"] if self._nominal and wanted is None else []  # a yield is that of the band
         return self.step(words, *command, *([] if wanted is None else ["--yield", f"{wanted:g}"]))
 
     def further(self, words: str) -> list[dict[str, str]]:
-        """To design at the next finer accuracy for the same yield; nothing after the finest."""
+        """The step that designs at the next finer accuracy for the same yield; empty after the finest."""
         finer = self.accuracy + 1
         return [self.again(words, finer, self.wanted)] if finer < len(ACCURACY_NAMES) else []
 
     def halved(self, words: str = "Or see what narrower tolerances would buy.") -> dict[str, str]:
-        """To ask which tolerance spoils how many trains."""
+        """The step that computes the yield with each tolerance halved."""
         return self.step(words, "yield", self.scene, "--cam", self.cam, "--trains", FEW_TRAINS, "--halve")

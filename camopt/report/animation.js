@@ -1,6 +1,6 @@
-// The valve train in motion: draws what camopt/report/motion.py gives; asks for nothing from outside.
+// Animation of the valve train from the data of camopt/report/motion.py; it loads nothing from outside.
 "use strict";
-function trainParts(chosen) { // what trainAnimation fills; chosen: a reader chooses cam and speed
+function trainParts(chosen) { // the elements that trainAnimation fills; chosen: whether the reader selects cam and speed
   const option = (value, words, selected) => h("option", { value, selected }, words);
   const drawing = (id, label) => svgNode("svg", { id, role: "img", "aria-label": label });
   const head = (words) => h("th", { scope: "col", class: words === "state" ? "text" : null }, words);
@@ -21,13 +21,13 @@ function trainParts(chosen) { // what trainAnimation fills; chosen: a reader cho
         h("div", { class: "scroll", tabindex: "0", role: "region", "aria-label": "Contacts at the chosen angle" },
           h("table", { id: "train-numbers" }, h("tr", {}, ...["contact", "state", "force [N]", "separation [mm]"].map(head))))))];
 }
-function trainAnimation(page, first) { // page: what holds the elements; returns a function that takes other data
+function trainAnimation(page, first) { // page: container of the elements; returns a function that replaces the data
   const $ = (id) => page.querySelector(`#${id}`);
   let data, drawing, step, scale, steps; // scale: pixels per millimetre
-  const ROOM = 16; // pixels that a gap may be drawn wider than it is
-  const STUB = 7; // pixels from a contact's face to the mass that it stands on
+  const ROOM = 16; // largest widening of a drawn gap [px]
+  const STUB = 7; // distance from a contact's face to its mass [px]
   const still = matchMedia("(prefers-reduced-motion: reduce)");
-  const state = { index: 0, playing: false, last: 0, rest: 0 };
+  const state = { index: 0, playing: false, last: 0, fraction: 0 }; // last: time of the last frame [ms]; fraction: of a step
   let cam, motion, masses, parts, rows;
 
   const make = (parent, ...what) => parent.appendChild(svgNode(...what));
@@ -44,13 +44,13 @@ function trainAnimation(page, first) { // page: what holds the elements; returns
     for (let i = 0; i < 2 * turns; i++) path += `L${x + (i % 2 ? -wide : wide)} ${top + lead + (i + 0.5) * pitch}`;
     return `${path}L${x} ${bottom - lead}V${bottom}`;
   }
-  function ground(x, y, side) { // side -1: the ground lies above
+  function ground(x, y, side) { // side -1: the ground is above
     let path = line(x - 15, y, x + 15, y);
     for (let i = -12; i <= 12; i += 6) path += line(x + i, y, x + i + 4 * side, y + 6 * side);
     return path;
   }
 
-  // ---- the train: parts are made once, `place` moves them
+  // ---- the train: its parts are created once, and `place` moves them
   function build() {
     const svg = $("train-drawing");
     svg.replaceChildren();
@@ -153,7 +153,7 @@ function trainAnimation(page, first) { // page: what holds the elements; returns
     return line(x, centre, x, below);
   }
 
-  // ---- a finger or rocker: a body about its pivot, drawn with the valve shut and turned by the valve's lift
+  // ---- a finger or rocker: a body that is drawn with the valve shut and turns about its pivot with the valve's lift
   function turned([x, y], by) {
     return [x * Math.cos(by) - y * Math.sin(by), x * Math.sin(by) + y * Math.cos(by)];
   }
@@ -182,11 +182,11 @@ function trainAnimation(page, first) { // page: what holds the elements; returns
     showOpen({ light, word, k }, y, y);
   }
 
-  // ---- the chart above the slider: valve lift, and when each contact is open
+  // ---- the chart above the slider: valve lift, and the intervals in which each contact is open
   const chart = $("train-chart");
   const LEFT = 40, RIGHT = 10, TOP = 16, HIGH = 110, ROW = 30;
   let cursor, across, drawnWidth;
-  function drawChart() { // a width that is known costs no layout of the page
+  function drawChart() { // a known width avoids a layout of the page
     const width = Math.max(280, drawnWidth ?? chart.parentElement.clientWidth), n = data.contacts.length;
     const bottom = TOP + HIGH, end = bottom + 8 + n * ROW;
     chart.replaceChildren();
@@ -281,21 +281,21 @@ function trainAnimation(page, first) { // page: what holds the elements; returns
   }
   function frame(now) {
     if (!state.playing) return;
-    const pause = still.matches ? 500 : 0; // whoever asked for little motion sees two pictures a second
+    const pause = still.matches ? 500 : 0; // two frames per second where reduced motion is requested
     if (!state.last || now - state.last >= pause) {
-      const turned = state.last ? still.matches ? 5 : ((now - state.last) / 1000) * Number($("train-pace").value) : 0;
-      state.rest += turned / step;
-      const whole = Math.floor(state.rest);
-      state.rest -= whole;
+      const degrees = state.last ? still.matches ? 5 : ((now - state.last) / 1000) * Number($("train-pace").value) : 0;
+      state.fraction += degrees / step;
+      const whole = Math.floor(state.fraction);
+      state.fraction -= whole;
       state.index = (state.index + whole) % steps;
       state.last = now;
       show();
     }
     requestAnimationFrame(frame);
   }
-  function take(next) {
+  function setData(newData) {
     const angleBefore = data ? angle() : -40;
-    data = next;
+    data = newData;
     ({ drawing, step_deg: step } = data);
     scale = drawing.scale;
     steps = Math.round(360 / step);
@@ -317,17 +317,17 @@ function trainAnimation(page, first) { // page: what holds the elements; returns
     state.index = Number(event.target.value);
     show();
   });
-  $("train").addEventListener("keydown", (event) => { // buttons and lists have their own meaning for space
+  $("train").addEventListener("keydown", (event) => { // buttons and lists use the space key themselves
     if (event.key !== " " || ["BUTTON", "SELECT"].includes(event.target.tagName)) return;
     event.preventDefault();
     play(!state.playing);
   });
-  take(first);
+  setData(first);
   new ResizeObserver(([entry]) => {
     if (entry.contentRect.width === drawnWidth) return;
     drawnWidth = entry.contentRect.width;
     drawChart();
     show();
   }).observe(chart.parentElement);
-  return take;
+  return setData;
 }

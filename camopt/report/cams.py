@@ -1,5 +1,5 @@
-"""What the report shows of the cams themselves: their laws, their bounce, jump and forces over the band and the search,
-which the charts draw; curvature and contact with the follower, the contour, the cam card, and the Hertz stress.
+"""Content of the report on its cams: the data of the charts (lift laws, bounce, jump and forces over the band, course
+of the search), curvature and contact with the follower, the contour, the cam card, and the Hertz stress.
 """
 
 from functools import lru_cache
@@ -27,10 +27,11 @@ WIDTH = 320.0
 
 
 def geometry(cams: RunCams) -> dict | None:
-    """Figures and faults per cam and a drawing of the design's contour; None where the scene has no [geometry].
+    """Geometric values and faults of each cam and a drawing of the design's contour; None for a scene without
+    [geometry].
 
     `none` has a sentence for each cam that the follower cannot run on. The tightest spot is where the contour's radius
-    of curvature is smallest, convex or concave.
+    of curvature, convex or concave, is smallest in magnitude.
     """
     if cams.scene is None or cams.scene.geometry is None or not cams.lifts:
         return None
@@ -53,12 +54,12 @@ def geometry(cams: RunCams) -> dict | None:
 
 
 def tightest(c: Contact) -> int:
-    """Sample of the smallest radius of curvature, convex or concave; a cusp has one near zero."""
+    """Index of the sample where the radius of curvature is smallest in magnitude; it is near zero at a cusp."""
     return int(np.argmin(np.abs(c.radius_of_curvature)))
 
 
 def _drawing(c: Contact, name: str) -> dict:
-    """Contour, base circle and tightest spot in pixels, the nose up."""
+    """Contour, base circle and tightest spot in pixels, with the nose up."""
     points = np.stack([c.contour[:, 1], -c.contour[:, 0]], axis=1) / MM
     low, high = points.min(axis=0), points.max(axis=0)
     scale = (WIDTH - 60) / float((high - low).max())
@@ -82,14 +83,15 @@ def _drawing(c: Contact, name: str) -> dict:
 
 
 def cards(cams: RunCams) -> list[tuple[str, CamCard]]:
-    """By cam its card, at the lifts that it passes."""
+    """Name and cam card of every cam, at those lifts of `LIFTS_MM` that are below its maximum lift."""
     passed = {name: [height for height in LIFTS_MM if height * MM < lift.max_lift] for name, lift in cams.lifts.items()}
     return [(name, cam_card(lift, passed[name])) for name, lift in cams.lifts.items() if passed[name]]
 
 
 def stress(cams: RunCams) -> tuple[list[list[str]], str]:
-    """Rows on the largest Hertz stress of the design at each listed speed and standing still: stress [MPa], cam angle
-    [deg], force [N], and the share of what the materials bear, where the scene says so; or the sentence on why none."""
+    """Rows on the largest Hertz stress of the design at each listed speed and at standstill: stress [MPa], cam angle
+    [deg], force [N], and the share of the permissible stress where the scene states one; and, where there are no rows,
+    a sentence that gives the reason."""
     scene, lift = cams.scene, cams.lifts.get(DESIGN)
     if lift is None or scene is None:
         return [], "The design cannot be read, so there is no stress on it."
@@ -98,22 +100,22 @@ def stress(cams: RunCams) -> tuple[list[list[str]], str]:
     return _stress(scene, lift)  # pyright: ignore[reportArgumentType]  # both have a hash
 
 
-@lru_cache(maxsize=4)  # a run writes its page before the comparison, and after it once more
+@lru_cache(maxsize=4)  # a run writes its report twice: before the comparison and after it
 def _stress(scene: Scene, lift: Lift) -> tuple[list[list[str]], str]:
-    """The same of a scene with a geometry."""
+    """`stress` for a scene with a geometry."""
     rows, geometry = [], scene.required_geometry
 
-    def cells(found: HertzStress) -> list[str]:
-        figures = found.figures()
+    def cells(largest: HertzStress) -> list[str]:
+        figures = largest.figures()
         return [*map(shown, figures.values()), share_borne(figures["hertz_stress_MPa"], geometry) or "–"]
 
     try:
         for speed in scene.operation.speeds_rpm if scene.operation else ():
             try:
-                found = cells(dynamic_stress(scene, lift, speed)[0])
+                row = cells(dynamic_stress(scene, lift, speed)[0])
             except MotionRefused as refused:
-                found = ["–", "–", f"refused: {refused}", "–"]
-            rows.append([f"{shown(speed)} r/min", *found])
+                row = ["–", "–", f"refused: {refused}", "–"]
+            rows.append([f"{shown(speed)} r/min", *row])
         return [*rows, ["standing still", *cells(static_stress(scene, lift))]], ""
     except InputError as error:
         return [], f"There is no Hertz stress: {error}."
@@ -128,14 +130,14 @@ LAWS = (
      ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2")),
     ("jerk_mm_per_deg3", "Jerk", "mm/deg³", ("jerk_max_mm_per_deg3",)),
 )  # fmt: skip
-"""The lift and its derivatives: column of the lift table, title, unit, and the limits that are drawn with them."""
+"""The lift and its derivatives: column of the lift table, title, unit, and keys of the limits that are drawn."""
 OVER_BAND = ("bounce_mm", "jump_mm", "contact_force_max_N", "contact_force_min_N", "seating_velocity_m_per_s")
 SEARCHED = ("area_ratio", "worst_bounce_mm", "best_area_ratio")
 
 
 def curves(run: RunFolder, cams: RunCams) -> dict[str, Any] | None:
-    """Plain numbers for `curves.js`; None without a cam. A cam's `place` is "design", "within" or "beyond" the limits
-    on the shape; the axes are made for the design and for the cams that are confirmed."""
+    """Plain numbers for `curves.js`; None without a design or a cam. A cam's `place` is "design", or "within" or
+    "beyond" the limits on the shape; the axes are scaled for the design and the confirmed cams."""
     scene = cams.scene
     if scene is None or scene.design is None or not cams.lifts:
         return None
@@ -167,7 +169,7 @@ def curves(run: RunFolder, cams: RunCams) -> dict[str, Any] | None:
 
 
 def _end_deg(lift: Lift) -> float:
-    """Angle of the outermost piece that lifts."""
+    """Largest magnitude of the cam angle [deg] up to which a piece of the lift is not zero."""
     flat = np.all(lift.coefficients == 0, axis=1)
     edges = np.concatenate([lift.borders[:-1][~flat], lift.borders[1:][~flat]])
     return float(np.abs(edges).max(initial=lift.half_duration)) / DEG
@@ -182,24 +184,24 @@ def _cam(name: str, lift: Lift, inside: np.ndarray, verdict: dict) -> dict[str, 
         **page_line(name),
         "place": DESIGN if name == DESIGN else "within" if lawful else "beyond",
         "verdict": str(verdict.get("verdict", "not verified")),
-        **{key: [*map(_short, table[key][inside].tolist())] for key, *_ in LAWS},
+        **{key: [*map(_rounded, table[key][inside].tolist())] for key, *_ in LAWS},
         "band": _band(verdict.get("band")),
     }
 
 
 def _band(band: Any) -> dict[str, list] | None:
-    """The curves over the band that a verdict states; the file is untrusted."""
+    """The curves over the band that a verdict records; None where the file, which is untrusted, has no valid ones."""
     curves = band.get("curves") if isinstance(band, dict) else None
     speeds = curves.get("speed_rpm") if isinstance(curves, dict) else None
     if not isinstance(curves, dict) or not isinstance(speeds, list) or not speeds or not all(map(is_number, speeds)):
         return None
     values = {key: curves.get(key) for key in OVER_BAND}
     stated = {key: v for key, v in values.items() if isinstance(v, list) and len(v) == len(speeds)}
-    return {"speed_rpm": speeds} | {key: [*map(_short, row)] for key, row in stated.items()}
+    return {"speed_rpm": speeds} | {key: [*map(_rounded, row)] for key, row in stated.items()}
 
 
 def _limits(design: Design, keys: tuple[str, ...]) -> list[float]:
-    """The limits that a design sets, both signs of that on the jerk."""
+    """The values of the limits that a design sets; the limit on the jerk with both signs."""
     values = [value for key in keys if (value := getattr(design, key, None)) is not None]
     return values + [-value for value in values if keys == ("jerk_max_mm_per_deg3",)]
 
@@ -208,6 +210,6 @@ def _number(value) -> float | None:
     return value if is_number(value) else None
 
 
-def _short(value) -> float | None:
-    """A number to DIGITS significant digits, None for what is none."""
+def _rounded(value) -> float | None:
+    """A number to DIGITS significant digits; None for any other value."""
     return float(f"{value:.{DIGITS}g}") if is_number(value) else None

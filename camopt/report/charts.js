@@ -1,4 +1,4 @@
-// Charts as SVG: lines over an axis, limits, a marked place, the values under the pointer, and a closer look.
+// Charts as SVG: lines over an axis, limits, marked places, a readout of the values under the pointer, and zoom.
 function h(name, attributes = {}, ...children) { // an HTML element
   const node = document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {
@@ -15,7 +15,7 @@ function svgNode(name, attributes = {}, words) { // an SVG element
   if (words !== undefined) node.textContent = words;
   return node;
 }
-function shown(value, digits = 4) { // a number as the page writes it
+function shown(value, digits = 4) { // a number as the page shows it
   if (value === null || value === undefined || !Number.isFinite(value)) return "–";
   if (Math.abs(value) < 1e-5) return "0"; // a hundredth of a micrometre, far below what any unit here resolves
   return String(Number(value.toPrecision(digits))).replace("-", "−");
@@ -23,37 +23,37 @@ function shown(value, digits = 4) { // a number as the page writes it
 function ticks(low, high, most) { // round numbers in a range
   const rough = (high - low) / most || 1, power = 10 ** Math.floor(Math.log10(rough));
   const step = [1, 2, 5, 10].map((d) => d * power).find((s) => s >= rough);
-  const found = [];
-  for (let n = Math.ceil(low / step - 1e-9); n * step <= high + 1e-9 * step; n++) found.push(n * step);
-  return found;
+  const values = [];
+  for (let n = Math.ceil(low / step - 1e-9); n * step <= high + 1e-9 * step; n++) values.push(n * step);
+  return values;
 }
-function limitsAt(values, words = "limit") { // lines of limits, each with its value in words
+function limitsAt(values, words = "limit") { // limit lines, each named with its value
   return values.map((value) => ({ value, name: `${words} ${shown(value)}` }));
 }
 
 class Chart {
   // spec: x {label, low, high}, lines [{name, x, y, look or colour and dashes, dots}], limits [{value, name}],
-  // places [x], include (values that the axis shows), most and least (where the axis ends at the latest), says
+  // places [x] (vertical marks), include (values that the axis contains), most and least (outermost ends of the axis), caption
   constructor(title, unit, height = 170) {
-    Object.assign(this, { title, unit, height, spec: null, zoom: null, grip: null });
+    Object.assign(this, { title, unit, height, spec: null, zoom: null, dragFrom: null });
     this.svg = svgNode("svg", { role: "img", tabindex: "0" });
     this.words = h("span");
     this.whole = h("button", { type: "button", hidden: true, on: { click: () => this.unzoom() } }, "whole axis");
     this.values = h("p", { class: "values" });
     this.node = h("figure", { class: "chart" }, h("figcaption", {}, this.words, " ", this.whole), this.svg, this.values);
-    const listen = { pointermove: this.hover, pointerleave: this.leave, pointerdown: this.take, pointerup: this.drop,
+    const listen = { pointermove: this.hover, pointerleave: this.leave, pointerdown: this.beginDrag, pointerup: this.endDrag,
       pointercancel: this.leave, keydown: this.key, blur: this.leave, dblclick: () => this.show(this.spec, null) };
     for (const [event, act] of Object.entries(listen)) this.svg.addEventListener(event, act.bind(this));
     new ResizeObserver(([entry]) => this.resized(entry.contentRect.width)).observe(this.node);
   }
-  show(spec, zoom = this.zoom) { // the part of the axis that is looked at stays while the whole axis does
+  show(spec, zoom = this.zoom) { // the zoom is kept while the ends of the whole axis stay the same
     const same = this.spec && this.spec.x.low === spec.x.low && this.spec.x.high === spec.x.high;
     this.spec = spec;
     this.zoom = same ? zoom : null;
     this.whole.hidden = !this.zoom;
     this.draw();
   }
-  unzoom() { // the button goes, and the focus with it, if nobody takes it
+  unzoom() { // the button is hidden, so the chart takes over the focus
     this.show(this.spec, null);
     this.svg.focus();
   }
@@ -64,7 +64,7 @@ class Chart {
   make(name, attributes, words, inside = this.svg) {
     return inside.appendChild(svgNode(name, attributes, words));
   }
-  draw(space = this.width ?? this.node.clientWidth) { // a width that is known costs no layout of the page
+  draw(space = this.width ?? this.node.clientWidth) { // a known width avoids a layout of the page
     const { spec, height } = this, width = Math.max(240, space || 300);
     this.x = this.zoom ?? spec.x;
     const [low, high] = this.levels();
@@ -74,8 +74,8 @@ class Chart {
     this.box = box;
     this.svg.replaceChildren();
     this.svg.setAttribute("viewBox", `0 0 ${width} ${height}`);
-    this.svg.setAttribute("aria-label", `${this.title} [${this.unit}] against ${spec.x.label}. ${spec.says}`);
-    this.words.replaceChildren(h("b", {}, `${this.title} [${this.unit}] `), h("span", {}, spec.says));
+    this.svg.setAttribute("aria-label", `${this.title} [${this.unit}] against ${spec.x.label}. ${spec.caption}`);
+    this.words.replaceChildren(h("b", {}, `${this.title} [${this.unit}] `), h("span", {}, spec.caption));
     this.axes(spec, box, low, high, height);
     spec.limits.filter((l) => l.value >= low && l.value <= high).forEach((limit) => this.limit(limit, box));
     for (const x of (spec.places ?? []).filter((x) => x >= this.x.low && x <= this.x.high)) {
@@ -85,7 +85,7 @@ class Chart {
     const port = this.make("svg", { ...frame, viewBox: Object.values(frame).join(" "), class: "port" });
     spec.lines.forEach((line) => this.line(line, port));
     this.cursor = this.make("path", { class: "cursor" });
-    this.taken = this.make("rect", { class: "taken", y: box.top, height: box.bottom - box.top, width: 0 });
+    this.dragged = this.make("rect", { class: "dragged", y: box.top, height: box.bottom - box.top, width: 0 });
   }
   levels() { // lower and upper end of the axis
     const { spec } = this, { low: from, high: to } = this.x;
@@ -94,9 +94,9 @@ class Chart {
     let levels = [...spec.lines.flatMap(inside), ...limits, ...(this.zoom ? [] : spec.include ?? [])];
     if (!levels.length) levels = [0];
     let low = Math.min(...levels), high = Math.max(...levels);
-    if (spec.most !== undefined) high = Math.max(low, Math.min(high, spec.most)); // what goes beyond is cut, and said so
+    if (spec.most !== undefined) high = Math.max(low, Math.min(high, spec.most)); // values beyond are cut; the caption says so
     if (spec.least !== undefined) low = Math.min(high, Math.max(low, spec.least));
-    const room = 0.12 * (high - low || Math.abs(high) || 1); // for the names of limits, too
+    const room = 0.12 * (high - low || Math.abs(high) || 1); // includes space for the names of limits
     return [low < 0 || this.zoom || spec.least !== undefined ? low - room : low, high + room];
   }
   axes(spec, box, low, high, height) {
@@ -134,8 +134,8 @@ class Chart {
     });
   }
 
-  // ---- values under the pointer, and the part of the axis that is looked at
-  place(event) { // on the axis, under the pointer
+  // ---- readout of the values under the pointer, and zoom
+  place(event) { // position on the axis under the pointer
     const { left, width } = this.svg.getBoundingClientRect(), { box } = this;
     const pixel = ((event.clientX - left) * this.svg.viewBox.baseVal.width) / width;
     const share = Math.min(1, Math.max(0, (pixel - box.left) / (box.right - box.left)));
@@ -144,41 +144,41 @@ class Chart {
   hover(event) {
     if (!this.spec) return;
     const x = this.place(event);
-    if (this.grip !== null) {
-      const [a, b] = [this.across(this.grip), this.across(x)];
-      this.taken.setAttribute("x", Math.min(a, b));
-      this.taken.setAttribute("width", Math.abs(b - a));
+    if (this.dragFrom !== null) {
+      const [a, b] = [this.across(this.dragFrom), this.across(x)];
+      this.dragged.setAttribute("x", Math.min(a, b));
+      this.dragged.setAttribute("width", Math.abs(b - a));
     }
-    this.read(x);
+    this.readOut(x);
   }
-  read(x) {
+  readOut(x) {
     const { spec, box } = this;
-    const read = spec.lines.filter((line) => line.x.length).map((line) => {
+    const points = spec.lines.filter((line) => line.x.length).map((line) => {
       let best = 0;
       line.x.forEach((v, i) => { if (Math.abs(v - x) < Math.abs(line.x[best] - x)) best = i; });
       return { at: line.x[best], words: `${line.name} ${shown(line.y[best])}` };
     });
-    if (!read.length) return;
+    if (!points.length) return;
     this.at = x;
-    this.cursor.setAttribute("d", `M${this.across(read[0].at)} ${box.top}V${box.bottom}`);
-    this.values.textContent = `${spec.x.label.replace(/ \[.*/, "")} ${shown(read[0].at, 5)}: ${read.map((r) => r.words).join(", ")}`;
+    this.cursor.setAttribute("d", `M${this.across(points[0].at)} ${box.top}V${box.bottom}`);
+    this.values.textContent = `${spec.x.label.replace(/ \[.*/, "")} ${shown(points[0].at, 5)}: ${points.map((p) => p.words).join(", ")}`;
   }
   leave() {
-    this.grip = null;
-    this.taken?.setAttribute("width", 0);
+    this.dragFrom = null;
+    this.dragged?.setAttribute("width", 0);
     this.cursor?.setAttribute("d", "");
     this.values.textContent = "";
   }
-  take(event) {
-    if (this.spec && event.button === 0) this.grip = this.place(event);
+  beginDrag(event) {
+    if (this.spec && event.button === 0) this.dragFrom = this.place(event);
   }
-  drop(event) {
-    if (this.grip === null) return;
-    const [low, high] = [this.grip, this.place(event)].sort((a, b) => a - b);
+  endDrag(event) {
+    if (this.dragFrom === null) return;
+    const [low, high] = [this.dragFrom, this.place(event)].sort((a, b) => a - b);
     this.leave();
-    this.look(low, high, 0.02);
+    this.zoomTo(low, high, 0.02);
   }
-  look(low, high, least) { // at a part of the axis, no smaller than `least` of what is seen
+  zoomTo(low, high, least) { // zooms to a part of the axis, unless it is smaller than the share `least` of the visible part
     const whole = this.spec.x;
     if (high - low < least * (this.x.high - this.x.low) || high - low < 1e-3 * (whole.high - whole.low)) return;
     const all = low <= whole.low && high >= whole.high;
@@ -188,11 +188,11 @@ class Chart {
     if (!this.spec || event.ctrlKey || event.altKey || event.metaKey) return;
     const { low, high } = this.x, at = this.at ?? (low + high) / 2, step = (high - low) / 100;
     const half = { "+": 0.25, "-": 1 }[event.key] * (high - low);
-    if (half) this.look(at - half, at + half, 0);
+    if (half) this.zoomTo(at - half, at + half, 0);
     else if (event.key === "0" || event.key === "Escape") this.show(this.spec, null);
     else if (!event.key.startsWith("Arrow") || event.key.length < 9) return; // left and right
     const to = event.key === "ArrowLeft" ? at - step : event.key === "ArrowRight" ? at + step : at;
-    this.read(Math.min(this.x.high, Math.max(this.x.low, to)));
+    this.readOut(Math.min(this.x.high, Math.max(this.x.low, to)));
     event.preventDefault();
   }
 }

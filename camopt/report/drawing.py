@@ -1,9 +1,9 @@
-"""Where the masses and elements of a valve train stand in a drawing, laid out from the graph of the scene, with the
-room that its follower takes about the cam.
+"""Layout of the drawing of a valve train, from the graph of the scene and the space that the follower needs about the
+cam.
 
-Positions point down the page as the valve opens, so in an element between a and b, which a compresses by moving
-towards +x, a stands above b: the seat comes to lie above the valve, the spring's foot below it, as in an engine. All
-lengths are pixels of the drawing; masses move by `SCALE` pixels per millimetre.
+Positions increase down the page, in the direction in which the valve opens. In an element between a and b, a moves
+towards +x to compress it, so a is drawn above b: the seat lies above the valve and the spring's foot below it, as in an
+engine. Lengths are pixels of the drawing where no other unit is given; masses move by `SCALE` pixels per millimetre.
 """
 
 from itertools import pairwise
@@ -18,31 +18,31 @@ from camopt.scene.train import GROUND, Train
 from camopt.scene.units import MM
 
 BASE_MM = 16.0
-"""Base circle radius that is drawn where the scene has no [geometry]."""
+"""Radius of the base circle that is drawn for a scene without [geometry] [mm]."""
 PIVOT_MM = 4.0
-"""Room about a pivot."""
+"""Space about a pivot [mm]."""
 SWING_MM = 12.0
-"""Room above what a rising cam lifts."""
+"""Space above a roller or pad that lies above the cam's axis, for its motion with the lift [mm]."""
 
 SCALE = 4.0
-"""Pixels per millimetre, of the motion and of the cam."""
+"""Scale of the motion and of the cam [px/mm]."""
 LANE = 58.0
-"""Distance of neighbouring elements of one mass."""
+"""Distance between neighbouring elements of one mass [px]."""
 COIL_MM = 0.5
-"""An element whose compression varies by more than this is drawn as a coil, a stiffer one as a rod."""
+"""An element whose compression varies by more than this [mm] is drawn as a coil, a stiffer one as a rod."""
 LENGTH = {"coil": 30.0, "rod": 18.0, "contact": 36.0}
-"""Room for an element at its shortest; a contact needs some for its magnified gap."""
+"""Shortest length of an element [px]; a contact is longer because its gap is drawn magnified."""
 HEIGHT = {"valve": 22.0, "mass": 22.0, "small": 12.0, "hub": 10.0}
 MARGIN = 14.0
 WORDS = 54.0
-"""Room for words beside a mass or a contact."""
+"""Space for the text beside a mass or a contact [px]."""
 STROKE_MM = 10.0
-"""Room below the lowest mass, for its motion."""
+"""Space below the lowest mass, for its motion [mm]."""
 
 
 class FollowerRoom(NamedTuple):
-    """How far cam and follower reach from the cam's axis on the base circle [mm], and where across, from there, the
-    valve's train stands."""
+    """Extent of cam and follower about the cam's axis, with the follower on the base circle [mm], and the horizontal
+    distance of the valve's train from that axis, `train` [mm]."""
 
     left: float
     right: float
@@ -54,10 +54,10 @@ class FollowerRoom(NamedTuple):
 def drawn_follower(geometry: Geometry | None) -> dict:
     """The page's `follower`, `roller_radius_mm`, `base_radius_mm`, `turn` and `arm`.
 
-    `turn` is -1 where the picture is the mirror image, so that the train stands to the right of the cam; `arm` is None
-    or a swinging body with the valve shut: `pivot`, `centre` and `valve` [mm from the cam's axis, right and down],
-    `radius` [mm], whether it `rolls`, its valve arm's length `valve_arm_mm` and angle `shut_deg`, and the `side` of
-    the pivot on which that arm lies.
+    `turn` is -1 where the drawing is mirrored, so that the train is always to the right of the cam. `arm` is None, or
+    describes a finger or rocker with the valve shut: `pivot`, `centre` (of the roller or pad) and `valve` [mm from the
+    cam's axis, right and down], `radius` [mm], `rolls` (whether it has a roller), length `valve_arm_mm` and angle
+    `shut_deg` of its valve arm, and the `side` of the pivot on which that arm lies.
     """
     drawn = {"follower": "point", "roller_radius_mm": 0.0, "base_radius_mm": BASE_MM, "turn": 1, "arm": None}
     if geometry is None:
@@ -82,7 +82,7 @@ def drawn_follower(geometry: Geometry | None) -> dict:
 
 
 def room_for(drawn: dict, radius_mm: float) -> FollowerRoom:
-    """The room of a follower that `drawn_follower` tells of, about cams of a largest radius."""
+    """Space of a follower given by `drawn_follower`, about cams whose largest radius is `radius_mm`."""
     arm = drawn["arm"]
     if arm is None:
         below = drawn["base_radius_mm"] + 2 * drawn["roller_radius_mm"]
@@ -95,9 +95,9 @@ def room_for(drawn: dict, radius_mm: float) -> FollowerRoom:
 
 
 def strokes(train: Train, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """What positions x (k, n) [mm] of all motions demand of the drawing, per element (e) [mm]: by how much its ends
-    come nearer than in the installed position, and how far its compression, without the cam's own lift, varies while
-    it is compressed."""
+    """Two lengths per element (e) [mm] for the positions x (k, n) [mm] of all motions: by how much its ends come closer
+    than in the installed position, and the range of its compression while it is compressed, 0 for the element that the
+    cam drives."""
     padded = np.concatenate([x, np.zeros((len(x), 1))], axis=1)
     d = padded[:, train.a] - padded[:, train.b]
     beyond = d - (train.gap + train.touch_compression) / MM
@@ -106,16 +106,16 @@ def strokes(train: Train, x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 
 
 def drawing(train: Train, x: np.ndarray, room: FollowerRoom) -> dict:
-    """Masses and elements in pixels for positions x (k, n) [mm] of all motions, with that room for cam and follower.
+    """Masses and elements in pixels for positions x (k, n) [mm] of all motions, with `room` for cam and follower.
 
-    Keys: width, height, scale; masses: name, kind (mass, valve, small, hub: the cam's centre), x, y, left, right,
-    height; elements: name, look (coil, rod, cam), contact, a, b (-1: ground), x, top, bottom: y of an end on the
-    ground, else None, and words: on which side its words stand (-1 left).
+    Keys: width, height, scale; masses: name, kind (mass, valve, small, or hub, which carries the cam), x, y, left,
+    right, height; elements: name, look (coil, rod, cam), contact, a, b (-1: ground), x, top and bottom (y of an end on
+    the ground, else None), and words (side of the text, -1: left).
     """
     kinds, (approach, span) = _kinds(train), strokes(train, x)
     looks = ["cam" if c else "coil" if s > COIL_MM else "rod" for c, s in zip(train.cam_driven, span, strict=True)]
     half = np.array([HEIGHT[k] / 2 for k in kinds])
-    need = []  # the least distance of each element's ends in the installed position
+    need = []  # least distance between the ends of each element in the installed position
     for look, contact, near in zip(looks, train.contact, approach, strict=True):
         length = LENGTH["coil" if look == "coil" else "rod"] if not contact else LENGTH["contact"]
         length += LENGTH["coil"] / 2 if contact and look == "coil" else 0.0
@@ -126,15 +126,15 @@ def drawing(train: Train, x: np.ndarray, room: FollowerRoom) -> dict:
     widths = [max((abs(o) for e, o in enumerate(offset) if lanes[e] == c), default=0) for c in range(max(column) + 1)]
     centre = np.cumsum([0.0, *(LANE * (a + b + 1.15) for a, b in pairwise(widths))])
     hubs = _hubs(train)
-    carriers = [*hubs, GROUND]  # what lies between them, or is driven by the cam, stands where the cam does
+    carriers = [*hubs, GROUND]  # elements between these, and the one driven by the cam, are drawn at the cam
     beside = train.cam_driven | (np.isin(train.a, carriers) & np.isin(train.b, carriers))
     across = (centre[lanes] + LANE * np.array(offset) - np.where(beside, room.train * SCALE, 0.0)).tolist()
     masses = []
     for i, (name, kind) in enumerate(zip(train.mass_names, kinds, strict=True)):
         middle = float(centre[column[i]]) - (room.train * SCALE if i in hubs else 0.0)
-        own = [across[e] for e in np.flatnonzero(((train.a == i) | (train.b == i)) & ~train.cam_driven)]
+        joined = [across[e] for e in np.flatnonzero(((train.a == i) | (train.b == i)) & ~train.cam_driven)]
         pad = {"small": 20.0, "hub": 10.0}.get(kind, 34.0)
-        left, right = min([*own, middle]) - pad, max([*own, middle]) + pad  # over all its elements
+        left, right = min([*joined, middle]) - pad, max([*joined, middle]) + pad  # over all its elements
         masses.append({"name": name, "kind": kind, "x": middle, "y": float(y[i]), "left": left, "right": right,
                        "height": 2 * float(half[i])})  # fmt: skip
     elements = []
@@ -148,7 +148,7 @@ def drawing(train: Train, x: np.ndarray, room: FollowerRoom) -> dict:
 
 
 def _kinds(train: Train) -> list[str]:
-    """The valve, the hub that carries the cam, small masses (a spring's coils) and the others."""
+    """Kind of every mass: the valve, a hub that carries the cam, a small mass (of a spring's coils), or a mass."""
     hubs, path, small = _hubs(train), _path(train), 0.5 * train.mass[train.valve]
     return [
         "valve" if i == train.valve else "hub" if i in hubs else "small" if m < small and i not in path else "mass"
@@ -162,7 +162,7 @@ def _hubs(train: Train) -> set[int]:
 
 
 def _links(train: Train) -> np.ndarray:
-    """Which masses (n, n) an element joins."""
+    """Adjacency matrix (n, n) of the masses: True where an element joins two."""
     linked = np.zeros((len(train.mass), len(train.mass)), dtype=bool)
     held = (train.a != GROUND) & (train.b != GROUND)
     linked[train.a[held], train.b[held]] = linked[train.b[held], train.a[held]] = True
@@ -170,16 +170,16 @@ def _links(train: Train) -> np.ndarray:
 
 
 def _path(train: Train) -> list[int]:
-    """Masses on the shortest way from the cam to the valve, the one under the cam first."""
-    first, way = int(train.b[np.flatnonzero(train.cam_driven)[0]]), [train.valve]
+    """Masses on the shortest path from the cam to the valve, beginning with the one under the cam."""
+    first, path = int(train.b[np.flatnonzero(train.cam_driven)[0]]), [train.valve]
     _, before = shortest_path(_links(train), unweighted=True, indices=first, return_predecessors=True)
-    while before[way[0]] >= 0:
-        way.insert(0, int(before[way[0]]))
-    return way if way[0] == first else [first]
+    while before[path[0]] >= 0:
+        path.insert(0, int(before[path[0]]))
+    return path if path[0] == first else [first]
 
 
 def _heights(train: Train, need: list[float], half: np.ndarray) -> np.ndarray:
-    """y of every mass: as high as the elements above it allow; where they run in a circle the first mass goes first."""
+    """y of every mass: as high as the elements above it allow. In a cycle of elements the first mass comes first."""
     n = len(half)
     between = [
         (int(a), int(b), e) for e, (a, b) in enumerate(zip(train.a, train.b, strict=True)) if GROUND not in (a, b)
@@ -191,7 +191,7 @@ def _heights(train: Train, need: list[float], half: np.ndarray) -> np.ndarray:
         above = [y[a] + half[a] + need[e] + half[i] for a, b, e in between if b == i and a not in waiting]
         y[i] = max(above, default=0.0)
         waiting.remove(i)
-    for i in range(n - 1, -1, -1):  # a mass with nothing above it hangs close over what it stands on
+    for i in range(n - 1, -1, -1):  # a mass with nothing above it is moved down to the mass below
         below = [y[b] - half[b] - need[e] - half[i] for a, b, e in between if a == i]
         if below and not any(b == i for _, b, _ in between):
             y[i] = min(below)
@@ -199,7 +199,7 @@ def _heights(train: Train, need: list[float], half: np.ndarray) -> np.ndarray:
 
 
 def _columns(train: Train, y: np.ndarray) -> list[int]:
-    """Column of every mass: 0 from the cam to the valve, then one for every branch, more where masses are level."""
+    """Column of every mass: 0 from the cam to the valve, then one per branch, and more where masses are level."""
     column = dict.fromkeys([*_path(train), *(int(train.a[e]) for e in np.flatnonzero(train.cam_driven))], 0)
     column.pop(GROUND, None)
     rest = [i for i in range(len(y)) if i not in column]
@@ -207,7 +207,7 @@ def _columns(train: Train, y: np.ndarray) -> list[int]:
     used = 1
     for branch in dict.fromkeys(branches.tolist()):
         level: dict[float, int] = {}
-        for i in (i for i, own in zip(rest, branches, strict=True) if own == branch):
+        for i in (rest[k] for k in np.flatnonzero(branches == branch)):
             place = level.get(round(float(y[i])), 0)
             column[i] = used + place
             level[round(float(y[i]))] = place + 1
@@ -216,7 +216,7 @@ def _columns(train: Train, y: np.ndarray) -> list[int]:
 
 
 def _lanes(train: Train, column: list[int], y: np.ndarray) -> tuple[list[int], list[int]]:
-    """Per element: its place in lanes from a column's middle, and that column."""
+    """For every element its offset from the middle of a column, in lanes, and that column."""
     offset, lane = [0] * len(train.a), [0] * len(train.a)
     taken: set[tuple[int, str, int]] = set()
     order = sorted(range(len(train.a)), key=lambda e: (not train.cam_driven[e], GROUND in (train.a[e], train.b[e]), e))
@@ -228,14 +228,14 @@ def _lanes(train: Train, column: list[int], y: np.ndarray) -> tuple[list[int], l
         if len(here) == 2:
             low, high = sorted(y[m] for m, _ in here)
             passed = any(c == lane[e] and low < v < high for c, v in zip(column, y, strict=True))
-            places = places[3:] if passed else places  # beside the masses that stand between its ends
+            places = places[3:] if passed else places  # beside the masses between its ends
         offset[e] = next((p for p in places if not any((*end, p) in taken for end in here)), places[-1])
         taken |= {(*end, offset[e]) for end in here}
     return offset, lane
 
 
 def _framed(masses: list[dict], elements: list[dict], room: FollowerRoom) -> dict:
-    """Shifted so that everything, the turning cam included, lies inside, with room for words at the sides."""
+    """The drawing shifted so that everything, including the turning cam and the text at the sides, lies inside."""
     cams = [(e["x"], masses[e["a"]]["y"] if e["a"] != GROUND else e["top"]) for e in elements if e["look"] == "cam"]
     grounds = [e[end] for e in elements for end in ("top", "bottom") if e[end] is not None]
     left = min(

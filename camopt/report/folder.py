@@ -1,9 +1,9 @@
-"""Reading a run folder: what is there as plain data, what is missing as a list; the files are untrusted."""
+"""Reading of a run folder as plain data, with a list of the missing files; the files are untrusted."""
 
 import csv
 import json
 import tomllib
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TypeVar
@@ -16,16 +16,16 @@ from camopt.verifier.record import VerificationRecord, outside_entries
 MOST_BYTES = 50_000_000
 MOST_FIGURES = 30
 OUTSIDE = "outside.json"
-"""What a judge from outside said, where it was asked."""
-Part = TypeVar("Part")
+"""File with the results of an external simulation program, where one was used."""
+Content = TypeVar("Content")
 
 LOW_MM = 0.005
-"""A lift that stays below its limit by less than this counts as at the limit."""
+"""A lift that stays below its limit by less than this [mm] counts as at the limit."""
 
 
 @dataclass(frozen=True)
 class RunFolder:
-    """The parts of a run folder; a missing part is empty and named in `missing`."""
+    """The contents of a run folder; the content of a missing file is empty, and its name is in `missing`."""
 
     name: str
     scene: dict
@@ -36,16 +36,21 @@ class RunFolder:
     history: list[dict]
     figures: dict[str, str]  # name -> text of the SVG file
     missing: list[str] = field(default_factory=list)
-    path: str = ""  # of the folder, from where the report is made
+    path: str = ""  # of the folder, relative to the working folder where it lies inside
 
     @property
     def verdict(self) -> str | None:
-        """The verdict's word; None where the cam was not verified."""
+        """The verdict; None where the cam was not verified."""
         return self.verification.get("verdict")
 
     @property
+    def broken(self) -> dict[str, list[str]]:
+        """The limits that the verdict lists as broken, in the form of `broken_places`."""
+        return broken_places(self.verification.get("broken") or [])
+
+    @property
     def built(self) -> dict:
-        """What the run says of trains as built; empty where it says nothing that can be understood."""
+        """The run's statement on trains as built; empty where there is none that can be understood."""
         record = _table(self.verification, "yield")
         return record if standing(record) else {}
 
@@ -62,78 +67,87 @@ class RunFolder:
 
     @property
     def scatters(self) -> bool:
-        """Whether the scene says how trains differ."""
+        """Whether the scene has tolerances or a grinding error."""
         return bool(self.scene.get("tolerance") or self.scene.get("grinding"))
 
     @property
     def settings(self) -> dict:
-        """The options that the run was given."""
+        """The options of the run."""
         return _table(self.provenance, "settings")
 
     @property
     def worth(self) -> dict[str, float]:
-        """Per cent more area for one per cent more of a limit, by the limit's key; without the limit on the lift where
-        the cam stays below it: the kinematic program, which says them, knows no limit on the motion, and its cam may
-        reach what this one does not."""
+        """Percentage gain of area for one per cent more of a limit, by the limit's key. The limit on the lift is left
+        out where the cam stays below it: the values are those of the kinematic program, which has no limits on the
+        motion, so its cam may reach the lift that this one does not."""
         worth = {str(k): v for k, v in _table(self.design, "limit_worth").items() if is_number(v)}
         return worth if self.below_max_lift_mm is None else {k: v for k, v in worth.items() if k != "max_lift_mm"}
 
     @property
     def below_max_lift_mm(self) -> float | None:
-        """By how much the highest lift stays below the limit on it; None where it is reached, or not known."""
+        """Distance of the highest lift below its limit [mm]; None where the limit is reached, or not known."""
         reached, limit = self.design.get("highest_lift_mm"), self.demands.get("max_lift_mm")
         below = limit - reached if is_number(reached) and is_number(limit) else 0.0
         return below if below >= LOW_MM else None
 
     @property
     def stages(self) -> dict[str, dict]:
-        """What each stage of the run cost."""
+        """Time and memory of each stage of the run."""
         stages = _table(self.provenance, "stages")
         return {str(name): cost for name, cost in stages.items() if isinstance(cost, dict)}
 
 
+def broken_places(broken: Iterable) -> dict[str, list[str]]:
+    """Broken limits by key, each with the places at which it is broken, "" for a limit on the cam's shape, from entries
+    such as `nose_deg` and `jump_max_mm at 6990 r/min`."""
+    places: dict[str, list[str]] = {}
+    for entry in broken:
+        key, _, place = str(entry).partition(" at ")
+        places.setdefault(key, []).append(place)
+    return places
+
+
 def _table(content: dict, key: str) -> dict:
-    """A part of a file's content; empty where it is not there or is no table."""
+    """A table within a file's content; empty where it is missing or not a table."""
     table = content.get(key)
     return table if isinstance(table, dict) else {}
 
 
 def read_run_folder(folder: Path) -> RunFolder:
-    """All that a report needs. Raises InputError where the folder is none, or a file in it cannot be understood."""
+    """Read what a report needs. Raises InputError where the folder does not exist or a file cannot be understood."""
     if not folder.is_dir():
         raise InputError(f"{folder}: no such run folder")
     missing: list[str] = []
 
-    def part(name: str, read: Callable[[str], Part], empty: Part) -> Part:
+    def read_file(name: str, parse: Callable[[str], Content], empty: Content) -> Content:
         path = folder / name
         if not path.is_file():
             missing.append(name)
             return empty
         try:
-            return read(_text(path))
+            return parse(_text(path))
         except (ValueError, csv.Error, RecursionError) as error:  # JSON, TOML and UTF-8 errors are ValueErrors
             raise InputError(f"{path}: cannot be read: {error}") from error
 
-    outside = part(OUTSIDE, outside_entries, []) if (folder / OUTSIDE).exists() else []
+    outside = read_file(OUTSIDE, outside_entries, []) if (folder / OUTSIDE).exists() else []
     return RunFolder(
         name=folder.resolve().name,
-        scene=part("scene.toml", tomllib.loads, {}),
-        design=part("design.json", _object, {}),
-        verification=part("verification.json", _verification, VerificationRecord()).with_outside(outside),
-        comparison=part("comparison.csv", comparison_rows, []),
-        provenance=part("provenance.json", _object, {}),
-        history=part("history.jsonl", _lines, []),
+        scene=read_file("scene.toml", tomllib.loads, {}),
+        design=read_file("design.json", _object, {}),
+        verification=read_file("verification.json", _verification, VerificationRecord()).with_outside(outside),
+        comparison=read_file("comparison.csv", comparison_rows, []),
+        provenance=read_file("provenance.json", _object, {}),
+        history=read_file("history.jsonl", _lines, []),
         figures={p.stem: _text(p) for p in sorted((folder / "figures").glob("*.svg"))[:MOST_FIGURES]},
         missing=missing,
-        path=_from_here(folder),
+        path=_relative_path(folder),
     )
 
 
-def _from_here(folder: Path) -> str:
-    """The folder's path from the working folder, a whole one where it does not lie inside."""
-    whole = folder.resolve()
-    here = Path.cwd()
-    return (whole.relative_to(here) if whole.is_relative_to(here) else whole).as_posix()
+def _relative_path(folder: Path) -> str:
+    """Path of the folder relative to the working folder; absolute where it does not lie inside."""
+    absolute, here = folder.resolve(), Path.cwd()
+    return (absolute.relative_to(here) if absolute.is_relative_to(here) else absolute).as_posix()
 
 
 def _text(path: Path) -> str:
@@ -176,7 +190,7 @@ def _verification(text: str) -> VerificationRecord:
 
 
 def comparison_rows(text: str) -> list[dict[str, str]]:
-    """The rows of a comparison.csv; raises ValueError or csv.Error for a text that is none."""
+    """The rows of a comparison.csv; raises ValueError or csv.Error for a text in another format."""
     reader = csv.DictReader(text.splitlines(), restkey="", restval="", strict=True)
     rows = [{str(k): str(v) for k, v in row.items()} for row in reader]
     if reader.fieldnames is None or "cam" not in reader.fieldnames:
@@ -185,6 +199,6 @@ def comparison_rows(text: str) -> list[dict[str, str]]:
 
 
 def _lines(text: str) -> list[dict]:
-    """Objects of a JSONL file; a last line without its end is one that was being written when the run was killed."""
+    """Objects of a JSONL file. A last line without a line end is dropped: the run was killed while writing it."""
     lines = text.split("\n")
     return [_object(line) for line in lines[:-1] if line.strip()]

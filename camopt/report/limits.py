@@ -1,6 +1,5 @@
-"""The scene's limits against what the run folder says was reached: held, broken, or not known, and the share used."""
+"""Comparison of the scene's limits with the values of a run folder: held, broken or not known, and the share used."""
 
-from collections.abc import Iterable
 from itertools import compress
 
 import numpy as np
@@ -11,15 +10,15 @@ from camopt.plots.style import DESIGN, family_of
 from camopt.report.folder import RunFolder
 from camopt.report.wording import as_number, shown
 from camopt.scene.design import ROUNDING, Design
-from camopt.scene.quantities import LESS_IS_WORSE, QUANTITIES, is_number, label_and_unit
-from camopt.verifier.record import worst_case_value
+from camopt.scene.quantities import QUANTITIES, is_number, label_and_unit
+from camopt.verifier.record import Worst, worst_case_value
 from camopt.verifier.verdict import ORDER
 
 STATED = "verification.json"
 CAM_LIMITS = ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3")
 BROKEN = "verification.json broken"
 OF_MOTION = {quantity.limit: quantity for quantity in QUANTITIES.values() if quantity.limit}
-"""The quantities that a design may limit, by the limit's key."""
+"""Quantities of the motion that a design may limit, by the key of the limit."""
 
 LABELS = {
     "max_lift_mm": ("largest lift", "mm"),
@@ -34,99 +33,85 @@ LABELS = {
     "concave_radius_min_mm": ("smallest concave radius", "mm"),
     "entrainment_min_m_per_s": ("entrainment velocity", "m/s"),
 }
-"""Label and unit of what a cam's shape reaches, by the limits' keys, where these do not say them."""
+"""Label and unit of a limit on the cam's shape, by its key, where they cannot be derived from the key."""
 
 
 def limit_rows(run: RunFolder, shape: tuple[Lift, Design] | None = None) -> list[dict]:
-    """A row per limit of the scene's design, and per other condition that the verdict found broken: what was reached,
-    where, whether that holds (`held`, None where it is not known), and where it is recorded. With `shape`, the run's
-    cam and the design that it is held to, every limit on the shape has a row, too."""
-    design, named = run.demands, _broken(run)
+    """One row per limit of the scene's design, and per other condition that the verdict lists as broken: the value
+    reached, where it occurs, whether the limit holds (`held`, None where it is not known), and where the value is
+    recorded. With `shape`, which is the run's cam and its design, every limit on the shape also has a row."""
+    design = run.demands
     rows = [_cam_row(run, key, design[key]) for key in CAM_LIMITS if is_number(design.get(key))]
     if shape is not None:
         rows = [row for row in rows if row["held"] is not None]
-        recorded, broken = {row["key"] for row in rows}, {*broken_by_shape(*shape), *named}
-        for one in reached_by_shape(*shape):
-            if one.key in recorded or not np.isfinite(one.value):
+        recorded, broken = {row["key"] for row in rows}, {*broken_by_shape(*shape), *run.broken}
+        for reached in reached_by_shape(*shape):
+            if reached.key in recorded or not np.isfinite(reached.value):
                 continue
-            row = _row(one.key, one.limit, one.least, one.value, one.where, "design.json pieces")
-            label, unit = LABELS.get(one.key, (row["label"], row["unit"]))
-            # every row of a limit that is broken is: it holds at both flanks and in every window, or it does not hold
-            rows.append(row | {"label": one.label or label, "unit": unit, "held": one.key not in broken})
+            row = _row(reached.key, reached.limit, reached.least, reached.value, reached.where, "design.json pieces")
+            label, unit = LABELS.get(reached.key, (row["label"], row["unit"]))
+            # a limit holds at both flanks and in every window or not at all: if it is broken, all of its rows are
+            rows.append(row | {"label": reached.label or label, "unit": unit, "held": reached.key not in broken})
     for key, quantity in OF_MOTION.items():
         if is_number(limit := design.get(key)):
-            worst, value, where, source = run.verification.worst(quantity.name), None, "not verified", STATED
-            if worst is not None:
-                value, source = worst.value, f"{STATED} {worst.source}"
-                where = worst.where if value is not None else f"no figure {worst.where}"
-            rows.append(_row(key, limit, quantity.less_is_worse, value, where, source, quantity.name))
+            worst = run.verification.worst(quantity.name)
+            where, source = ("not verified", STATED) if worst is None else where_and_source(worst)
+            rows.append(_row(key, limit, quantity.less_is_worse, worst and worst.value, where, source))
     listed = {row["key"] for row in rows}
     unlisted = {"limit": "–", "reached": "–", "source": BROKEN, "share": None, "held": False}
-    for key in (key for key in named if key not in listed):
-        label, unit = label_and_unit(key)
-        rows.append(unlisted | {"key": key, "label": label, "unit": unit, "where": named[key]})
+    for key, (first, *_) in run.broken.items():
+        if key not in listed:
+            label, unit = label_and_unit(key)
+            where = f"at {first}" if first else ""
+            rows.append(unlisted | {"key": key, "label": label, "unit": unit, "where": where})
     return rows
 
 
-def demanded(design: dict, name: str) -> str:
-    """The limit on a metric in words, "" where the design sets none."""
-    limit = design.get(QUANTITIES[name].limit or "")
-    return f"at {'least' if name in LESS_IS_WORSE else 'most'} {shown(limit)}" if is_number(limit) else ""
+def limit_in_words(limit: float | None, least: bool) -> str:
+    """A limit in words; empty where it is not a number."""
+    return f"at {'least' if least else 'most'} {shown(limit)}" if is_number(limit) else ""
 
 
-def _broken(run: RunFolder) -> dict[str, str]:
-    """What the verdict names as broken: key of the design -> the first place, "" for the cam's shape."""
-    named: dict[str, str] = {}
-    for entry in run.verification.get("broken") or []:
-        key, _, where = str(entry).partition(" at ")
-        named.setdefault(key, f"at {where}" if where else "")
-    return named
+def where_and_source(worst: Worst) -> tuple[str, str]:
+    """Where a worst value occurs, and the key of verification.json from which it is read."""
+    where = worst.where if worst.value is not None else f"no figure {worst.where}"
+    return where, f"{STATED} {worst.source}"
 
 
 def _cam_row(run: RunFolder, key: str, limit: float) -> dict:
-    mine = [r for r in run.comparison if family_of(r["cam"]) == DESIGN]
-    values = [v for v in (as_number(r.get(key, "")) for r in mine) if v is not None]
-    worst = max(values, key=lambda v: v / limit) if values else None  # a negative limit is passed by a lower value
+    of_design = [r for r in run.comparison if family_of(r["cam"]) == DESIGN]
+    values = [v for v in (as_number(r.get(key, "")) for r in of_design) if v is not None]
+    worst = max(values, key=lambda v: v / limit) if values else None  # the quotient is also right for a negative limit
     row = _row(key, limit, limit < 0, worst, EVERYWHERE, f"comparison.csv {key}", slack=ROUNDING * abs(limit))
-    if row["held"] is not False and key in _broken(run):  # broken at a step, which has no value
+    if row["held"] is not False and key in run.broken:  # broken at a discontinuity, where there is no value
         row |= {"held": False, "where": "at a step of the cam's velocity or acceleration", "source": BROKEN}
     return row
 
 
-def _row(
-    key: str,
-    limit: float,
-    least: bool,
-    value: float | None,
-    where: str,
-    source: str,
-    name: str = "",
-    slack: float = 0.0,
-) -> dict:
-    label, unit = label_and_unit(name or key)
+def _row(key: str, limit: float, least: bool, value: float | None, where: str, source: str, slack: float = 0.0) -> dict:
+    label, unit = label_and_unit(OF_MOTION[key].name if key in OF_MOTION else key)
     held = None if value is None else value >= limit - slack if least else value <= limit + slack
-    demand, reached = f"at {'least' if least else 'most'} {shown(limit)}", shown(value)
-    words = {"key": key, "label": label, "unit": unit, "limit": demand, "reached": reached, "where": where}
-    return words | {"source": source, "share": share_of(limit, least, value), "held": held}
+    words = {"key": key, "label": label, "unit": unit, "limit": limit_in_words(limit, least), "reached": shown(value)}
+    return words | {"where": where, "source": source, "share": share_of(limit, least, value), "held": held}
 
 
 def share_of(limit: float, least: bool, value: float | None) -> float | None:
-    """How much of a limit a value uses, one at the limit, as `camopt.measure.limits.MotionLimit.share` has it; None
-    where nothing is known, or the limit is zero."""
+    """Share of a limit that a value uses, 1 at the limit, defined as in `camopt.measure.limits.MotionLimit.share`; None
+    where the value is not known or the limit is zero."""
     if value is None or not limit:
         return None
     return max(2 - value / limit, 0.0) if least and limit > 0 else value / limit
 
 
-def disagreements(run: RunFolder, rows: Iterable[dict]) -> list[str]:
-    """Sentences where the verdict and the figures beside it do not go together, whatever the verdict is."""
-    rows, verdict, named = list(rows), run.verdict, _broken(run)
+def disagreements(run: RunFolder, rows: list[dict]) -> list[str]:
+    """Sentences on every contradiction between the verdict and the values that are shown beside it."""
+    verdict = run.verdict
     if verdict not in ORDER:
         return []
-    passed = [row["label"] for row in rows if row["held"] is False]
+    exceeded = [row["label"] for row in rows if row["held"] is False]
     sentences = []
-    if verdict == "confirmed" and passed:
-        sentences.append(f"The verdict is confirmed, yet by the figures below it breaks: {', '.join(passed)}.")
+    if verdict == "confirmed" and exceeded:
+        sentences.append(f"The verdict is confirmed, yet by the figures below it breaks: {', '.join(exceeded)}.")
     sentences += [
         f"The verdict is {verdict}, yet at {shown(s.get('speed_rpm'))} r/min it is {shown(s.get('verdict'))}."
         for s in run.verification.judged
@@ -135,20 +120,21 @@ def disagreements(run: RunFolder, rows: Iterable[dict]) -> list[str]:
     sentences += [
         f"The verdict says that the limit on {row['label']} is broken, yet by the figures below it is held."
         for row in rows
-        if row["key"] in named and row["held"] is True
+        if row["key"] in run.broken and row["held"] is True
     ]
-    if verdict == "rejected" and not named:
+    if verdict == "rejected" and not run.broken:
         sentences.append("The verdict is rejected, yet it names no limit that is broken.")
     return list(dict.fromkeys(sentences))
 
 
 def matrix(run: RunFolder, limits: list[dict]) -> dict:
-    """`speeds`, and `rows`: a limit with its demand, its `price`, which is what one per cent more of it buys, and how
-    much of it is used.
+    """The table of used shares: `speeds`, `rows` (one per limit), and `priced`, whether any row has a price.
 
-    A limit on the motion has `shares`, one for each speed and the largest of the band, by its sweep and by the verdict
-    at the speeds inside it, whose methods run on where the motion wanders; None where nothing is known. One on the
-    cam's shape holds at every speed: its `shares` are None, and its own row says what is used.
+    A row has the limit in words (`demand`) and its `price`: the percentage gain of area for one per cent more of the
+    limit. A limit on the motion has `shares`: one per verified speed, None where it is not known, and the largest of
+    the band. The latter combines the sweep with the verdict at the speeds inside the band, because the verdict's
+    methods compute more revolutions where the motion does not settle. A limit on the cam's shape does not depend on
+    the speed: its `shares` are None, and the row's `share` applies.
     """
     judged, band = run.verification.by_speed, run.verification.get("band") or {}
     low, high = band.get("from_rpm"), band.get("to_rpm")
@@ -157,17 +143,16 @@ def matrix(run: RunFolder, limits: list[dict]) -> dict:
     motion, shape = [], []
     for row in limits:
         quantity, limit = OF_MOTION.get(row["key"]), run.demands.get(row["key"])
-        words = row | {"demand": f"{row['limit']} {row['unit']}".strip(), "shares": None, "price": None}
+        row = row | {"demand": f"{row['limit']} {row['unit']}".strip(), "shares": None, "price": None}
         if quantity is None:
-            shape.append(words | {"price": run.worth.get(row["key"])})
+            shape.append(row | {"price": run.worth.get(row["key"])})
         elif is_number(limit):
             values = [worst_case_value(speed, quantity.name)[0] for speed in judged]
             shares = [share_of(limit, quantity.less_is_worse, value) for value in values]
             swept = ((band.get("worst") or {}).get(quantity.name) or {}).get("value")
             of_sweep = share_of(limit, quantity.less_is_worse, swept if is_number(swept) else None)
-            known = [of_sweep, *compress(shares, inside)]
-            largest = max((share for share in known if share is not None), default=None)
-            motion.append(words | {"shares": [*shares, *([largest] if band else [])]})
+            in_band = [share for share in (of_sweep, *compress(shares, inside)) if share is not None]
+            motion.append(row | {"shares": [*shares, *([max(in_band, default=None)] if band else [])]})
     return {
         "speeds": [*map(shown, speeds), *(["band"] if band else [])],
         "rows": motion + shape,

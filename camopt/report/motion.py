@@ -23,24 +23,24 @@ from camopt.study.simulate.dataset import resampled
 
 STEPS_DEG = (0.5, 1.0, 2.0, 5.0)
 MOST_NUMBERS = 400_000
-"""Numbers in the page's motion; the step is the finest that stays below. About 2 MB."""
+"""Largest number of values in the page's motions, about 2 MB; the finest step of `STEPS_DEG` within it is used."""
 SAME_AREA = 1e-6
-"""Area ratios that agree to this are of the same cam: a comparison table holds every digit."""
+"""Largest difference of area ratios that still counts as the same cam; comparison.csv holds all digits."""
 
 
 @dataclass(frozen=True)
 class RunCams:
-    """The scene of a run folder, its cams that can be rebuilt, and a sentence for every one that cannot."""
+    """The scene of a run folder, its cams that can be rebuilt, and a sentence for each cam that cannot."""
 
     scene: Scene | None
     lifts: dict[str, Lift]
     left_out: list[str]
-    verdicts: dict[str, dict] = field(default_factory=dict)  # by cam, as verification.json has the design's
+    verdicts: dict[str, dict] = field(default_factory=dict)  # by cam, in the form of verification.json
 
 
 def cams_of(folder: Path, run: RunFolder) -> RunCams:
-    """The design, and those cams of the comparison that the folder holds as `cams/<name>.json`, written as design.json
-    is, and with the recorded area ratio."""
+    """The design, and the cams of the comparison that the folder holds as `cams/<name>.json`, in the form of
+    design.json, and whose area ratio is the recorded one."""
     if "scene.toml" in run.missing or "design.json" in run.missing:
         return RunCams(None, {}, ["Without scene.toml and design.json no cam can be simulated."])
     try:
@@ -67,17 +67,17 @@ def cams_of(folder: Path, run: RunFolder) -> RunCams:
         except InputError as error:
             left_out.append(f"{name} is not simulated here: {error}")
             if name == DESIGN:
-                break  # other cams alone would pass for the run's motion
+                break  # other cams alone would be mistaken for the run's result
     verdicts = {DESIGN: run.verification} | verdicts_in(folder)
     return RunCams(scene, lifts, left_out, verdicts)
 
 
 def animation(cams: RunCams) -> tuple[dict | None, list[str]]:
-    """What the page's script draws (None without a motion), and sentences on what is left out.
+    """The data that the page's script draws (None without a motion), and sentences on the motions that are left out.
 
-    `drawing` is the train's; `cams` holds contour, lift and motions of each cam. A motion: position_um (mass by angle),
-    valve_mm_per_s (by angle), force_N and separation_um (contact by angle), from -180 to 180 deg, by event-exact,
-    settled or the last revolution that was run (`periodic`).
+    `drawing` is the layout of the train; `cams` holds contour, lift and motions of each cam. A motion has position_um
+    (mass by angle), valve_mm_per_s (by angle), force_N and separation_um (contact by angle), from -180 to 180 deg.
+    Event-exact computes it: the settled revolution or, where `periodic` is False, the last one that was computed.
     """
     scene, left_out = cams.scene, list(cams.left_out)
     if scene is None or not cams.lifts:
@@ -105,7 +105,7 @@ def animation(cams: RunCams) -> tuple[dict | None, list[str]]:
 
 
 def animated(scene: Scene, train: Train, entries: list[dict], step_deg: float) -> dict:
-    """What `animation.js` draws of cams with motions, `entries`; see `animation`."""
+    """The data that `animation.js` draws for `entries`, which are cams with motions; see `animation`."""
     contacts = np.flatnonzero(train.contact).tolist()
     x = np.concatenate([np.array(m["position_um"]).T for c in entries for m in c["motions"]]) * UM / MM
     radius = max(np.hypot(*np.array(c["contour_mm"]).T).max() for c in entries)
@@ -121,7 +121,7 @@ def animated(scene: Scene, train: Train, entries: list[dict], step_deg: float) -
 
 
 def last_revolution_numbers(settled: Settled, step_deg: float) -> dict:
-    """The last revolution of a motion on a grid of `step_deg`, as numbers that are rounded to what can be drawn."""
+    """The last revolution of a motion, sampled every `step_deg`; its numbers are rounded to what a drawing resolves."""
     steps, contacts = round(360 / step_deg), np.flatnonzero(settled.response.train.contact).tolist()
     record = resampled(settled.response, steps * settled.response.revolutions)
     last = slice(-steps - 1, None)
@@ -135,9 +135,9 @@ def last_revolution_numbers(settled: Settled, step_deg: float) -> dict:
 
 
 def cam_entry(name: str, lift: Lift, scene: Scene, step_deg: float) -> dict:
-    """A cam's line, its lift [um] by angle and its contour [mm], the nose towards +y, seen with the angle growing to
-    the right of it (or its mirror image, as `turn` says); without [geometry] that of a pointed follower on a base
-    circle of BASE_MM."""
+    """A cam's line style, its lift [um] by angle and its contour [mm]. The nose points towards +y and the cam angle
+    increases to the right of it (mirrored where `turn` of `drawn_follower` is -1). Without [geometry] the contour is
+    that of a pointed follower on a base circle of BASE_MM."""
     theta = np.linspace(-180, 180, round(360 / step_deg) + 1) * DEG
     if scene.geometry is None:
         angle = np.linspace(-np.pi, np.pi, 361)
@@ -154,6 +154,6 @@ def cam_entry(name: str, lift: Lift, scene: Scene, step_deg: float) -> dict:
 
 
 def _rounded(values: np.ndarray, digits: int) -> list:
-    """Nested lists of rounded numbers, without a decimal point where none is asked for."""
+    """Nested lists of rounded numbers; integers where `digits` is 0."""
     rounded = np.round(values, digits) + 0.0  # no negative zeros
     return (rounded if digits else rounded.astype(int)).tolist()

@@ -1,6 +1,4 @@
-"""What a run came to, in a table and a few sentences: the same for the page's head and for the command line's end."""
-
-from collections.abc import Iterable
+"""The outcome of a run as a table and sentences, for the report and for the end of `camopt optimize`."""
 
 from camopt.measure.sweep import reserve_sentences
 from camopt.measure.yield_words import (
@@ -14,28 +12,30 @@ from camopt.measure.yield_words import (
     standing,
 )
 from camopt.report.folder import RunFolder
-from camopt.report.limits import demanded
+from camopt.report.limits import STATED, limit_in_words, where_and_source
 from camopt.report.wording import in_words, shown
 from camopt.scene.quantities import QUANTITIES, is_number, label_and_unit
 
 NARROW_PERCENT = 2.0
-"""A reserve of speed that counts as narrow. Frequencies follow the root of stiffness, so that a spring whose rate is
-twice as much softer in per cent meets in the band what this one meets beyond it; 2 to 4 % is what springs scatter."""
+"""Speed reserve above the band [%] below which it counts as narrow. Natural frequencies follow the square root of the
+stiffness, so a spring that is softer by twice this percentage reaches inside the band what this one reaches above it;
+spring rates scatter by 2 to 4 %."""
 LONG_OPEN_DEG = 10.0
-"""A contact that is open over more of the cam than this is sensitive to small changes, however little it opens."""
+"""Cam angle [deg] over which a contact may be open. Beyond it the motion is sensitive to small changes, however small
+the opening is."""
 
 
 def edge_sentences(run: RunFolder) -> list[str]:
-    """The findings on a confirmed cam: too little reserve of speed, a contact that is open for long, a motion that does
-    not settle; none for another verdict, which says worse."""
+    """Warnings about a confirmed cam: too small a speed reserve, a contact that is open over a large angle, a motion
+    that does not settle. Any other verdict is a stronger warning itself, so the list is then empty."""
     if run.verdict != "confirmed":
         return []
     return [*_narrow_reserve(run), *_long_open(run), *_unsettled(run)]
 
 
 def _narrow_reserve(run: RunFolder) -> list[str]:
-    """That a limit breaks just above the band, unless the trains as built hold all the same: softer springs are among
-    them."""
+    """Warning that a limit is exceeded just above the band. It is left out where the trains as built reach the
+    requested yield, because softer springs are among them."""
     if standing(run.built) in (HELD, ENOUGH):
         return []
     starts, band = run.verification.get("limits"), run.band_rpm
@@ -47,12 +47,12 @@ def _narrow_reserve(run: RunFolder) -> list[str]:
         return []
     return [
         f"The limits hold only {shown(reserve, 2)} % beyond the band's top speed, which a spring "
-        f"{shown(2 * reserve, 2)} % softer uses up: a band_rpm that reaches further{_or_yield(run)} makes room."
+        f"{shown(2 * reserve, 2)} % softer uses up: a band_rpm that reaches further{_yield_remedy(run)} makes room."
     ]
 
 
 def _long_open(run: RunFolder) -> list[str]:
-    """That a contact is open over tens of degrees and nothing in the scene forbids it."""
+    """Warning that a contact is open over more than `LONG_OPEN_DEG` while no limit of the scene forbids it."""
     angle, jump = run.verification.worst("jump_deg"), run.verification.worst("jump_mm")
     limited = "jump_max_deg" in run.demands or "contact_force_min_N" in run.demands
     if limited or angle is None or angle.value is None or angle.value <= LONG_OPEN_DEG:
@@ -65,37 +65,35 @@ def _long_open(run: RunFolder) -> list[str]:
 
 
 def _unsettled(run: RunFolder) -> list[str]:
-    """That the motion does not settle at some of the judged speeds."""
+    """Warning that the motion does not settle at some of the verified speeds."""
     speeds = [s.get("speed_rpm") for s in run.verification.by_speed if s.get("periodic") is False]
     if not speeds:
         return []
     return [
         f"The motion at {in_words(speeds)} r/min does not settle, so that another revolution may be worse than those "
-        f"that were judged: a lower jump_max_mm{_or_yield(run)} calms it."
+        f"that were judged: a lower jump_max_mm{_yield_remedy(run)} calms it."
     ]
 
 
-def _or_yield(run: RunFolder) -> str:
-    """The other remedy, for a scene that says how trains differ, and for a run that has not been asked so."""
+def _yield_remedy(run: RunFolder) -> str:
+    """The second remedy, --yield, where the scene has tolerances and the run was made without it; else empty."""
     return ", or --yield," if run.scatters and not is_number(run.built.get("wanted")) else ""
 
 
 LIFT = "highest_lift_mm"
 OF_THE_CAM = ("area_ratio", "area_mm_deg", LIFT)
 MOTION = ("bounce_mm", "jump_mm", "jump_deg", "contact_force_min_N", "contact_force_max_N", "seating_velocity_m_per_s")
-"""Metrics of the table, each at its worst."""
-BACK = ("candidates_judged", "largest_refused_area_ratio")
-"""Keys of `verdict_fell_back` in design.json."""
+"""Metrics of the table, each with its worst value."""
+
 FREE = ("value", "as_given", "low", "high")
 """Keys of a number in `free` of design.json."""
-STATED = "verification.json"
 LEAST_GAIN = 5e-6
-"""A smaller difference of area ratios is none: it would not show in their printed digits."""
+"""Smallest difference of area ratios that counts as a gain; a smaller one does not show in the printed digits."""
 
 
 def outcome_rows(run: RunFolder) -> list[dict]:
-    """A row per figure: unit, value at the first step of the search ("–" where the history does not hold it), at the
-    end, which is the worst that verification.json states, limit, speed, and where it stands."""
+    """One row per quantity: label, unit, value at the first step of the search ("–" where the history does not hold
+    it), final value, which is the worst in verification.json, limit, speed, and source of the final value."""
     first = next((step for step in run.history if is_number(step.get("area_ratio"))), {})
     design, rows = run.demands, []
     cap = design.get("max_lift_mm")
@@ -108,17 +106,16 @@ def outcome_rows(run: RunFolder) -> list[dict]:
         worst = run.verification.worst(name)
         if worst is None:
             continue
-        key = name if name == "contact_force_min_N" else f"worst_{name}"  # the least force is a worst one by its name
-        where = worst.where if worst.value is not None else f"no figure {worst.where}"
-        limit, source = demanded(design, name), f"{STATED} {worst.source}"
-        rows.append(_row(key, first.get(f"worst_{name}"), worst.value, limit, where, source))
+        key = name if name == "contact_force_min_N" else f"worst_{name}"  # least is worst
+        limit = limit_in_words(design.get(QUANTITIES[name].limit or ""), QUANTITIES[name].less_is_worse)
+        rows.append(_row(key, first.get(f"worst_{name}"), worst.value, limit, *where_and_source(worst)))
     if not (built := run.built):
         return rows
     share, low, high = (shown(100 * built[key], 3) for key in ("share", "low", "high"))
     limit = f"at least {shown(100 * built['wanted'])}" if is_number(built.get("wanted")) else ""
-    words = {"label": "trains as built that hold", "unit": "%", "start": "–", "end": share, "limit": limit}
+    row = {"label": "trains as built that hold", "unit": "%", "start": "–", "end": share, "limit": limit}
     where = f"{low} to {high} of {shown(built['trains'])} trains"
-    return [*rows, words | {"where": where, "source": f"{STATED} yield.share"}]
+    return [*rows, row | {"where": where, "source": f"{STATED} yield.share"}]
 
 
 def _row(key: str, start, end, limit: str, where: str, source: str) -> dict:
@@ -128,7 +125,8 @@ def _row(key: str, start, end, limit: str, where: str, source: str) -> dict:
 
 
 def outcome_lines(run: RunFolder) -> list[str]:
-    """The end of `camopt optimize`: start -> end in physical units with limits, the area ratios, the verdict."""
+    """Lines at the end of `camopt optimize`: start and end of the search in physical units with the limits, the area
+    ratios, the verdict and the warnings."""
     lines = [f"{'':<28} {'unit':<7} {'start':>12}    {'end':>12}  {'limit':<15}  where"]
     for row in outcome_rows(run):
         numbers = f"{row['label']:<28} {row['unit']:<7} {row['start']:>12} -> {row['end']:>12}"
@@ -141,7 +139,7 @@ def outcome_lines(run: RunFolder) -> list[str]:
     if is_number(d.get("area_ratio_no_jump")):
         words.append(f"no-jump program {d['area_ratio_no_jump']:.5f}")
     lines += [", ".join(words)] * bool(words) + free_sentences(run) + lift_sentence(run) + gain_sentences(run)
-    verdict, broken = run.verdict or "not verified", broken_limits(run)
+    verdict, broken = run.verdict or "not verified", broken_words(run.broken)
     reason = run.verification.get("reason")
     why = f". {reason}" if isinstance(reason, str) and reason else ""
     verdict_line = f"verdict: {verdict}" + (f" (broken: {'; '.join(broken)})" if broken else why)
@@ -151,7 +149,7 @@ def outcome_lines(run: RunFolder) -> list[str]:
 
 
 def reserve(run: RunFolder) -> list[str]:
-    """Sentences on the speeds at which jump and bounce exceed their limits; none where no band was swept."""
+    """Sentences on the speeds at which jump and bounce exceed their limits; empty where no band was swept."""
     starts = run.verification.get("limits")
     if not run.verification.get("band") or not starts or run.band_rpm is None:
         return []  # null then means that no speed was computed, not that none exceeds a limit
@@ -159,7 +157,7 @@ def reserve(run: RunFolder) -> list[str]:
 
 
 def lift_sentence(run: RunFolder) -> list[str]:
-    """That the highest lift stays below the scene's limit, and what would change that; empty where it is reached."""
+    """States that the highest lift stays below the scene's limit, and how to change that; empty where it is reached."""
     if (below := run.below_max_lift_mm) is None:
         return []
     return [
@@ -169,21 +167,21 @@ def lift_sentence(run: RunFolder) -> list[str]:
 
 
 def free_sentences(run: RunFolder) -> list[str]:
-    """What the design chose for the numbers that it might choose, a sentence each."""
+    """A sentence for each free number of the scene: its range, the chosen value and the scene's value."""
     chosen, sentences = run.design.get("free"), []
-    for name, one in chosen.items() if isinstance(chosen, dict) else ():
-        if not isinstance(one, dict) or not all(is_number(one.get(key)) for key in FREE):
+    for name, number in chosen.items() if isinstance(chosen, dict) else ():
+        if not isinstance(number, dict) or not all(is_number(number.get(key)) for key in FREE):
             continue
-        value, before, low, high = (shown(one[key], 5) for key in FREE)
-        what = name if one.get("of") in (name, None) else f"{name} ({one['of']})"
+        value, before, low, high = (shown(number[key], 5) for key in FREE)
+        label = name if number.get("of") in (name, None) else f"{name} ({number['of']})"
         end = ", the end of what it might choose" if value in (low, high) else ""
-        sentences.append(f"Of {what} from {low} to {high} the design chose {value}{end}; the scene had {before}.")
+        sentences.append(f"Of {label} from {low} to {high} the design chose {value}{end}; the scene had {before}.")
     return sentences
 
 
 def gain_sentences(run: RunFolder) -> list[str]:
-    """Why the cam is a family's, or what it has more than the no-jump program's and whether the verdict refused larger
-    cams."""
+    """The reason why a family's cam was delivered, or the gain of area ratio over the no-jump program's cam and whether
+    the verdict rejected larger cams."""
     d, sentences = run.design, []
     if isinstance(d.get("why_a_family"), str):
         return [d["why_a_family"]]
@@ -200,27 +198,28 @@ def gain_sentences(run: RunFolder) -> list[str]:
         else:
             sentences.append(f"The delivered cam has {shown(-gain, 3)} less area ratio than the no-jump program's cam.")
     back = d.get("verdict_fell_back")
-    judged, refused = (back.get(k) for k in BACK) if isinstance(back, dict) else (None, None)
-    if is_number(refused) and is_number(judged):
-        largest = f"an area ratio of {shown(refused, 5)}"
+    back = back if isinstance(back, dict) else {}
+    judged, rejected = back.get("candidates_judged"), back.get("largest_refused_area_ratio")
+    if is_number(rejected) and is_number(judged):
+        largest = f"an area ratio of {shown(rejected, 5)}"
         if run.verdict == "confirmed":
             outcome = f"the last of them is delivered; the largest that was rejected has {largest}"
         else:
-            why = f", because they break limits such as {broken[0]}" if (broken := broken_limits(run)) else ""
+            why = f", because they break limits such as {broken[0]}" if (broken := broken_words(run.broken)) else ""
             outcome = f"all were rejected{why}; the largest has {largest}"
         sentences.append(f"The {shown(judged)} largest cams of the search were verified, and {outcome}.")
     return sentences
 
 
 def yield_records(run: RunFolder) -> dict[str, dict]:
-    """By cam, the design first, what the run says of trains as built with it; empty where it says nothing."""
-    others = run.built.get("baselines")
-    cams = {"design": run.built, **(others if isinstance(others, dict) else {})}
-    return {name: one for name, one in cams.items() if isinstance(one, dict) and standing(one)}
+    """Yield statements by cam, the design first; empty where the run has none."""
+    baselines = run.built.get("baselines")
+    cams = {"design": run.built, **(baselines if isinstance(baselines, dict) else {})}
+    return {name: record for name, record in cams.items() if isinstance(record, dict) and standing(record)}
 
 
 def as_built_words(run: RunFolder) -> str:
-    """Whether the cam holds in the trains that are built, in one line; empty where the scene is not known."""
+    """One line on whether the cam holds its limits in trains as built; empty where the scene is not known."""
     built = run.built
     if built:
         return f"{share_sentence(built)}; {asked_sentence(built)}"
@@ -232,12 +231,13 @@ def as_built_words(run: RunFolder) -> str:
 
 
 def yield_sentences(run: RunFolder) -> list[str]:
-    """What spoils the trains as built, a line for each baseline, and how many trains independent methods judged."""
+    """Lines on the causes of failing trains, the yield of each baseline, and the trains that independent methods
+    judged."""
     built = run.built
     if not built:
         return []
-    lines = spoiling_sentences(built) + [one for one in (ideal_sentence(built), advised_sentence(built)) if one]
-    lines += [f"trains as built, {cam}: {share_sentence(one)}" for cam, one in [*yield_records(run).items()][1:]]
+    lines = [*spoiling_sentences(built), *filter(None, (ideal_sentence(built), advised_sentence(built)))]
+    lines += [f"trains as built, {cam}: {share_sentence(record)}" for cam, record in [*yield_records(run).items()][1:]]
     sample = built.get("independent")
     if isinstance(sample, list) and sample:
         lines.append(f"independent methods judged {len(sample)} of the trains")
@@ -245,7 +245,7 @@ def yield_sentences(run: RunFolder) -> list[str]:
 
 
 def contact_sentence(run: RunFolder) -> list[str]:
-    """Whether and how far the contacts between cam and valve open; empty where nothing was verified."""
+    """A sentence on whether and how far the contacts between cam and valve open; empty where nothing was verified."""
     jump, angle, force = (run.verification.worst(name) for name in ("jump_mm", "jump_deg", "contact_force_min_N"))
     if jump is None or angle is None or force is None or angle.value is None or force.value is None:
         return []
@@ -259,20 +259,11 @@ def contact_sentence(run: RunFolder) -> list[str]:
     ]
 
 
-def broken_limits(run: RunFolder) -> list[str]:
-    """What the verdict names as broken, as `broken_words` has it."""
-    return broken_words(run.verification.get("broken") or [])
-
-
-def broken_words(broken: Iterable) -> list[str]:
-    """What is named as broken, each limit once with all its speeds: `bounce at 6000 and 7000 r/min`."""
-    places: dict[str, list[str]] = {}
-    for entry in broken:
-        key, _, where = str(entry).partition(" at ")
-        places.setdefault(key, []).append(where.removesuffix(" r/min"))
+def broken_words(broken: dict[str, list[str]]) -> list[str]:
+    """Labels of broken limits, each once with all its speeds, such as `bounce at 6000 and 7000 r/min`."""
     lines = []
-    for key, speeds in places.items():
-        listed = list(dict.fromkeys(s for s in speeds if s))
+    for key, places in broken.items():
+        listed = list(dict.fromkeys(place.removesuffix(" r/min") for place in places if place))
         label = next((q.label for q in QUANTITIES.values() if q.limit == key), label_and_unit(key)[0])
         lines.append(f"{label} at {in_words(listed)} r/min" if listed else label)
     return lines

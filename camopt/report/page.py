@@ -1,4 +1,4 @@
-"""The report of a run folder: one HTML file that opens offline and fetches nothing; its only script is its own."""
+"""The report of a run folder: one HTML file that works offline, loads nothing and runs only its own script."""
 
 import base64
 import hashlib
@@ -26,17 +26,17 @@ from camopt.verifier.methods import METHOD_NAMES
 from camopt.verifier.record import bounce_error_um, outside_sentence
 
 KINDS = ("good", "doubt", "bad")
-"""From best to worst: the banner has the worse one of its two lines."""
+"""Classes of the banner from best to worst; the banner has the worse class of its two lines."""
 BUILT = {HELD: ("good", "✓"), ENOUGH: ("good", "✓"), NOT_ASKED: ("doubt", "!"), MISSED: ("bad", "✗")}
-"""By how the share of trains stands to what was asked: its class in the page and its mark."""
+"""Class in the page and mark, by the result of comparing the share of trains with the requested yield."""
 WIDTH, HEIGHT = 300.0, 96.0
 """Size of the sketch of the lift [px]."""
 POINTS = 241
 
 
 def banner(run: RunFolder) -> dict[str, Any]:
-    """The two lines with their words, the banner's class, which is green only where both hold what was asked, and what
-    the page's title begins with."""
+    """Content of the banner: its lines ("as designed" and, where the scene is known, "as built"), its class, which is
+    green only where both lines meet the requirements, and the beginning of the page's title."""
     word = run.verdict or "not verified"
     kind, mark, meaning = VERDICTS.get(word, NO_VERDICT)
     designed = {"which": "as designed", "kind": kind, "mark": mark, "word": word, "meaning": meaning}
@@ -46,7 +46,7 @@ def banner(run: RunFolder) -> dict[str, Any]:
 
 
 def _as_built(run: RunFolder) -> list[dict[str, str]]:
-    """The line on the trains as built; none where the scene is not known."""
+    """The banner's line on the trains as built; an empty list where the scene is not known."""
     record, words = run.built, outcome.as_built_words(run)
     if not words:
         return []
@@ -63,7 +63,7 @@ def _sentence(words: str) -> str:
 
 
 def sketch(lift: Lift, duration_deg: float) -> dict[str, Any]:
-    """The cam's lift as the path of an SVG, over its event with the ramps."""
+    """The cam's lift over its event, ramps included, as the path of an SVG."""
     lifted = [angle for angle in lift.borders if lift(np.array(angle)) > 0]
     reach = max([duration_deg / 2 * DEG, *np.abs(lifted)]) * 1.1
     theta = np.linspace(-reach, reach, POINTS)
@@ -75,7 +75,8 @@ def sketch(lift: Lift, duration_deg: float) -> dict[str, Any]:
 
 
 def facts(run: RunFolder, cams: RunCams) -> list[tuple[str, str]]:
-    """The cam's figures by their names: area, bound, lift, and the best other cam that is confirmed."""
+    """Names and values of the cam's main results: area ratio, distance from the bound, largest lift, duration, and the
+    area compared with the best other confirmed cam."""
     d, lift, figures = run.design, cams.lifts.get(DESIGN), []
     if is_number(d.get("area_ratio")):
         figures.append(("area ratio", shown(d["area_ratio"])))
@@ -98,21 +99,21 @@ def facts(run: RunFolder, cams: RunCams) -> list[tuple[str, str]]:
 HERE = Path(__file__).parent
 SCRIPTS = ("animation.js", "charts.js", "curves.js")
 WORDING = ("shown", "cell", "heading", "kind", "state", "share_kind", "used")
-"""Functions of `camopt.report.wording` that are filters of the page."""
+"""Functions of `camopt.report.wording` that the templates use as filters."""
 START = """
 const data = JSON.parse(document.getElementById("run-data").textContent);
 document.getElementById("train").append(...trainParts(true));
 trainAnimation(document, data.animation);
 new ReportCharts(document, data.curves, data.animation);
 """
-"""What the page's script ends with: animation and charts of the data that the page embeds."""
+"""Last part of the page's script: it starts the animation and the charts with the data that the page embeds."""
 
 
 def write_report(folder: Path | str) -> Path:
-    """Write `report.html` into a run folder from the files that lie in it, and return its path.
+    """Write `report.html` into a run folder from the files in it, and return its path.
 
-    The animation's motion is simulated here, by event-exact. Parts that are missing are named in the page. Raises
-    InputError where the folder is none or a file in it cannot be understood; an older report then stays as it is.
+    The animation's motion is simulated here by event-exact. The page names the files that are missing. Raises
+    InputError where the folder does not exist or a file in it cannot be understood; an older report is then kept.
     """
     folder = Path(folder)
     run = read_run_folder(folder)
@@ -130,13 +131,13 @@ def _environment() -> Environment:
     environment.filters |= {"label": lambda key: label_and_unit(key)[0], "unit": lambda key: label_and_unit(key)[1]}
     environment.filters |= {"method": lambda name: METHOD_NAMES.get(name, shown(name)), "line": cam_line}
     environment.filters |= {"base64": lambda text: base64.b64encode(text.encode()).decode()}
-    environment.tests["figure"] = is_number
+    environment.tests["finite"] = is_number
     environment.policies["json.dumps_kwargs"] = {"separators": (",", ":"), "allow_nan": False}
     return environment
 
 
 def render(run: RunFolder, cams: RunCams) -> str:
-    """The page of a run folder's data and cams; every text from the folder is escaped."""
+    """HTML of the report, from a run folder's data and cams; every text from the folder is escaped."""
     lift, design = cams.lifts.get(DESIGN), cams.scene.design if cams.scene else None
     shape = None if lift is None or design is None else (lift, design)
     limits, scene = limit_rows(run, shape), cams.scene
@@ -166,13 +167,13 @@ def render(run: RunFolder, cams: RunCams) -> str:
             cards=cards(cams),
             geometry=geometry(cams),
             outside=outside_sentence(run.verification.outside),
-            **_moving(run, cams),
+            **_animation_variables(run, cams),
         )
     )
 
 
-def _moving(run: RunFolder, cams: RunCams) -> dict:
-    """The animation's part of the page: data and script, or the sentences that say why there is none."""
+def _animation_variables(run: RunFolder, cams: RunCams) -> dict:
+    """Template variables of the animation and the charts: data, script, and sentences on every motion left out."""
     data, left_out = animation(cams)
     script = "\n".join((HERE / name).read_text(encoding="utf-8") for name in SCRIPTS) + START if data else ""
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
@@ -186,16 +187,12 @@ def _moving(run: RunFolder, cams: RunCams) -> dict:
 
 
 def headline(run: RunFolder) -> list[str]:
-    """Sentences on area, bounce over the band, contact, and the speeds at which jump and bounce begin."""
+    """Sentences on the area, the bounce over the band, the contacts, and the speeds where jump and bounce begin."""
     d, v = run.design, run.verification
     sentences = []
     if is_number(d.get("area_ratio")):
-        gap = d.get("area_gap_percent")
-        below = (
-            f", {shown(gap, 3)} % below the certified bound {shown(d.get('area_ratio_bound'))}"
-            if is_number(gap)
-            else ""
-        )
+        gap, bound = d.get("area_gap_percent"), shown(d.get("area_ratio_bound"))
+        below = f", {shown(gap, 3)} % below the certified bound {bound}" if is_number(gap) else ""
         sentences.append(f"Area ratio {shown(d['area_ratio'])}{below}.")
     sentences += outcome.lift_sentence(run) + outcome.gain_sentences(run)
     band, bounce = v.get("band") or {}, run.verification.worst("bounce_mm")

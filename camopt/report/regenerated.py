@@ -1,7 +1,7 @@
-"""A run's stated numbers made again: from the files in its folder, or from the cam itself to check those files.
+"""Recomputation of a run's stated numbers: from the files in its folder, or from the cam in order to check those files.
 
-What can be made again is the verdict of the design and all that is written from it. The search is not run again, so
-`area_ratio_no_jump` and `gradient_gain` stand as recorded, and baselines keep the verdicts in `verdicts/`.
+The verdict of the design and everything derived from it can be recomputed. The search is not repeated, so
+`area_ratio_no_jump` and `gradient_gain` keep their recorded values, and baselines keep the verdicts in `verdicts/`.
 """
 
 import html
@@ -33,14 +33,14 @@ from camopt.storage import check_file, plain
 from camopt.verifier.record import VerificationRecord
 
 SAME = 1e-6
-"""Relative difference of two numbers that counts as none: no table of a run prints more digits."""
+"""Relative difference up to which two numbers count as equal: no table of a run prints more digits."""
 NOTHING = 1e-9
-"""Absolute difference that counts as none, in every unit of a run folder."""
+"""Absolute difference up to which two numbers count as equal, in every unit of a run folder."""
 MOST_SENTENCES = 20
 
 
 def regenerate(folder: Path) -> Path:
-    """Write comparison.csv, figures and report.html of a run folder again, from the cams and verdicts in it; returns
+    """Write comparison.csv, figures and report.html of a run folder again, from the cams and verdicts in it, and return
     the page's path. Raises InputError where a file is missing or cannot be understood, or nothing can be written."""
     scene = _scene_of(folder)
     check_file(folder / "report.html")
@@ -49,7 +49,7 @@ def regenerate(folder: Path) -> Path:
 
 
 def _accuracy_of(folder: Path) -> object:
-    """The accuracy that provenance.json names, which is untrusted; None where it names none."""
+    """The accuracy in provenance.json, which is an untrusted file; None where it has none."""
     try:
         return json.loads((folder / "provenance.json").read_text(encoding="utf-8"))["settings"]["accuracy"]
     except (OSError, ValueError, KeyError, TypeError, RecursionError):
@@ -57,7 +57,7 @@ def _accuracy_of(folder: Path) -> object:
 
 
 def stated_lines(run: RunFolder) -> list[str]:
-    """Every number of the limits and of the last table with the file and key that it is read from."""
+    """Lines with every number of the limits and of the outcome table, and the file and key from which it was read."""
     lines = [
         f"limit {row['label']}: {row['reached']} {row['unit']}, {row['where']}  [{row['source']}]"
         for row in limit_rows(run)
@@ -69,13 +69,13 @@ def stated_lines(run: RunFolder) -> list[str]:
 
 
 def differences(folder: Path) -> list[str]:
-    """Sentences on every number of verification.json, design.json, the last table and report.html that comes out
-    otherwise when the run's cam is judged anew as the run did; empty where all stand. Raises InputError where the
-    folder does not say how it was judged, or a file cannot be understood."""
+    """Sentences on every number of verification.json, design.json, the outcome table and report.html that differs when
+    the run's cam is verified again with the run's options; empty where all agree. Raises InputError where the folder
+    does not record these options, or a file cannot be understood."""
     run, scene = read_run_folder(folder), _scene_of(folder)
-    fresh = _judged_anew(run, folder, scene)
-    sentences = _apart("verification.json", run.verification, fresh.verification)
-    sentences += _apart("design.json", run.design, fresh.design)
+    fresh = _verified_again(run, folder, scene)
+    sentences = _json_differences("verification.json", run.verification, fresh.verification)
+    sentences += _json_differences("design.json", run.design, fresh.design)
     before, after = outcome_lines(run), outcome_lines(fresh)
     sentences += [
         f"the last table says {old!r}, not {new!r}"
@@ -85,10 +85,9 @@ def differences(folder: Path) -> list[str]:
     page = folder / "report.html"
     if not page.is_file():
         return [*sentences, "report.html is not in the run folder"]
-    words, made = _words(page.read_text(encoding="utf-8")), _words(render(fresh, cams_of(folder, fresh)))
-    missing = [line for line in made if line not in words]
-    sentences += [f"report.html does not say: {line}" for line in missing]
-    sentences += [f"report.html says without a source: {line}" for line in words if line not in made]
+    stated, recomputed = _lines(page.read_text(encoding="utf-8")), _lines(render(fresh, cams_of(folder, fresh)))
+    sentences += [f"report.html does not say: {line}" for line in recomputed if line not in stated]
+    sentences += [f"report.html says without a source: {line}" for line in stated if line not in recomputed]
     more = len(sentences) - MOST_SENTENCES
     return sentences[:MOST_SENTENCES] + ([f"and {more} more"] if more > 0 else [])
 
@@ -99,7 +98,7 @@ def _scene_of(folder: Path) -> Scene:
     return load_scene(folder / "scene.toml", need=SIMULATED)
 
 
-def _judged_anew(run: RunFolder, folder: Path, scene: Scene) -> RunFolder:
+def _verified_again(run: RunFolder, folder: Path, scene: Scene) -> RunFolder:
     settings = run.settings
     if not {"accuracy", "speeds"} <= settings.keys():
         raise InputError(f"{folder}: provenance.json does not say with which speeds and accuracy the run was judged")
@@ -108,41 +107,41 @@ def _judged_anew(run: RunFolder, folder: Path, scene: Scene) -> RunFolder:
     ratio, bound = lift.area_ratio_in(design), area_ratio_bound(design).bound
     areas = {"area_ratio": ratio, "area_mm_deg": lift.area / MM / DEG, "area_ratio_bound": bound,
              "area_gap_percent": 100 * (bound - ratio) / bound}  # fmt: skip
-    if "highest_lift_mm" in run.design:  # runs of before camopt wrote it are judged too
+    if "highest_lift_mm" in run.design:  # older runs did not record it
         areas["highest_lift_mm"] = lift.max_lift / MM
-    built = _trains_anew(run, scene, lift, settings)
+    built = _yield_again(run, scene, lift, settings)
     verification = VerificationRecord(plain(verdict.as_dict() | built)).with_outside(run.verification.outside)
     return replace(run, verification=verification, design=run.design | areas)
 
 
-def _trains_anew(run: RunFolder, scene: Scene, lift: Lift, settings: dict) -> dict:
-    """The statement on the trains as built, all of them judged anew; baselines stand as recorded. Empty for a run of
-    before camopt made one."""
+def _yield_again(run: RunFolder, scene: Scene, lift: Lift, settings: dict) -> dict:
+    """The statement on the trains as built, with all trains judged again; the baselines keep their recorded values.
+    Empty for an older run, which has no statement."""
     if "yield" not in run.verification:
         return {}
     stated = statement_of_run(scene, lift, {"seed": 0} | settings, None)
     if stated is None:
         return {}
-    beside = {key: run.built[key] for key in ("baselines", "ideal", "advised") if key in run.built}
-    return {"yield": stated.as_dict() | beside}
+    recorded = {key: run.built[key] for key in ("baselines", "ideal", "advised") if key in run.built}
+    return {"yield": stated.as_dict() | recorded}
 
 
-def _apart(file: str, stated: Any, fresh: Any) -> list[str]:
-    """Sentences on the leaves of two JSON values that differ."""
+def _json_differences(file: str, stated: Any, fresh: Any) -> list[str]:
+    """Sentences on the leaves in which two JSON values differ."""
     old, new = dict(leaves(stated)), dict(leaves(fresh))
     pairs = [(key, old.get(key), new.get(key)) for key in {**old, **new}]
     return [f"{file} {key} says {was}, it comes out as {now}" for key, was, now in pairs if not _same(was, now)]
 
 
-def _same(one: Any, other: Any) -> bool:
-    if isinstance(one, int | float) and isinstance(other, int | float):
-        return math.isclose(one, other, rel_tol=SAME, abs_tol=NOTHING)
-    return one == other
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, int | float) and isinstance(b, int | float):
+        return math.isclose(a, b, rel_tol=SAME, abs_tol=NOTHING)
+    return a == b
 
 
-def _words(page: str) -> list[str]:
-    """The lines of text of a page, one for each row, paragraph, item and heading; without its style, its data, its
-    script and its commands, whose paths depend on where it was made."""
+def _lines(page: str) -> list[str]:
+    """The lines of text of a page, one for each row, paragraph, item and heading. Style, data, script and commands are
+    left out; the paths in the commands depend on the folder in which the page was made."""
     text = re.sub(r"<(style|script|code)\b.*?</\1>", " ", page, flags=re.DOTALL)
     blocks = re.split(r"<(?:tr|p|li|h[123]|figcaption|strong)\b[^>]*>", text)
     lines = (" ".join(html.unescape(re.sub(r"<[^>]*>", " ", block)).split()) for block in blocks)

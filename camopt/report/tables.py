@@ -7,8 +7,8 @@ from typing import Any
 
 from camopt.optimizer.baselines.comparison_table import FAILED, NO_JERK
 from camopt.plots.style import DESIGN, cam_line, family_of
-from camopt.report.folder import RunFolder, comparison_rows
-from camopt.report.outcome import broken_limits, broken_words
+from camopt.report.folder import RunFolder, broken_places, comparison_rows
+from camopt.report.outcome import broken_words
 from camopt.report.wording import as_number, heading
 from camopt.scene.quantities import QUANTITIES, is_number
 from camopt.study.measurements import aligned
@@ -23,12 +23,12 @@ DESIGN_CELLS = {"bounce": "bounce_mm", "jump": "jump_mm", "seating": "seating_ve
 WORST_FIRST = (FAILED, *reversed(ORDER))
 AT_A_SPEED = re.compile(r" at [\d.e+]+ r/min$")
 BROKEN_WIDTH = 48
-"""Characters of what is broken that a line of a terminal shows."""
+"""Longest list of broken limits in a line of the terminal [characters]."""
 
 
 def area_rows(run: RunFolder) -> tuple[list[tuple], list[tuple]]:
-    """Area ratios as (name, area, verdict, colour): the design, the certified bound and what else keeps the limits on
-    the cam, largest first; and apart from them those cams that do not, of which the bound says nothing."""
+    """Area ratios as (name, area, verdict, colour) in two lists: the design, followed by the certified bound and all
+    that keeps the limits on the cam, largest first; and the cams that do not, to which the bound does not apply."""
     d = run.design
     within: list[tuple] = [
         ("certified bound", d.get("area_ratio_bound"), "", "#888888"),
@@ -45,21 +45,21 @@ def area_rows(run: RunFolder) -> tuple[list[tuple], list[tuple]]:
 
 
 def comparison_groups(run: RunFolder) -> list[dict]:
-    """One entry per cam and set of limits, the design first, of which verification.json has the word: its worst figures
-    over the speeds, its verdict over all of them, and whether it was made `within` all limits of the scene and keeps
-    those on its shape."""
+    """One entry per cam and set of limits, the design first: the worst values over the speeds, the verdict over all of
+    them, and whether the cam is `within` the limits, which means that it was made under all limits of the scene and
+    keeps those on its shape. The values of the design are those of verification.json."""
     groups = []
     for entry in sorted(worst_by_cam(run.comparison), key=lambda e: (e["cam"] != DESIGN, e["limits"], e["cam"])):
         broken, failed = entry["broken"], entry["verdict"] == FAILED
         of_motion = all(" at " in word or word in QUANTITIES for word in broken)
-        words = "; ".join(broken if failed else broken_words(broken)) or "–"
-        group = entry | {"broken": words, "within": entry["limits"] == "all" and (failed or of_motion)}
+        listed = "; ".join(broken if failed else broken_words(broken_places(broken))) or "–"
+        group = entry | {"broken": listed, "within": entry["limits"] == "all" and (failed or of_motion)}
         if entry["lost"]:
             group["bounce"] = f"no figure at {entry['lost']} of {entry['speeds']} speeds"
         if entry["cam"] == DESIGN and run.verdict:
             worst = {key: run.verification.worst(name) for key, name in DESIGN_CELLS.items()}
             group |= {key: "none" if w.value is None else w.value for key, w in worst.items() if w is not None}
-            group |= {"verdict": run.verdict, "broken": "; ".join(broken_limits(run)) or "–"}
+            group |= {"verdict": run.verdict, "broken": "; ".join(broken_words(run.broken)) or "–"}
         groups.append(group)
     return groups
 
@@ -67,38 +67,39 @@ def comparison_groups(run: RunFolder) -> list[dict]:
 def worst_by_cam(rows: Sequence[dict[str, str]]) -> list[dict]:
     """One entry per cam and set of limits of comparison.csv, in the file's order: `area`, the worst `bounce`, `jump`,
     `seating` and `jerk` over the speeds (None where there is none), the number of `speeds` and of those without a
-    bounce (`lost`), the worst `verdict`, and every word of `broken` once."""
+    bounce (`lost`), the worst `verdict`, and every entry of `broken` once."""
     cams: dict[tuple[str, str], list[dict[str, str]]] = {}
     for row in rows:
         cams.setdefault((row["cam"], row.get("limits", "")), []).append(row)
     entries = []
-    for (cam, limits), own in cams.items():
-        area, jerks = own[0].get("area_ratio", ""), [row.get("jerk_max_mm_per_deg3", "") for row in own]
-        verdicts = {row.get("verdict", "") for row in own}
-        words = [row.get("broken", "") for row in own]  # where a family has no member, the sentence that says why
-        named = words if FAILED in verdicts else [w.strip() for text in words for w in text.split(";") if w.strip()]
+    for (cam, limits), speeds in cams.items():
+        area, jerks = speeds[0].get("area_ratio", ""), [row.get("jerk_max_mm_per_deg3", "") for row in speeds]
+        verdicts = {row.get("verdict", "") for row in speeds}
+        broken = [row.get("broken", "") for row in speeds]  # a sentence with the reason where a family has no member
+        if FAILED not in verdicts:
+            broken = [word.strip() for text in broken for word in text.split(";") if word.strip()]
         entries.append(
             {
                 "cam": cam,
                 "limits": limits,
                 "area": as_number(area),
                 "area_cell": area,
-                "bounce": _largest(row.get("bounce_high_mm", "") or row.get("bounce_mm", "") for row in own),
-                "jump": _largest(row.get("jump_mm", "") for row in own),
-                "seating": _largest(row.get("seating_velocity_m_per_s", "") for row in own),
-                "jerk": "infinite" if "inf" in jerks else _largest(jerks),  # of a cam whose acceleration steps
-                "speeds": len(own),
-                "lost": sum(as_number(row.get("bounce_mm", "")) is None for row in own),
+                "bounce": _largest(row.get("bounce_high_mm", "") or row.get("bounce_mm", "") for row in speeds),
+                "jump": _largest(row.get("jump_mm", "") for row in speeds),
+                "seating": _largest(row.get("seating_velocity_m_per_s", "") for row in speeds),
+                "jerk": "infinite" if "inf" in jerks else _largest(jerks),  # its acceleration is discontinuous
+                "speeds": len(speeds),
+                "lost": sum(as_number(row.get("bounce_mm", "")) is None for row in speeds),
                 "verdict": next((v for v in WORST_FIRST if v in verdicts), ""),
-                "broken": list(dict.fromkeys(named)),
+                "broken": list(dict.fromkeys(broken)),
             }
         )
     return entries
 
 
 def comparison_lines(folder: Path) -> list[str]:
-    """The end of `camopt compare`: cam, area ratio, worst bounce and jump over the speeds [mm], verdict, and which
-    limits are broken, of which comparison.csv holds all."""
+    """Lines at the end of `camopt compare`: cam, area ratio, worst bounce and jump over the speeds [mm], verdict, and
+    broken limits, shortened to `BROKEN_WIDTH`; comparison.csv holds all of them."""
     table: list[tuple[str, ...]] = [("cam", "area ratio", "bounce mm", "jump mm", "verdict", "broken")]
     for entry in worst_by_cam(comparison_rows((folder / "comparison.csv").read_text(encoding="utf-8"))):
         limits = (AT_A_SPEED.sub("", word) for text in entry["broken"] for word in text.split("; "))
@@ -114,7 +115,7 @@ def _largest(cells: Iterable[str]) -> float | None:
 
 
 def method_tables(run: RunFolder) -> list[dict]:
-    """Per speed: a row per figure with the methods side by side, and the largest difference between them."""
+    """One table per speed: a row per metric with the methods side by side, and the largest difference between them."""
     tables = []
     for speed in run.verification.by_speed:
         methods = speed.get("methods") or {}
@@ -123,9 +124,9 @@ def method_tables(run: RunFolder) -> list[dict]:
         for key in METHOD_ROWS:
             values = [methods[m].get(key) for m in names]
             numbers = [v for v in values if is_number(v)]
-            apart = max(numbers) - min(numbers) if len(numbers) > 1 and key != "steps_per_revolution" else None
+            difference = max(numbers) - min(numbers) if len(numbers) > 1 and key != "steps_per_revolution" else None
             if key == "bounce_mm" or any(v is not None for v in values):
-                rows.append((heading(key), values, apart))
+                rows.append((heading(key), values, difference))
         if names:
             columns = [METHOD_NAMES.get(m, m) for m in names]
             tables.append({"speed": speed.get("speed_rpm"), "methods": columns, "rows": rows})
@@ -133,13 +134,13 @@ def method_tables(run: RunFolder) -> list[dict]:
 
 
 def leaves(value: Any, path: str = "", into_lists: bool = True) -> Iterator[tuple[str, Any]]:
-    """Every value inside nested tables with its dotted name, in their order; `into_lists` those inside lists too."""
+    """Every value inside nested tables with its dotted name, in order; with `into_lists` also those inside lists."""
     if isinstance(value, dict):
-        for key, one in value.items():
-            yield from leaves(one, f"{path}.{key}" if path else str(key), into_lists)
+        for key, child in value.items():
+            yield from leaves(child, f"{path}.{key}" if path else str(key), into_lists)
     elif into_lists and isinstance(value, list):
         yield f"{path} (length)", len(value)
-        for i, one in enumerate(value):
-            yield from leaves(one, f"{path}[{i}]")
+        for i, child in enumerate(value):
+            yield from leaves(child, f"{path}[{i}]")
     else:
         yield path, value

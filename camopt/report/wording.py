@@ -1,4 +1,4 @@
-"""Numbers, units and names of the run folder's keys as a reader is shown them."""
+"""Numbers, units and labels of the run folder's keys as the report shows them."""
 
 import math
 
@@ -14,35 +14,36 @@ VERDICTS = {
                       "settled."),
     "failed": ("bad", "✗", "This family has no cam for this train under these limits."),
 }  # fmt: skip
-"""Verdict: its class in the page, its mark, its meaning."""
+"""By verdict: its class in the page, its mark and its meaning."""
 NEAR = 0.9
-"""Share of a limit from which a cell says that it is near."""
+"""Used share from which a cell is marked as near its limit."""
 NO_VERDICT = ("doubt", "?", "This cam has not been verified: nothing below is more than the optimiser's own opinion.")
 
 
 def heading(key: str) -> str:
-    """A column's heading: label and unit."""
+    """Heading of a column: label and unit of a key."""
     label, unit = label_and_unit(key)
     return f"{label} [{unit}]" if unit else label
 
 
 def kind(verdict: object) -> str:
-    """A verdict's class in the page; empty for what is no verdict."""
+    """Class of a verdict in the page; empty where the value is not a verdict."""
     return VERDICTS[verdict][0] if isinstance(verdict, str) and verdict in VERDICTS else ""
 
 
 def state(held: bool | None) -> tuple[str, str]:
-    """Whether a limit holds: its class in the page, and in words."""
+    """Class in the page and words for whether a limit holds (None: not known)."""
     return {True: ("good", "✓ held"), False: ("bad", "✗ broken"), None: ("doubt", "? not known")}[held]
 
 
 def share_kind(share: float | None) -> str:
-    """The class in the page of a used share of a limit."""
+    """Class in the page for the used share of a limit."""
     return "unknown" if share is None else "bad" if share > 1 + 1e-6 else "near" if share >= NEAR else "calm"
 
 
 def used(share: float | None, bad: bool = False) -> str:
-    """A used share of a limit in words, crossed out where it is too much; infinite where no motion counts."""
+    """The used share of a limit in words, with a cross before it where it is `bad`; an infinite share stands for a
+    motion that does not settle or seat."""
     words = "?" if share is None else f"{100 * share:.0f} %" if share < 10 else f"{share:.0f} times"
     if share is not None and math.isinf(share):
         words = "no motion that counts"
@@ -50,7 +51,7 @@ def used(share: float | None, bad: bool = False) -> str:
 
 
 def as_number(text: str) -> float | None:
-    """Number of a table cell; None where it is empty or no finite number."""
+    """Number in a table cell; None where the cell is empty or holds no finite number."""
     try:
         value = float(text)
     except ValueError:
@@ -59,7 +60,7 @@ def as_number(text: str) -> float | None:
 
 
 def shown(value, digits: int = 4) -> str:
-    """A value for a table cell: numbers to `digits` significant digits, a dash for nothing."""
+    """A value as a table cell: numbers to `digits` significant digits, a dash for None and for an empty text."""
     if value is None or value == "":
         return "–"
     if isinstance(value, bool):
@@ -74,12 +75,12 @@ def shown(value, digits: int = 4) -> str:
 
 
 def in_words(values: list) -> str:
-    """`5000, 6000 and 7000`."""
+    """A list in words, such as `5000, 6000 and 7000`."""
     words = [shown(v) for v in values]
     return " and ".join([", ".join(words[:-1]), words[-1]]) if len(words) > 1 else "".join(words)
 
 
 def cell(text: str) -> str:
-    """A table file's cell: as a rounded number where it is one, else as it stands."""
+    """A cell of a table file: a number is rounded, any other text is unchanged."""
     value = as_number(text)
     return shown(value if value is not None else text)

@@ -1,4 +1,4 @@
-"""A designer in a thread, for the tests of its server and of its page."""
+"""A designer's server in a thread, for the tests of the server and the page."""
 
 from contextlib import ExitStack
 
@@ -9,6 +9,6 @@ from tests.campaign.messages import served
 
 @pytest.fixture(scope="session")
 def serve():
-    """Serves a scene from a folder; everything ends with the session."""
+    """Function that serves a scene from a folder; all servers end with the session."""
     with ExitStack() as every:
         yield lambda scene, folder: every.enter_context(served(scene, folder))

@@ -1,4 +1,4 @@
-"""The designer's page in a real browser: its numbers, its keys, its troubles, and who can use it."""
+"""The designer's page in a real browser: its numbers, its keys, its errors, and its accessibility."""
 
 import json
 import subprocess
@@ -21,24 +21,21 @@ def served(serve, tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def session():
-    """The Python API beside the page."""
+    """A session of the Python API with the page's scene."""
     return Session(SCENE)
 
 
 @pytest.fixture
 def open_page(browser, served):
-    """Opens the page; at the end nothing may have been said, thrown or fetched from elsewhere."""
-    requests = []
-    with watched_pages(browser, requests) as new_page:
+    """Opens the page and waits until it rests, under the conditions of `watched_pages`."""
+    with watched_pages(browser, served.address) as opened:
 
-        def opened(**settings):
-            page = new_page(**settings)
-            page.goto(served.address)
+        def opened_at_rest(**settings):
+            page = opened(**settings)
             rest(page)
             return page
 
-        yield opened
-    assert [url for url in requests if not url.startswith(served.address)] == []
+        yield opened_at_rest
 
 
 def data(page) -> dict:
@@ -46,7 +43,7 @@ def data(page) -> dict:
 
 
 def rest(page) -> None:
-    """Until the band of the newest values is there, or there is none."""
+    """Wait for the band of the newest values, or for the answer that they have no cam."""
 
     def done() -> bool:
         now = data(page)
@@ -68,11 +65,16 @@ def number(page, key):
     return page.locator(f"[data-key={key}] input[type=number]")
 
 
-def test_typed_and_dragged_values_give_the_numbers_of_python(open_page, session):
+def type_number(page, key: str, text: str) -> None:
+    """Enter a number and wait until the page rests."""
+    number(page, key).fill(text)
+    rest(page)
+
+
+def test_typed_and_dragged_values_give_the_numbers_of_the_api(open_page, session):
     page = open_page()
     assert area_shown(page) == pytest.approx(session.answer({})["area_ratio"], abs=5e-6)
-    number(page, "max_lift_mm").fill("9.0")
-    rest(page)
+    type_number(page, "max_lift_mm", "9.0")
     values = {"max_lift_mm": 9.0}
     assert area_shown(page) == pytest.approx(session.answer(values)["area_ratio"], abs=5e-6)
     slider(page, "duration_deg").focus()
@@ -81,9 +83,9 @@ def test_typed_and_dragged_values_give_the_numbers_of_python(open_page, session)
     rest(page)
     values["duration_deg"] = float(number(page, "duration_deg").input_value())
     assert values["duration_deg"] > SCENE.design.duration_deg
-    found, band = session.answer(values), session.answer(values, "band")
-    assert area_shown(page) == pytest.approx(found["area_ratio"], abs=5e-6)
-    assert f"bounce {found['motion']['metrics']['bounce_mm']:.3g}"[:9] in page.locator(".result").inner_text()
+    answer, band = session.answer(values), session.answer(values, "band")
+    assert area_shown(page) == pytest.approx(answer["area_ratio"], abs=5e-6)
+    assert f"bounce {answer['motion']['metrics']['bounce_mm']:.3g}"[:9] in page.locator(".result").inner_text()
     worst = band["worst"]["bounce_max_mm"]
     words = page.locator("[data-key=bounce_max_mm] .worth").inner_text()
     assert f"{round(100 * worst['used'])} % at {worst['speed_rpm']:g} r/min" in words
@@ -109,7 +111,7 @@ def words(page) -> str:
 
 
 def held_back(page, part: str) -> dict:
-    """Answers of one kind wait until they are let go."""
+    """Delays the requests for one part of the answer until `let_go`."""
     held = {"open": False, "routes": []}
 
     def hold(route):
@@ -128,8 +130,9 @@ def let_go(held: dict) -> None:
         held["routes"].pop(0).continue_()
 
 
-def test_what_is_shown_is_marked_as_what_it_is(open_page):
-    """An answer held back: of the numbers before, and which they differ in; a first answer; the cam; settled."""
+def test_the_mark_states_to_which_numbers_the_answer_belongs(open_page):
+    """With delayed answers, the marks follow each other: earlier numbers and their difference, first answer, cam,
+    settled."""
     page = open_page()
     assert data(page)["mark"] == "settled" and words(page) == "Settled: cam, motion and band of these numbers."
     held = {part: held_back(page, part) for part in ("sketch", "cam", "band")}
@@ -165,38 +168,36 @@ def test_a_long_wait_shows_its_progress_and_can_be_cancelled(open_page):
     wait(page, cancel.is_visible)
     assert page.locator(".marked progress >> nth=0").is_visible() and " s)." in words(page)
     newest = data(page)["sequence"]
-    with page.expect_request(lambda r: r.post_data_json.get("kind") == "newest") as told:
+    with page.expect_request(lambda r: r.post_data_json.get("kind") == "newest") as request:
         cancel.press("Enter")
-    assert told.value.post_data_json["sequence"] == int(newest) + 1
+    assert request.value.post_data_json["sequence"] == int(newest) + 1
     assert number(page, "max_lift_mm").input_value() == before and not cancel.is_visible()
     assert data(page)["mark"] == "settled" and page.evaluate("document.activeElement.textContent") != ""
     let_go(held)
     page.wait_for_timeout(500)  # the cancelled answer comes, and is not shown
     assert page.locator(".result").inner_text() == shown and data(page)["mark"] == "settled"
-    number(page, "max_lift_mm").fill("9.1")
-    rest(page)
+    type_number(page, "max_lift_mm", "9.1")
     assert data(page)["mark"] == "settled" and page.locator(".result").inner_text() != shown
 
 
 def test_the_last_change_wins_over_one_that_takes_long(open_page):
-    """The cam at rest is overtaken at once, a first answer when it has taken half a second."""
+    """A change cancels the cam at rest at once, and a first answer after half a second."""
     page = open_page()
-    asked = []
-    page.on("request", lambda r: asked.append(r.post_data_json) if r.method == "POST" else None)
+    messages = []
+    page.on("request", lambda r: messages.append(r.post_data_json) if r.method == "POST" else None)
     for part in ("cam", "sketch"):
         held = held_back(page, part)
         number(page, "duration_deg").fill("146")
         wait(page, lambda held=held: held["routes"])
-        asked.clear()
+        messages.clear()
         number(page, "duration_deg").fill("145")
-        wait(page, lambda: [m for m in asked if m["kind"] == "newest"])
-        assert [m["sequence"] for m in asked if m["kind"] == "newest"] == [int(data(page)["sequence"])]
+        wait(page, lambda: [m for m in messages if m["kind"] == "newest"])
+        assert [m["sequence"] for m in messages if m["kind"] == "newest"] == [int(data(page)["sequence"])]
         let_go(held)
         rest(page)
-        assert [m["values"]["duration_deg"] for m in asked if m.get("part") == "sketch"][-1] == 145
+        assert [m["values"]["duration_deg"] for m in messages if m.get("part") == "sketch"][-1] == 145
         page.unroute("**/ask")
-        number(page, "duration_deg").fill("144")
-        rest(page)
+        type_number(page, "duration_deg", "144")
 
 
 def test_undo_redo_reset_and_pin(open_page):
@@ -223,7 +224,7 @@ def test_undo_redo_reset_and_pin(open_page):
     assert page.locator(".line.pinned").count() == 0
 
 
-def test_a_bad_number_is_answered_beside_its_field(open_page):
+def test_a_fault_is_shown_beside_its_field(open_page):
     page = open_page()
     number(page, "max_lift_mm").fill("-3")
     wait(page, lambda: "greater than 0" in page.locator("[data-key=max_lift_mm] .fault").inner_text())
@@ -231,13 +232,12 @@ def test_a_bad_number_is_answered_beside_its_field(open_page):
     assert "no scene" in page.locator(".result").inner_text()
     number(page, "max_lift_mm").fill("")
     assert "expected a number" in page.locator("[data-key=max_lift_mm] .fault").inner_text()
-    number(page, "max_lift_mm").fill("9")
-    rest(page)
+    type_number(page, "max_lift_mm", "9")
     assert page.locator("[data-key=max_lift_mm] .fault").inner_text() == ""
     assert number(page, "max_lift_mm").get_attribute("aria-invalid") is None
 
 
-def test_limits_without_a_cam_are_said(open_page):
+def test_limits_without_a_cam_are_reported(open_page):
     page = open_page()
     page.locator("[data-key=reach_max_lift] input").check()
     number(page, "max_lift_mm").fill("30")
@@ -248,7 +248,7 @@ def test_limits_without_a_cam_are_said(open_page):
     assert "stale" not in page.locator("#camopt-live").get_attribute("class")
 
 
-def test_it_says_that_nothing_is_confirmed_and_a_verdict_can_be_cancelled(open_page):
+def test_the_status_is_unconfirmed_and_a_verdict_can_be_cancelled(open_page):
     page = open_page()
     status = page.locator(".status")
     assert status.inner_text() == "event-exact only, not confirmed"
@@ -260,7 +260,7 @@ def test_it_says_that_nothing_is_confirmed_and_a_verdict_can_be_cancelled(open_p
 
 
 @pytest.mark.long
-def test_a_verdict_is_carried_to_its_end_and_goes_into_the_run_folder(open_page, served):
+def test_a_verdict_is_completed_and_saved_in_the_run_folder(open_page, served):
     page = open_page()
     status = page.locator(".status")
     page.get_by_role("button", name="Verify").click()
@@ -278,14 +278,13 @@ def test_a_verdict_is_carried_to_its_end_and_goes_into_the_run_folder(open_page,
     wait(page, lambda: "the last verdict was of other numbers" in status.inner_text())
 
 
-def test_a_chart_is_looked_at_closer_and_keeps_that_while_numbers_change(open_page):
+def test_a_chart_keeps_its_zoom_while_numbers_change(open_page):
     page = open_page()
     figure = page.locator("figure.chart").filter(has_text="Cam lift")
     figure.locator("> svg").focus()
     page.keyboard.press("+")
     closer = figure.locator("text").all_text_contents()
-    number(page, "max_lift_mm").fill("9.1")
-    rest(page)
+    type_number(page, "max_lift_mm", "9.1")
     assert figure.locator("button").is_visible()
     assert [t for t in figure.locator("text").all_text_contents() if "−90" in t] == [] and closer
     page.keyboard.press("Tab")
@@ -295,8 +294,7 @@ def test_a_chart_is_looked_at_closer_and_keeps_that_while_numbers_change(open_pa
 
 def test_a_scene_is_saved_from_the_page(open_page, served):
     page = open_page()
-    number(page, "max_lift_mm").fill("8.7")
-    rest(page)
+    type_number(page, "max_lift_mm", "8.7")
     page.locator("#camopt-name").fill("from-page")
     page.get_by_role("button", name="Save scene").click()
     wait(page, lambda: "Saved as from-page.toml" in page.locator(".saved").inner_text())
@@ -330,7 +328,7 @@ def test_the_valve_train_moves_with_the_angle(open_page):
     assert page.locator("#train-drawing .contour").count() == 1
 
 
-def test_nothing_serious_for_those_who_cannot_see_or_point(open_page):
+def test_there_is_no_serious_accessibility_fault(open_page):
     page = open_page(bypass_csp=True)  # axe is a script of its own
     page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
     assert serious_faults(page) == []
@@ -345,7 +343,7 @@ def test_a_phone_shows_all_without_sideways_scrolling(open_page):
 
 
 def started(folder, port: int) -> tuple[subprocess.Popen, str]:
-    """The command itself in a process of its own, and the address that it prints."""
+    """The command in a process, and the address that it prints."""
     words = [sys.executable, "-m", "camopt", "design", "motori-1", "--port", str(port)]
     process = subprocess.Popen(words, cwd=folder, stdout=subprocess.PIPE, text=True)
     line = process.stdout.readline()
@@ -357,7 +355,7 @@ def killed(process: subprocess.Popen) -> None:
     process.communicate()
 
 
-def test_a_killed_server_is_said_and_the_page_goes_on_after_it(browser, tmp_path, session):
+def test_the_page_reports_a_killed_server_and_continues_with_a_new_one(browser, tmp_path, session):
     process, address = started(tmp_path, 0)
     page = browser.new_page()
     try:
@@ -379,9 +377,9 @@ def test_a_killed_server_is_said_and_the_page_goes_on_after_it(browser, tmp_path
 
 def test_texts_of_the_scene_stay_text(browser, serve, tmp_path):
     evil = "<img src=x onerror=\"document.title='changed'\">"
-    own = serve(SCENE.model_copy(update={"title": evil}), tmp_path)
+    server = serve(SCENE.model_copy(update={"title": evil}), tmp_path)
     page = browser.new_page()
-    page.goto(own.address)
+    page.goto(server.address)
     rest(page)
     assert page.locator("h1").inner_text() == evil and page.title() == "camopt design"
     assert json.loads(page.evaluate("JSON.stringify(document.querySelectorAll('img').length)")) == 0

@@ -1,4 +1,4 @@
-"""Radii of the cam under a pad: not held while a hand is dragging, which is said, and held once it rests."""
+"""Limits on the cam's radii under a pad: not applied while the user drags, which is stated, and held at rest."""
 
 import pytest
 from threadpoolctl import threadpool_limits
@@ -23,26 +23,26 @@ def scene():
     return type(KODAMA).model_validate(tables)
 
 
-def test_radii_are_looked_for_while_dragging_and_held_at_rest(scene):
-    session, asked = Session(scene), {"max_lift_mm": 9.35}
+def test_radii_are_pending_while_dragging_and_held_at_rest(scene):
+    session, lower_lift = Session(scene), {"max_lift_mm": 9.35}
     session.answer({}, "sketch")
     session.answer({})
-    for values in ({"lash_mm": 0.175}, asked):  # other rows, and a limit alone
+    for values in ({"lash_mm": 0.175}, lower_lift):  # other rows, and a limit alone
         sketch = session.answer(values, "sketch")
         assert sketch["coarse"] and sketch["looked_for"] == [KEY] and sketch["broken_by_shape"] == []
-    found = session.answer(asked)
-    assert not found["coarse"] and found["looked_for"] == found["broken_by_shape"] == [] and found["says"] == ""
-    edited = session.edited(asked)
+    answer = session.answer(lower_lift)
+    assert not answer["coarse"] and answer["looked_for"] == answer["broken_by_shape"] == [] and answer["says"] == ""
+    edited = session.edited(lower_lift)
     cam, speeds = program_cam(edited.design, KNOT_DEG), [edited.cam_speed(s) for s in program_speeds_rpm(edited)]
     with threadpool_limits(limits=1, user_api="blas"):
         direct = converge_tangents(no_jump_program(build_train(edited), edited.design, cam, speeds), 0.0)
-        assert found["area_ratio"] == pytest.approx(direct.solve(0.0).area_ratio, abs=1e-8)
-    assert found["area_ratio"] < sketch["area_ratio"]
+        assert answer["area_ratio"] == pytest.approx(direct.solve(0.0).area_ratio, abs=1e-8)
+    assert answer["area_ratio"] < sketch["area_ratio"]
 
 
 def test_the_kinematic_cam_holds_them_at_rest(scene):
-    session, asked = Session(scene), {"program": "kinematic"}
-    assert session.answer(asked, "sketch")["looked_for"] == [KEY]
-    found, direct = session.answer(asked), kinematic_optimum(scene.design, program_cam(scene.design, KNOT_DEG))
-    assert not found["coarse"] and found["broken_by_shape"] == []
-    assert found["area_ratio"] == pytest.approx(direct.area_ratio, abs=1e-9)
+    session, values = Session(scene), {"program": "kinematic"}
+    assert session.answer(values, "sketch")["looked_for"] == [KEY]
+    answer, direct = session.answer(values), kinematic_optimum(scene.design, program_cam(scene.design, KNOT_DEG))
+    assert not answer["coarse"] and answer["broken_by_shape"] == []
+    assert answer["area_ratio"] == pytest.approx(direct.area_ratio, abs=1e-9)

@@ -1,4 +1,4 @@
-"""The designer's server on real sockets of the loopback interface: who may ask, what is refused, what is written."""
+"""The designer's server on real sockets of the loopback interface: permitted and refused requests, and saved files."""
 
 import http.client
 import json
@@ -21,7 +21,7 @@ SCENE = load_scene("motori-1")
 
 @pytest.fixture(scope="module")
 def server(serve, tmp_path_factory):
-    """A server that saves into a folder of its own."""
+    """A server that saves into a temporary folder."""
     return serve(SCENE, tmp_path_factory.mktemp("designer"))
 
 
@@ -48,12 +48,12 @@ def ask(server, message, **headers):
     return status, json.loads(text)
 
 
-def test_only_the_loopback_interface_is_listened_on(server):
+def test_the_server_listens_on_the_loopback_interface_only(server):
     assert server.server_address[0] == "127.0.0.1"
     assert server.address == f"http://127.0.0.1:{server.port}/"
 
 
-def test_the_page_comes_with_a_policy_that_lets_nothing_in(server):
+def test_the_page_has_a_restrictive_policy(server):
     for path, kind in {"/": "text/html", "/live.js": "text/javascript", "/live.css": "text/css"}.items():
         status, headers, text = request(server, path=path)
         assert status == 200 and headers["Content-Type"].startswith(kind) and len(text) > 100
@@ -76,10 +76,10 @@ def test_a_foreign_origin_is_refused(server, origin):
     assert request(server, Origin=origin)[0] == 403
 
 
-def test_the_own_origin_and_the_name_localhost_may_ask(server):
+def test_the_server_s_origin_and_localhost_are_accepted(server):
     assert ask(server, {"kind": "start"}, Origin=f"http://127.0.0.1:{server.port}")[0] == 200
-    own = f"localhost:{server.port}"
-    assert ask(server, {"kind": "start"}, Host=own, Origin=f"http://{own}")[0] == 200
+    host = f"localhost:{server.port}"
+    assert ask(server, {"kind": "start"}, Host=host, Origin=f"http://{host}")[0] == 200
     assert ask(server, {"kind": "start"}, Sec_Fetch_Site="cross-site")[0] == 403
 
 
@@ -98,7 +98,7 @@ def test_no_name_leads_out_of_the_folder(server, name, what):
     assert status == 400 and "expected letters" in content["says"]
 
 
-def test_messages_that_are_none(server):
+def test_malformed_messages_are_refused(server):
     assert request(server, "POST", "/ask", b"{}", Content_Type="application/json", Content_Length="")[0] == 411
     assert ask(server, b" " * (MOST_BYTES + 1))[0] == 413
     assert request(server, "POST", "/ask", b"", Content_Type="application/json", Content_Length="9" * 11)[0] == 413
@@ -123,25 +123,22 @@ def test_messages_that_are_none(server):
         {"kind": "save", "what": "all", "name": "a", "values": {}},
     ],
 )
-def test_messages_that_ask_for_nothing_are_answered_with_a_sentence(server, message):
+def test_invalid_requests_are_answered_with_a_sentence(server, message):
     status, content = ask(server, message)
     assert status == 400 and "expected" in content["says"]
 
 
-def test_an_answer_is_the_session_s(server):
-    values = {"max_lift_mm": 9.0}
-    status, found = ask(server, {"kind": "answer", "part": "cam", "values": values, "client": "a", "sequence": 1})
-    assert status == 200 and found["state"] == "ok" and found["sequence"] == 1
-    assert found["area_ratio"] == pytest.approx(Session(SCENE).answer(values)["area_ratio"], abs=1e-9)
+@pytest.mark.parametrize(("max_lift_mm", "state"), [(9.0, "ok"), (-1, "refused")])
+def test_an_answer_is_the_session_s(server, max_lift_mm, state):
+    values = {"max_lift_mm": max_lift_mm}
+    status, reply = ask(server, {"kind": "answer", "part": "cam", "values": values, "client": "a", "sequence": 1})
+    assert status == 200 and reply["state"] == state and reply["sequence"] == 1
+    expected = Session(SCENE).answer(values)
+    assert reply.get("area_ratio") == pytest.approx(expected.get("area_ratio"), abs=1e-9)
+    assert reply.get("faults") == expected.get("faults")
 
 
-def test_bad_values_come_back_beside_their_field(server):
-    message = {"kind": "answer", "part": "cam", "values": {"max_lift_mm": -1}, "client": "b", "sequence": 1}
-    status, found = ask(server, message)
-    assert status == 200 and found["state"] == "refused" and "greater than 0" in found["faults"]["max_lift_mm"]
-
-
-def test_the_last_question_of_a_page_wins(server):
+def test_the_newest_request_of_a_page_wins(server):
     def message(sequence, client):
         return {"kind": "answer", "part": "sketch", "values": {}, "client": client, "sequence": sequence}
 
@@ -150,9 +147,9 @@ def test_the_last_question_of_a_page_wins(server):
     assert ask(server, message(6, "d"))[1]["state"] == "ok"  # another page has its own numbers
 
 
-def test_what_is_computed_is_dropped_for_a_newer_question(server, monkeypatch):
-    """An answer that would never end, but that it asks whether it is wanted; the newer question computes nothing."""
-    asked, begun = {"kind": "answer", "part": "sketch", "values": {}, "client": "e", "sequence": 1}, threading.Event()
+def test_a_newer_request_cancels_the_computation(server, monkeypatch):
+    """An endless answer, which only checks whether it is wanted, ends for a newer request that computes nothing."""
+    message, begun = {"kind": "answer", "part": "sketch", "values": {}, "client": "e", "sequence": 1}, threading.Event()
 
     def endless(values, part, wanted):
         begun.set()
@@ -161,8 +158,8 @@ def test_what_is_computed_is_dropped_for_a_newer_question(server, monkeypatch):
         raise Cancelled
 
     monkeypatch.setattr(server.requests.session, "answer", endless)
-    found: list = []
-    thread = threading.Thread(target=lambda: found.append(ask(server, asked)))
+    replies: list = []
+    thread = threading.Thread(target=lambda: replies.append(ask(server, message)))
     thread.start()
     assert begun.wait(30)
     assert ask(server, {"kind": "newest", "client": "f", "sequence": 9})[1]["state"] == "ok"  # another page
@@ -170,20 +167,20 @@ def test_what_is_computed_is_dropped_for_a_newer_question(server, monkeypatch):
     assert thread.is_alive()
     assert ask(server, {"kind": "newest", "client": "e", "sequence": 2}) == (200, {"state": "ok", "sequence": 2})
     thread.join(30)
-    assert found == [(200, {"sequence": 1, "part": "sketch", "state": "superseded"})]
+    assert replies == [(200, {"sequence": 1, "part": "sketch", "state": "superseded"})]
 
 
 def test_a_slow_part_is_stopped(server):
     assert ask(server, {"kind": "stop"}) == (200, {"state": "ok"})  # there is none
-    found: list = []
+    replies: list = []
     bound = {"kind": "answer", "part": "bound", "values": {}, "client": "g", "sequence": 1}
-    thread = threading.Thread(target=lambda: found.append(ask(server, bound)[1]))
+    thread = threading.Thread(target=lambda: replies.append(ask(server, bound)[1]))
     thread.start()
-    while thread.is_alive() and not found:  # from when the process has been started
+    while thread.is_alive() and not replies:  # effective once the process has started
         ask(server, {"kind": "stop"})
         time.sleep(0.05)
     thread.join(60)
-    assert found[0]["state"] == "no cam" and "stopped before it was done" in found[0]["says"]
+    assert replies[0]["state"] == "no cam" and "stopped before it was done" in replies[0]["says"]
 
 
 def test_a_scene_and_a_run_folder_are_saved_once(server):
@@ -193,8 +190,8 @@ def test_a_scene_and_a_run_folder_are_saved_once(server):
     folder = server.requests.folder
     assert load_scene(folder / "mine.toml").design.max_lift_mm == 9.0
     assert "exists already" in ask(server, save)[1]["says"]
-    status, found = ask(server, save | {"what": "run", "name": "run-1"})
-    assert (status, found["saved"]) == (200, "run-1")
+    status, reply = ask(server, save | {"what": "run", "name": "run-1"})
+    assert (status, reply["saved"]) == (200, "run-1")
     scene = load_scene(folder / "run-1" / "scene.toml")
     cam = camopt.read_cam(str(folder / "run-1"), scene)
     assert cam.area_ratio_in(scene.design) == pytest.approx(
@@ -205,7 +202,7 @@ def test_a_scene_and_a_run_folder_are_saved_once(server):
     assert {p.name for p in folder.iterdir()} == {"mine.toml", "run-1"}
 
 
-def test_a_verdict_runs_tells_how_far_it_is_and_can_be_cancelled(server):
+def test_a_verdict_reports_its_progress_and_can_be_cancelled(server):
     assert ask(server, {"kind": "cancel"})[1]["state"] in ("none", "cancelled")
     begun = ask(server, {"kind": "verify", "values": {}})[1]
     assert begun["state"] == "running" and begun["stages"] == 2
@@ -216,7 +213,7 @@ def test_a_verdict_runs_tells_how_far_it_is_and_can_be_cancelled(server):
 
 
 @pytest.mark.long
-def test_a_verdict_is_that_of_verify_and_goes_into_the_run_folder(server):
+def test_a_verdict_is_that_of_verify_and_is_saved_in_the_run_folder(server):
     ask(server, {"kind": "verify", "values": {}})
     for _ in range(1200):
         state = ask(server, {"kind": "verification"})[1]
@@ -232,7 +229,7 @@ def test_a_verdict_is_that_of_verify_and_goes_into_the_run_folder(server):
     assert stored["verdict"] == direct.verdict
 
 
-def test_a_port_that_is_taken_is_said(server):
+def test_a_port_that_is_taken_is_named(server):
     with pytest.raises(InputError, match=f"--port {server.port}: cannot be listened on"):
         DesignServer(server.requests, server.port)
 

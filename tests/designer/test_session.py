@@ -1,4 +1,4 @@
-"""The designer's answers without a page: the numbers of camopt's own functions for the edited scene."""
+"""The designer's answers without a page: they are the numbers of camopt's public functions for the edited scene."""
 
 import json
 from pathlib import Path
@@ -41,7 +41,7 @@ def session():
 
 
 def api_scene(values: dict):
-    """The scene edited by hand, as somebody in Python would."""
+    """The scene edited with the Python API."""
     scene = with_spring(
         SCENE, values.get("spring_rate_percent", 100) / 100, values.get("spring_preload_percent", 100) / 100
     )
@@ -56,35 +56,35 @@ def api_scene(values: dict):
 @pytest.mark.parametrize("name", EDITS)
 def test_the_cam_is_that_of_the_public_functions(session, name):
     values = EDITS[name]
-    session.answer(values, "sketch")  # what it leaves behind must not change the answer
-    found, scene = session.answer(values), api_scene(values)
-    assert found["state"] == "ok" and found["program"] == "no-jump" and not found["coarse"] and found["says"] == ""
+    session.answer(values, "sketch")  # its intermediate results must not change the answer
+    answer, scene = session.answer(values), api_scene(values)
+    assert answer["state"] == "ok" and answer["program"] == "no-jump" and not answer["coarse"] and answer["says"] == ""
     cam, margin = camopt.free_cam(scene.design, KNOT_DEG), values.get("margin_N", 0.0)
     speeds = [scene.cam_speed(s) for s in program_speeds_rpm(scene)]
     with threadpool_limits(limits=1, user_api="blas"):
         direct = no_jump_program(build_train(scene), scene.design, cam, speeds).solve(margin)
-    assert found["area_ratio"] == pytest.approx(direct.area_ratio, abs=1e-8)
-    assert found["broken_by_shape"] == []
+    assert answer["area_ratio"] == pytest.approx(direct.area_ratio, abs=1e-8)
+    assert answer["broken_by_shape"] == []
 
 
 @pytest.mark.long
 def test_the_area_is_that_of_area_bound():
-    """Which asks for the listed speeds; here they are those of the program."""
-    asked = SCENE.operation.model_copy(update={"speeds_rpm": tuple(program_speeds_rpm(SCENE))})
-    bound = camopt.area_bound(SCENE.model_copy(update={"operation": asked}), KNOT_DEG, 10.0)
+    """`area_bound` uses the listed speeds, which are set to those of the program."""
+    operation = SCENE.operation.model_copy(update={"speeds_rpm": tuple(program_speeds_rpm(SCENE))})
+    bound = camopt.area_bound(SCENE.model_copy(update={"operation": operation}), KNOT_DEG, 10.0)
     area = Session(SCENE).answer({"margin_N": 10.0})["area_ratio"]
     assert area == pytest.approx(bound["area_ratio_no_jump"], abs=1e-8)
 
 
 def test_the_kinematic_cam_and_the_worth_of_its_limits(session):
-    found = session.answer({"program": "kinematic"})
+    answer = session.answer({"program": "kinematic"})
     direct = kinematic_optimum(SCENE.design, camopt.free_cam(SCENE.design, KNOT_DEG))
-    assert found["area_ratio"] == pytest.approx(direct.area_ratio, abs=1e-9)
-    assert found["worth"] == pytest.approx(direct.sensitivities, abs=1e-6)
-    assert found["margin_price"] is None
+    assert answer["area_ratio"] == pytest.approx(direct.area_ratio, abs=1e-9)
+    assert answer["worth"] == pytest.approx(direct.sensitivities, abs=1e-6)
+    assert answer["margin_price"] is None
 
 
-def test_worth_of_a_limit_is_what_a_little_more_of_it_buys(session):
+def test_worth_of_a_limit_is_the_gain_by_a_small_change(session):
     limit, value = "acceleration_max_mm_per_deg2", SCENE.design.acceleration_max_mm_per_deg2
     area = session.answer({})["area_ratio"]
     more = session.answer({limit: 1.001 * value})["area_ratio"]
@@ -140,17 +140,17 @@ def test_bound_polydyne_and_yield_are_those_of_the_public_functions(session, mon
     assert trains_of(SCENE, lift, 8)["share"] == full.share.share
 
 
-def test_a_sketch_is_near_and_says_that_it_is_coarse():
+def test_a_sketch_is_close_and_marked_as_coarse():
     session = Session(SCENE)
     sketch = session.answer({"lash_mm": 0.11}, "sketch")
     cam = session.answer({"lash_mm": 0.11})
     assert sketch["coarse"] and not cam["coarse"]
     assert sketch["area_ratio"] == pytest.approx(cam["area_ratio"], rel=0.01)
     again = session.answer({"lash_mm": 0.11, "max_lift_mm": 9.0}, "sketch")
-    assert not again["coarse"]  # only a limit has moved since all rows were there
+    assert not again["coarse"]  # only a limit has changed since the rows were complete
 
 
-def test_answers_do_not_hang_on_what_was_asked_before():
+def test_answers_do_not_depend_on_earlier_requests():
     session = Session(SCENE)
     for values in ({}, {"duration_deg": 160}, {"spring_rate_percent": 130.0}, {"margin_N": 40.0}):
         session.answer(values, "sketch")
@@ -178,62 +178,62 @@ def test_answers_do_not_hang_on_what_was_asked_before():
         ({"nonsense": 1}, "nonsense", "unknown"),
     ],
 )
-def test_bad_values_are_answered_beside_their_field(session, values, key, says):
-    found = session.answer(values, "sketch")
-    assert found["state"] == "refused" and says in found["faults"][key]
-    json.dumps(found, allow_nan=False)
+def test_invalid_values_have_a_sentence_by_key(session, values, key, says):
+    answer = session.answer(values, "sketch")
+    assert answer["state"] == "refused" and says in answer["faults"][key]
+    json.dumps(answer, allow_nan=False)
 
 
-def test_limits_that_contradict_each_other_are_answered_as_such(session):
+def test_contradictory_limits_are_reported(session):
     values = {"max_lift_mm": 30.0, "reach_max_lift": True}
-    found = session.answer(values)
-    assert found["state"] == "no cam" and found["says"] == CONTRADICTION
+    answer = session.answer(values)
+    assert answer["state"] == "no cam" and answer["says"] == CONTRADICTION
     assert session.answer({})["state"] == "ok"
     assert why_none(session.edited({}), None)["says"] == ""
 
 
 @pytest.mark.long
-def test_why_limits_contradict_each_other_is_said(session):
+def test_contradictory_limits_are_diagnosed(session):
     assert "would have to" in why_none(session.edited({"max_lift_mm": 30.0, "reach_max_lift": True}), None)["says"]
 
 
-def test_a_margin_that_no_cam_keeps_leaves_the_kinematic_cam(session):
-    found = session.answer({"margin_N": 2000.0})
-    assert found["program"] == "kinematic" and "No cam keeps contact" in found["says"]
+def test_a_margin_that_no_cam_keeps_gives_the_kinematic_cam(session):
+    answer = session.answer({"margin_N": 2000.0})
+    assert answer["program"] == "kinematic" and "No cam keeps contact" in answer["says"]
 
 
-def test_an_answer_that_is_not_wanted_any_more_ends(session):
+def test_an_answer_that_is_not_wanted_any_more_is_cancelled(session):
     with pytest.raises(Cancelled):
         session.answer({"duration_deg": 141.5}, "cam", lambda: False)
     with pytest.raises(Cancelled):
         session.answer({}, "band", lambda: False)
 
 
-def test_an_answer_ends_between_two_programs(session):
-    """The tangents of a curved law take a sequence of programs: of these only those come that are still wanted."""
-    own, asked = Session(load_scene("finger-hydraulic")), []
+def test_an_answer_is_cancelled_between_two_programs(session):
+    """The tangents of a curved law need a sequence of programs; it ends at the first that is not wanted any more."""
+    hydraulic, checks = Session(load_scene("finger-hydraulic")), []
 
     def wanted() -> bool:
-        asked.append(None)
-        return len(asked) < 5
+        checks.append(None)
+        return len(checks) < 5
 
     with pytest.raises(Cancelled):
-        own.answer({}, "cam", wanted)
-    assert len(asked) == 5
-    assert own.answer({}, "sketch")["state"] == "ok"
+        hydraulic.answer({}, "cam", wanted)
+    assert len(checks) == 5
+    assert hydraulic.answer({}, "sketch")["state"] == "ok"
 
 
-def test_a_spring_by_its_measured_load_has_sliders():
-    """finger-hydraulic has nothing but tables; a slider multiplies forces, or their rise, and the cam follows."""
-    own = Session(load_scene("finger-hydraulic"))
-    assert {"spring_rate_percent", "spring_preload_percent"} <= set(own.controls)
-    stiffer = own.edited({"spring_rate_percent": 110.0})
-    for before, after in zip(own.scene.element, stiffer.element, strict=True):
+def test_a_spring_with_a_force_table_has_sliders():
+    """finger-hydraulic has springs by force tables only; its sliders multiply the forces or their slopes."""
+    hydraulic = Session(load_scene("finger-hydraulic"))
+    assert {"spring_rate_percent", "spring_preload_percent"} <= set(hydraulic.controls)
+    stiffer = hydraulic.edited({"spring_rate_percent": 110.0})
+    for before, after in zip(hydraulic.scene.element, stiffer.element, strict=True):
         if before.force_table:
             (c0, f0), (c1, f1) = before.force_table[:2]
             (d0, g0), (d1, g1) = after.force_table[:2]
             assert (g1 - g0) / (d1 - d0) == pytest.approx(1.1 * (f1 - f0) / (c1 - c0))
-    assert own.answer({"spring_rate_percent": 110.0}, "sketch")["state"] == "ok"
+    assert hydraulic.answer({"spring_rate_percent": 110.0}, "sketch")["state"] == "ok"
 
 
 def resident_MB() -> float:
@@ -281,6 +281,6 @@ def test_a_tolerance_may_be_changed_and_switched_off():
     assert edited.grinding is None
 
 
-def test_refused_tells_all_of_it_in_its_text():
+def test_refused_states_all_faults():
     with pytest.raises(Refused, match=r"max_lift_mm: expected a number.*; nonsense: unknown key|nonsense.*max_lift_mm"):
         read_values({c.key: c for c in controls(SCENE)}, {"max_lift_mm": "x", "nonsense": 1})

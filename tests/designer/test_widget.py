@@ -1,4 +1,4 @@
-"""The designer in a notebook: the widget's value is the cam of its numbers, and its messages are the page's."""
+"""The designer in a notebook: the widget's value is the cam of its numbers, and its messages are those of the page."""
 
 import builtins
 
@@ -14,11 +14,11 @@ SCENE = load_scene("motori-1")
 
 @pytest.fixture
 def widget(monkeypatch):
-    found = camopt.live(SCENE)
-    found.sent = []
-    monkeypatch.setattr(found, "send", found.sent.append)
-    yield found
-    found.close()
+    live = camopt.live(SCENE)
+    live.sent = []
+    monkeypatch.setattr(live, "send", live.sent.append)
+    yield live
+    live.close()
 
 
 def test_its_value_is_the_cam_of_the_numbers(widget):
@@ -31,7 +31,7 @@ def test_its_value_is_the_cam_of_the_numbers(widget):
     assert widget.value.area_ratio_in(widget.scene.design) == pytest.approx(sent["reply"]["area_ratio"], abs=1e-12)
 
 
-def test_numbers_that_make_no_scene_leave_its_value(widget):
+def test_invalid_numbers_do_not_change_the_value(widget):
     before = widget.value
     message = {"kind": "answer", "part": "cam", "values": {"max_lift_mm": -9.0}, "client": "a", "sequence": 1}
     widget.hear(widget, {"number": 1, "message": message}, [])
@@ -47,23 +47,23 @@ def test_it_neither_saves_nor_verifies(widget):
 
 
 def test_with_a_folder_it_saves_there_and_verifies(tmp_path, monkeypatch):
-    found = camopt.live(SCENE, folder=tmp_path / "designs")
+    saving = camopt.live(SCENE, folder=tmp_path / "designs")
     sent = []
-    monkeypatch.setattr(found, "send", sent.append)
+    monkeypatch.setattr(saving, "send", sent.append)
 
     def tell(message):
-        found.hear(found, {"number": 1, "message": message}, [])
+        saving.hear(saving, {"number": 1, "message": message}, [])
         return sent[-1].get("reply", sent[-1])
 
     try:
-        assert tell({"kind": "start"})["files"] is True and found.verification is None
+        assert tell({"kind": "start"})["files"] is True and saving.verification is None
         assert tell({"kind": "save", "what": "scene", "name": "mine", "values": {}})["saved"] == "mine.toml"
         assert [path.name for path in (tmp_path / "designs").iterdir()] == ["mine.toml"]
         assert "expected letters" in tell({"kind": "save", "what": "scene", "name": "../out", "values": {}})["says"]
         assert tell({"kind": "verify", "values": {}})["state"] == "running"
-        assert tell({"kind": "cancel"})["state"] == "cancelled" and found.verification is None
+        assert tell({"kind": "cancel"})["state"] == "cancelled" and saving.verification is None
     finally:
-        found.close()
+        saving.close()
 
 
 def test_its_module_is_the_page_s(widget):

@@ -20,7 +20,7 @@ from camopt.optimizer.baselines.comparison import best_baselines, compare, plain
 from camopt.optimizer.baselines.comparison_table import NO_JERK, comparison_rows
 from camopt.optimizer.baselines.largest_member import Baseline
 from camopt.plots import Sweep
-from camopt.plots.speeds import first_passed
+from camopt.plots.speeds import first_exceeded
 from camopt.plots.style import cam_line
 from camopt.scene import InputError, load_scene
 from camopt.scene.units import DEG, MM
@@ -200,7 +200,7 @@ def test_the_figure_draws_what_the_verdict_names(compared, narrow):
         assert values[inside].max() == worst["value"]
         assert at is not None and drawn.starts_rpm[key] == at
         # the drawn curve passes the limit where the text says, to the 10 r/min to which that is located
-        assert at - 10 <= first_passed(drawn.speed_rpm, values, 0.05) <= at
+        assert at - 10 <= first_exceeded(drawn.speed_rpm, values, 0.05) <= at
 
 
 def test_without_a_band_the_figure_refines_its_own_curve(narrow):

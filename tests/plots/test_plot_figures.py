@@ -13,7 +13,7 @@ from camopt.plots import (
     profiles,
     valve_motion,
 )
-from camopt.plots.speeds import first_passed
+from camopt.plots.speeds import first_exceeded
 from camopt.plots.yields import SHOWN, blame_bars, used_against_speed
 from camopt.scene.load import load_scene
 from camopt.scene.response import Response
@@ -43,7 +43,7 @@ def lines_of(axes, cam: str):
 
 
 def levels(axes) -> set[float]:
-    """Heights of the horizontal lines over the whole axes."""
+    """Heights of the horizontal lines across the whole axes."""
     return {line.get_ydata()[0] for line in axes.lines if list(line.get_xdata()) == [0, 1]}
 
 
@@ -70,7 +70,7 @@ def test_profiles_without_limits_draw_none():
     assert [len(levels(axes)) for axes in rows] == [1, 0, 0, 0]
 
 
-def test_profiles_say_which_jerk_leaves_the_axis():
+def test_profiles_name_the_jerk_that_exceeds_the_axis():
     steep = bump(9.0, half_deg=30.0)
     largest = np.max(np.abs(steep["jerk_mm_per_deg3"]))
     assert largest > 2.5 * 0.003
@@ -81,7 +81,7 @@ def test_profiles_say_which_jerk_leaves_the_axis():
 
 
 def motion(cam: str, speed: float, rebound: float, last_deg: float) -> DrawnMotion:
-    """Half-sine valve lift touching at 70 deg, one rebound of `rebound` mm up to `last_deg`."""
+    """Half-sine valve lift with a touch at 70 deg and one rebound of `rebound` mm that ends at `last_deg`."""
     angle = np.linspace(-180, 180, 3601)
     lift = np.where(np.abs(angle) < 70, 9 * np.cos(angle / 70 * np.pi / 2), 0.0)
     up = (angle > 75) & (angle < last_deg)
@@ -152,13 +152,13 @@ def test_marks_of_the_verdict_stand_where_the_verdict_says():
 
 
 def steps(stage, area_ratio, **columns) -> list[dict]:
-    """Lines of history.jsonl; every step holds the limits where nothing else is said."""
+    """Lines of history.jsonl; every step holds the limits unless `columns` states otherwise."""
     columns = {"stage": stage, "area_ratio": area_ratio} | columns
     lines = zip(*columns.values(), strict=True)
     return [{"worst_bounce_mm": 0.01, "confirmed": True} | dict(zip(columns, line, strict=True)) for line in lines]
 
 
-def test_convergence_shows_the_search_s_own_best_and_what_was_delivered():
+def test_convergence_shows_the_best_of_the_search_and_the_delivered_cam():
     best = np.array([0.55, 0.60, 0.57])
     history = steps(["margins"] * 3, [0.55, 0.60, 0.57], best_area_ratio=best)
     axes = convergence(history, 0.62, 0.55, 0.05, (0.57, "confirmed")).axes[0]
@@ -215,8 +215,8 @@ def test_convergence_draws_steps_limits_and_stages():
     area, confirmed = [0.50, 0.60, 0.52, 0.51, 0.55], [True, False, True, True, True]
     stage = ["program", "program", "margins", "margins", "margins"]
     best = np.array([0.50, 0.50, 0.52, 0.52, 0.55])
-    found = {"worst_bounce_mm": [None, 0.3, 0.04, 0.03, 0.05], "confirmed": confirmed, "best_area_ratio": best}
-    top, bottom = convergence(steps(stage, area, **found), 0.62, 0.57, 0.05).axes
+    columns = {"worst_bounce_mm": [None, 0.3, 0.04, 0.03, 0.05], "confirmed": confirmed, "best_area_ratio": best}
+    top, bottom = convergence(steps(stage, area, **columns), 0.62, 0.57, 0.05).axes
     drawn = next(line for line in top.lines if line.get_label() == "best of the search")
     np.testing.assert_array_equal(drawn.get_ydata(), best)
     assert levels(top) == {0.62, 0.57} and levels(bottom) == {0.05}
@@ -227,8 +227,8 @@ def test_convergence_draws_steps_limits_and_stages():
 
 
 def test_convergence_of_a_search_for_a_yield_shows_failing_trains():
-    found = {"worst_bounce_mm": [None, None], "confirmed": [False, True], "failing": [4, 1], "trains": [200, 200]}
-    history = steps(["common margin"] * 2, [0.56, 0.55], **found)
+    columns = {"worst_bounce_mm": [None, None], "confirmed": [False, True], "failing": [4, 1], "trains": [200, 200]}
+    history = steps(["common margin"] * 2, [0.56, 0.55], **columns)
     lower = convergence(history, bounce_max_mm=0.05).axes[1]
     assert lower.get_ylabel() == "failing trains [%]" and not levels(lower) and lower.get_ylim()[0] == 0.0
     np.testing.assert_array_equal(lower.lines[0].get_ydata(), [2.0, 0.5])
@@ -254,7 +254,7 @@ def test_modes_refuse_shapes_that_do_not_fit():
         modes([1.0, 2.0], np.eye(3), ["valve"])
 
 
-def test_modes_say_what_they_leave_out():
+def test_modes_state_how_many_are_left_out():
     names = [f"m{i}" for i in range(20)]
     assert "5 highest left out" in modes(np.arange(1.0, 21.0), np.eye(20), names).get_suptitle()
 
@@ -281,10 +281,10 @@ def test_panels_keep_a_label_in_one_colour_and_cams_in_their_own():
 
 def test_a_cam_is_marked_where_it_first_passes_the_limit():
     speed = np.array([5000.0, 5100.0, 5200.0, 5300.0])
-    assert first_passed(speed, np.array([0.0, 0.04, 0.08, 0.0]), 0.05) == pytest.approx(5125.0)
-    assert first_passed(speed, np.array([0.0, 0.05, 0.05, 0.0]), 0.05) is None  # on the limit is within
-    assert first_passed(speed, np.array([0.0, 0.0, np.nan, 0.0]), 0.05) == 5200.0  # never seats
-    assert first_passed(speed, np.array([0.1, 0.0, 0.0, 0.0]), 0.05) == 5000.0
+    assert first_exceeded(speed, np.array([0.0, 0.04, 0.08, 0.0]), 0.05) == pytest.approx(5125.0)
+    assert first_exceeded(speed, np.array([0.0, 0.05, 0.05, 0.0]), 0.05) is None  # on the limit is within
+    assert first_exceeded(speed, np.array([0.0, 0.0, np.nan, 0.0]), 0.05) == 5200.0  # never seats
+    assert first_exceeded(speed, np.array([0.1, 0.0, 0.0, 0.0]), 0.05) == 5000.0
     axes = bounce_against_speed([Sweep("kurz", speed, 0.04 * np.arange(4), 0 * speed)], DESIGN, (5000, 5300)).axes
     marks = [[line for line in a.lines if line.get_marker() == "D"] for a in axes]
     assert [len(m) for m in marks] == [1, 0]
@@ -335,7 +335,7 @@ def test_median_ranges_and_worst_train_stand_in_a_panel_for_each_limit():
     assert [text.get_text() for text in figure.legends[0].get_texts()][-2:] == ["median", "worst train"]
 
 
-def test_bars_of_blame_and_of_what_half_buys():
+def test_bars_of_scatter_and_of_halved_tolerances():
     figure = blame_bars({"lash": 0.4, "preload": 0.1}, {"lash": 0.05, "preload": -0.01})
     blame, bought = figure.axes
     assert [bar.get_width() for bar in blame.patches] == pytest.approx([10.0, 40.0])

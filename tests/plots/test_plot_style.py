@@ -19,13 +19,13 @@ from camopt.plots.style import (
     save,
 )
 
-# Machado, Oliveira, Fernandes 2009, Table 1: linear RGB as a protanope and a deuteranope see it
+# Machado, Oliveira, Fernandes 2009, Table 1: linear RGB as seen by a protanope and a deuteranope
 PROTAN = [[0.152286, 1.052583, -0.204868], [0.114503, 0.786281, 0.099216], [-0.003882, -0.048116, 1.051998]]
 DEUTAN = [[0.367322, 0.860646, -0.227968], [0.280085, 0.672501, 0.047413], [-0.011820, 0.042940, 0.968881]]
 
 
 def lab(colour: str, seen) -> np.ndarray:
-    """CIE L*a*b* (white D65) of an sRGB colour as an eye of the linear-RGB matrix `seen` sees it."""
+    """CIE L*a*b* (white D65) of an sRGB colour as seen by an eye with the linear-RGB matrix `seen`."""
     s = np.array(to_rgb(colour))
     linear = np.where(s <= 0.04045, s / 12.92, ((s + 0.055) / 1.055) ** 2.4)
     to_xyz = [[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]
@@ -39,7 +39,7 @@ def test_colours_of_cams_stay_apart_for_every_eye(seen):
     colours = {cam: lab(colour, seen) for cam, (colour, _) in lines().items()}
     apart = {pair: np.linalg.norm(colours[pair[0]] - colours[pair[1]]) for pair in combinations(colours, 2)}
     nearest = min(apart, key=lambda pair: apart[pair])
-    assert apart[nearest] > 10, nearest  # four times the difference that is just noticed (about 2.3)
+    assert apart[nearest] > 10, nearest  # four times the just noticeable difference (about 2.3)
 
 
 def test_dashes_tell_cams_apart_without_colour():
@@ -64,19 +64,19 @@ def test_family_of_a_name(name, family):
 def test_a_cam_keeps_its_line_and_the_design_its_own():
     assert cam_line("polydyne") == cam_line("polydyne:speed_rpm=5000")
     assert cam_line("design")["color"] == "#0072B2" != cam_line("polydyne")["color"]
-    assert cam_line("intake.csv")["color"] == "#9A6A00"  # in every process: no salted hash
+    assert cam_line("intake.csv")["color"] == "#9A6A00"  # the same in every process: no salted hash
     assert cam_line("intake.csv")["color"] not in {colour for colour, _ in lines().values()}
 
 
-def test_cams_of_ones_own_differ_in_a_figure():
-    """b.csv and c.csv, which alone look alike, keep the colour of the first and differ from each other."""
-    own = [f"{letter}.csv" for letter in "abcdefgh"]
-    alike = next((a, b) for a in own for b in own if a < b and cam_line(a)["color"] == cam_line(b)["color"])
-    found = cam_lines([*alike, "polydyne", "design"])
-    assert found[alike[0]]["color"] == cam_line(alike[0])["color"] != found[alike[1]]["color"]
-    assert len({(line["color"], str(line["linestyle"])) for line in found.values()}) == 4
-    assert len({str(found[name]["linestyle"]) for name in alike}) == 2
-    assert found["polydyne"] == cam_line("polydyne") and found["design"] == cam_line("design")
+def test_lift_tables_differ_in_a_figure():
+    """Of two lift tables with the same colour, the first keeps it in a common figure; the second gets another."""
+    tables = [f"{letter}.csv" for letter in "abcdefgh"]
+    alike = next((a, b) for a in tables for b in tables if a < b and cam_line(a)["color"] == cam_line(b)["color"])
+    by_cam = cam_lines([*alike, "polydyne", "design"])
+    assert by_cam[alike[0]]["color"] == cam_line(alike[0])["color"] != by_cam[alike[1]]["color"]
+    assert len({(line["color"], str(line["linestyle"])) for line in by_cam.values()}) == 4
+    assert len({str(by_cam[name]["linestyle"]) for name in alike}) == 2
+    assert by_cam["polydyne"] == cam_line("polydyne") and by_cam["design"] == cam_line("design")
 
 
 @pytest.mark.parametrize("length", [5, 40, 400])
@@ -93,7 +93,7 @@ def test_a_legend_is_no_wider_than_its_figure(length, count):
     assert edge.x0 <= box.x0 and box.x1 <= edge.x1
     assert all(
         text.get_text().endswith(str(i)) for i, text in enumerate(legend.get_texts())
-    )  # the ends tell them apart
+    )  # the ends distinguish them
 
 
 def drawn():

@@ -1,15 +1,13 @@
-"""A small run folder with the keys of docs/run-folder.md, made by hand: no program of ours computed it."""
+"""A small run folder with the keys of docs/run-folder.md, with values written by hand."""
 
 import csv
 import json
 import re
-import shutil
 
 import pytest
 
 from camopt.cam.design_file import write_design
 from camopt.cam.read import read_cam
-from camopt.plots.style import new_figure, save, styled
 from camopt.report import write_report
 from camopt.scene import load_scene
 from camopt.scene.load import scene_text
@@ -58,7 +56,7 @@ def speed_record(i: int) -> dict:
 
 
 def band_record() -> dict:
-    """The band as verification.json has it: the last listed speed is the worst but for bounce."""
+    """The band of verification.json: the last listed speed is the worst for every metric except bounce."""
     last, worst_bounce_mm, worst_speed_rpm = metrics(len(SPEEDS) - 1), 0.0413, 6980
     worst = {name: {"value": value, "speed_rpm": SPEEDS[-1], "method": "event"} for name, value in last.items()}
     worst["bounce_mm"] = {"value": worst_bounce_mm, "speed_rpm": worst_speed_rpm, "method": "event"}
@@ -83,7 +81,7 @@ def comparison_row(cam: str, limits: str, i: int, area: float, jerk: float, boun
 
 
 def parts() -> dict:
-    """The contents of every JSON and table file, for a test to change before it is written."""
+    """The contents of every JSON and table file, which a test may change before they are written."""
     rows = []
     for i in range(4):
         rows.append(comparison_row("design", "all", i, 0.5618, 0.003, 0.011 * i, "confirmed"))
@@ -124,8 +122,13 @@ def parts() -> dict:
     }
 
 
-def write_parts(folder, data: dict, scene: str) -> None:
-    folder.mkdir(exist_ok=True)
+FIGURE = '<svg xmlns="http://www.w3.org/2000/svg" width="300" height="200"><path d="M9 9L290 190" stroke="#000"/></svg>'
+
+
+def write_run(folder, data: dict, scene: str) -> None:
+    """Writes contents, a built-in scene and a figure into a run folder."""
+    (folder / "figures").mkdir(parents=True, exist_ok=True)
+    (folder / "figures" / "convergence.svg").write_text(FIGURE, encoding="utf-8")
     (folder / "scene.toml").write_text(scene_text(scene), encoding="utf-8")
     for name in ("design", "verification", "provenance"):
         (folder / f"{name}.json").write_text(json.dumps(data[name]), encoding="utf-8")
@@ -137,41 +140,33 @@ def write_parts(folder, data: dict, scene: str) -> None:
     (folder / "history.jsonl").write_text(lines, encoding="utf-8")
 
 
-@styled
-def draw(folder) -> None:
-    figure = new_figure(3, 2)
-    figure.subplots().plot([0, 1], [0, 1], label="a line")
-    save(figure, folder / "figures", "convergence")
-
-
-@pytest.fixture(scope="session")
-def write_into(tmp_path_factory):
-    """Writes contents and a figure into a folder: folder, contents, built-in scene."""
-    drawn = tmp_path_factory.mktemp("drawn")
-    draw(drawn)
-
-    def write_all(folder, data: dict, scene: str) -> None:
-        write_parts(folder, data, scene)
-        shutil.copytree(drawn / "figures", folder / "figures", dirs_exist_ok=True)
-
-    return write_all
-
-
 @pytest.fixture
 def contents() -> dict:
     return parts()
 
 
 @pytest.fixture
-def write(tmp_path, write_into):
-    """Writes a run folder of given contents and returns its path."""
+def write(tmp_path):
+    """Function that writes a run folder with the given contents and returns its path."""
 
     def write_folder(data: dict, scene: str = "kodama"):
         folder = tmp_path / "kodama-run"
-        write_into(folder, data, scene)
+        write_run(folder, data, scene)
         return folder
 
     return write_folder
+
+
+def write_cams(folder, lifts: dict, **further) -> None:
+    """Adds the lifts of the design and of Polydyne to a run folder; `further` are values of the design."""
+    (folder / "cams").mkdir()
+    write_design(folder / "cams" / "polydyne.json", lifts["polydyne"], 9.4 * MM)
+    write_design(folder / "design.json", lifts["design"], 9.4 * MM, **further)
+
+
+def rows_of(rows: list[dict], lifts: dict) -> list[dict]:
+    """The rows of the comparison that belong to given lifts, with the area ratios of these lifts."""
+    return [row | {"area_ratio": lifts[row["cam"]].area_ratio(9.4 * MM)} for row in rows if row["cam"] in lifts]
 
 
 @pytest.fixture(scope="session")
@@ -184,18 +179,13 @@ def lifts():
 
 
 @pytest.fixture(scope="session")
-def report(tmp_path_factory, lifts, write_into):
-    """The page of a run folder of kodama whose title would break out of the page if it could."""
+def report(tmp_path_factory, lifts):
+    """The page of a run folder of kodama whose title would inject a script if it were not escaped."""
     folder = tmp_path_factory.mktemp("browser") / "run"
     data = parts()
-    data["comparison"] = [row for row in data["comparison"] if row["cam"] in lifts]
-    for row in data["comparison"]:
-        row["area_ratio"] = lifts[row["cam"]].area_ratio(9.4 * MM)
-    write_into(folder, data, "kodama")
-    (folder / "cams").mkdir()
-    write_design(folder / "cams" / "polydyne.json", lifts["polydyne"], 9.4 * MM)
-    further = {k: data["design"][k] for k in ("area_ratio_bound", "area_gap_percent")}
-    write_design(folder / "design.json", lifts["design"], 9.4 * MM, **further)
+    data["comparison"] = rows_of(data["comparison"], lifts)
+    write_run(folder, data, "kodama")
+    write_cams(folder, lifts, **{k: data["design"][k] for k in ("area_ratio_bound", "area_gap_percent")})
     text = (folder / "scene.toml").read_text(encoding="utf-8")
     geometry = '[geometry]\nfollower = "roller"\nbase_radius_mm = 18\nroller_radius_mm = 8\n\n[[mass]]'
     text = re.sub(r"\[geometry\].*?\[\[mass\]\]", geometry, text, count=1, flags=re.DOTALL)
@@ -206,14 +196,6 @@ def report(tmp_path_factory, lifts, write_into):
 
 @pytest.fixture
 def open_page(browser, report):
-    """Opens the report in a window of its own; at the end nothing may have been said, thrown or fetched."""
-    pages, requests = [], []
-    with watched_pages(browser, requests) as new_page:
-
-        def opened(**settings):
-            pages.append(new_page(**settings))
-            pages[-1].goto(report.as_uri())
-            return pages[-1]
-
+    """Opens the report in a new window, under the conditions of `watched_pages`."""
+    with watched_pages(browser, report.as_uri()) as opened:
         yield opened
-    assert requests == [report.as_uri()] * len(pages)

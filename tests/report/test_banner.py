@@ -1,4 +1,4 @@
-"""The banner's two lines, the knife's edge, and what is next of a run that states its trains as built."""
+"""The banner's two lines, the warnings, and the next steps of a run with a statement on trains as built."""
 
 from dataclasses import replace
 
@@ -39,12 +39,12 @@ def run_of(write, contents, built: dict | None):
         ("confirmed", {"share": "a lot"}, "doubt", "This run states no yield."),
     ],
 )  # fmt: skip
-def test_the_banner_is_green_only_where_both_hold_what_was_asked(write, contents, verdict, built, kind, words):
+def test_the_banner_is_green_only_if_verdict_and_yield_are(write, contents, verdict, built, kind, words):
     contents["verification"]["verdict"] = verdict
     run = run_of(write, contents, built)
-    found = banner(run)
-    assert [line["which"] for line in found["lines"]] == ["as designed", "as built"]
-    assert found["kind"] == kind and found["lines"][1]["meaning"].endswith(words)
+    content = banner(run)
+    assert [line["which"] for line in content["lines"]] == ["as designed", "as built"]
+    assert content["kind"] == kind and content["lines"][1]["meaning"].endswith(words)
     (said,) = (line for line in outcome_lines(run) if line.startswith("as built: "))
     assert said.lower().endswith(words.rstrip(".").lower())
 
@@ -52,8 +52,8 @@ def test_the_banner_is_green_only_where_both_hold_what_was_asked(write, contents
 def test_a_scene_that_does_not_say_how_trains_differ_has_no_green_banner(write, contents):
     run = run_of(write, contents, None)
     run = replace(run, scene={key: value for key, value in run.scene.items() if key not in ("tolerance", "grinding")})
-    found = banner(run)
-    assert found["kind"] == "doubt" and "does not say how trains differ" in found["lines"][1]["meaning"]
+    content = banner(run)
+    assert content["kind"] == "doubt" and "does not say how trains differ" in content["lines"][1]["meaning"]
     assert advice(run, "kodama", "run")[0]["words"].endswith("the scene does not say how trains differ.")
 
 
@@ -70,7 +70,7 @@ def test_the_page_and_the_table_state_the_share(write, contents):
     assert page.text.index("50 of 150") < page.text.index("What to do next") and first in page.text
 
 
-def test_what_stands_in_the_file_cannot_change_the_page(write, contents):
+def test_content_of_the_file_is_escaped_and_checked(write, contents):
     run_of(write, contents, {"reasons": [EVIL_TITLE], "wanted": 0.9, "confirmed": False, "blame": {EVIL_TITLE: 0.5}})
     contents["verification"]["yield"] |= {"first_broken": {EVIL_TITLE: {"trains": 3, "speeds_rpm": {EVIL_TITLE: 3}}}}
     assert EVIL_TITLE in page_of(write(contents)).text
@@ -79,7 +79,7 @@ def test_what_stands_in_the_file_cannot_change_the_page(write, contents):
         assert "33.3 % of trains" in page_of(write(contents)).text
 
 
-def test_the_knifes_edge_is_said_in_a_sentence_each(write, contents):
+def test_each_warning_has_a_sentence(write, contents):
     for record in (*contents["verification"]["speeds"], *contents["verification"]["worst_in_band"]):
         record |= {"jump_deg": 39.2, "ranges": {}, "periodic": record["speed_rpm"] != 7000}
     narrow, opened, wanders = edge_sentences(run_of(write, contents, {}))
@@ -93,7 +93,7 @@ def test_the_knifes_edge_is_said_in_a_sentence_each(write, contents):
     assert "Knife's edge" in text and narrow in text and wanders in text
 
 
-def test_trains_that_hold_have_the_reserve_that_they_need(write, contents):
+def test_a_confirmed_yield_replaces_the_warning_on_the_speed_reserve(write, contents):
     for record in (*contents["verification"]["speeds"], *contents["verification"]["worst_in_band"]):
         record |= {"periodic": record["speed_rpm"] != 7000}
     (wanders,) = edge_sentences(run_of(write, contents, ASKED | {"confirmed": True}))
@@ -101,7 +101,7 @@ def test_trains_that_hold_have_the_reserve_that_they_need(write, contents):
     assert len(edge_sentences(run_of(write, contents, ASKED | {"confirmed": False}))) == 2
 
 
-def test_nothing_is_said_of_an_edge_that_is_none(write, contents):
+def test_there_is_no_warning_without_a_cause(write, contents):
     contents["verification"]["limits"] |= {"first_jump_rpm": 7300}
     run = run_of(write, contents, {})
     assert edge_sentences(run) == []

@@ -1,5 +1,5 @@
-"""The report's charts and its first screen in a real browser: values under the pointer, a closer look, cams on and off,
-nothing cut, nothing fetched, nothing serious for those who cannot see or point."""
+"""The report's charts and its first screen in a real browser: values under the pointer, zoom, cams on and off, nothing
+cut off, nothing loaded, and no serious accessibility fault."""
 
 import numpy as np
 import pytest
@@ -18,7 +18,7 @@ def chart(page, place: str, title: str):
 
 
 def middle(page, figure) -> tuple[float, float]:
-    """The middle of a chart in pixels, once it is in view."""
+    """The middle of a chart in pixels, after scrolling it into view."""
     figure.scroll_into_view_if_needed()
     box = figure.locator("> svg").bounding_box()
     return box["x"] + 52 + (box["width"] - 70) / 2, box["y"] + box["height"] / 2
@@ -39,7 +39,7 @@ def test_the_pointer_reads_the_value_of_every_cam(open_page, lifts):
     assert figure.locator(".values").inner_text() == ""
 
 
-def test_keys_read_values_and_look_closer(open_page):
+def test_keys_read_values_and_zoom(open_page):
     page = open_page()
     figure = chart(page, "charts-motion", "Valve lift")
     figure.locator("> svg").focus()
@@ -52,7 +52,7 @@ def test_keys_read_values_and_look_closer(open_page):
     assert figure.locator("text").all_text_contents() == before
 
 
-def test_a_dragged_part_of_the_axis_is_looked_at(open_page):
+def test_dragging_zooms_to_a_part_of_the_axis(open_page):
     page = open_page()
     figure = chart(page, "charts-cams", "Acceleration")
     x, y = middle(page, figure)
@@ -78,7 +78,7 @@ def test_cams_are_switched_on_and_off(open_page):
 
 
 def slowest(page, title: str) -> dict[str, float]:
-    """What a chart over the speeds says at their lowest one, by its lines."""
+    """Values of a chart over the speeds at the lowest speed, by line."""
     figure = chart(page, "charts-band", title)
     figure.scroll_into_view_if_needed()
     box = figure.locator("> svg").bounding_box()
@@ -112,7 +112,7 @@ def test_forces_and_phase_plane_are_those_of_the_chosen_speed(open_page):
     assert chart(page, "charts-motion", "close to the seat").is_visible()
 
 
-def test_the_first_screen_says_verdict_cam_price_and_what_next(open_page):
+def test_the_first_screen_shows_verdict_cam_worth_and_next_steps(open_page):
     page = open_page()
     for part in (".verdict .line >> nth=0", ".sketch", "#worth", "#next", "#matrix", ".matrix tr >> nth=3"):
         box = page.locator(part).bounding_box()
@@ -130,6 +130,6 @@ def test_no_table_is_cut_off(open_page, width):
     assert cut == [] and page.evaluate("document.documentElement.scrollWidth") == width
 
 
-def test_nothing_serious_for_those_who_cannot_see_or_point(open_page):
+def test_there_is_no_serious_accessibility_fault(open_page):
     page = open_page(bypass_csp=True)  # axe is a script of its own
     assert serious_faults(page) == []

@@ -1,4 +1,4 @@
-"""One command makes every stated number of a run again: a confirmed and a rejected cam, judged for real."""
+"""One command recomputes every stated number of a run, for a confirmed and a rejected cam with real verdicts."""
 
 import csv
 import json
@@ -28,12 +28,12 @@ FREE = dict.fromkeys(
     ("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2", "jerk_max_mm_per_deg3", "nose_deg")
 )
 BANDS = {"confirmed": (5950.0, 6050.0), "rejected": (6600.0, 6800.0)}
-"""Bands [r/min] in which the exponent polynomial of motori-1 holds its limits, and jumps above its listed speed."""
+"""Bands [r/min] in which the exponent polynomial of motori-1 holds its limits, or jumps above its listed speed."""
 
 
 @pytest.fixture(scope="module", params=BANDS)
 def run(request, tmp_path_factory):
-    """The folder of a run whose search is left out: its cam is the exponent polynomial."""
+    """The folder of a run without a search, whose cam is the exponent polynomial."""
     folder, band = tmp_path_factory.mktemp("runs") / request.param, BANDS[request.param]
     scene = load_scene("motori-1")
     operation = scene.operation.model_copy(update={"speeds_rpm": (band[0],), "band_rpm": band})
@@ -56,15 +56,15 @@ def run(request, tmp_path_factory):
     return folder
 
 
-def test_every_place_states_what_the_verdict_says(run, capsys):
+def test_every_place_states_the_values_of_the_verdict(run, capsys):
     states_what_verification_says(run)
-    found = json.loads((run / "verification.json").read_text())
-    if found["verdict"] == "rejected":  # between its listed speeds
-        assert found["speeds"][0]["verdict"] == "confirmed" and found["broken"]
+    verification = json.loads((run / "verification.json").read_text())
+    if verification["verdict"] == "rejected":  # between its listed speeds
+        assert verification["speeds"][0]["verdict"] == "confirmed" and verification["broken"]
         assert page_of(run).table("limit")["jump"]["state"] == "✗ broken"
     with open(run / "comparison.csv", encoding="utf-8") as file:
         rows = [row for row in csv.DictReader(file) if row["cam"] == "design"]
-    judged = {s["speed_rpm"]: s for s in found["worst_in_band"] + found["speeds"]}
+    judged = {s["speed_rpm"]: s for s in verification["worst_in_band"] + verification["speeds"]}
     assert [float(row["speed_rpm"]) for row in rows] == sorted(judged)
     for row in rows:
         speed = judged[float(row["speed_rpm"])]
@@ -79,7 +79,7 @@ def test_a_family_that_failed_is_shown_with_its_sentence(run):
 
 
 def test_the_command_makes_the_same_folder_again(run, capsys):
-    """The cam read from its file differs from the one that was written by round-off: only outlines may show that."""
+    """The cam read from its file differs by round-off from the one that was written, visible only in an outline."""
     names = ["comparison.csv", "figures/bounce_against_speed.svg", "figures/valve_motion.svg"]
     before = {name: (run / name).read_bytes() for name in names[:2]}
     words = [t for table in page_of(run).tables for t in table]
@@ -93,19 +93,19 @@ def test_the_command_makes_the_same_folder_again(run, capsys):
     assert f"verdict: {verdict}" in capsys.readouterr().out
 
 
-def test_the_check_judges_anew_and_finds_what_was_changed(run, capsys):
+def test_the_check_verifies_again_and_finds_changed_numbers(run, capsys):
     assert main(["report", str(run), "--check"]) == 0
     words = capsys.readouterr().out
     assert "every number comes out as it is stated" in words
     assert re.search(r"limit jump: [\d.e−]+ mm, at \d+ r/min  \[verification.json ", words)
-    kept = {name: (run / name).read_text(encoding="utf-8") for name in ("verification.json", "report.html")}
-    found = json.loads(kept["verification.json"])
-    found["band"]["worst"]["jump_mm"]["value"] = 0.0123
-    row = re.search(r"<td>worst seating velocity</td>.*?→</td><td>([\d.]+)</td>", kept["report.html"])
+    texts = {name: (run / name).read_text(encoding="utf-8") for name in ("verification.json", "report.html")}
+    verification = json.loads(texts["verification.json"])
+    verification["band"]["worst"]["jump_mm"]["value"] = 0.0123
+    row = re.search(r"<td>worst seating velocity</td>.*?→</td><td>([\d.]+)</td>", texts["report.html"])
     assert row is not None
-    spoilt = kept["report.html"].replace(row.group(0), row.group(0).replace(row.group(1), "0.98765"))
+    spoilt = texts["report.html"].replace(row.group(0), row.group(0).replace(row.group(1), "0.98765"))
     try:
-        write_json(run / "verification.json", found)
+        write_json(run / "verification.json", verification)
         (run / "report.html").write_text(spoilt, encoding="utf-8")
         assert main(["report", str(run), "--check"]) == 3
         words = capsys.readouterr().out
@@ -113,18 +113,18 @@ def test_the_check_judges_anew_and_finds_what_was_changed(run, capsys):
         assert "report.html says without a source: worst seating velocity" in words and "0.98765" in words
         assert (run / "report.html").read_text(encoding="utf-8") == spoilt  # a check writes nothing
     finally:
-        for name, text in kept.items():
+        for name, text in texts.items():
             (run / name).write_text(text, encoding="utf-8")
 
 
 def test_the_check_of_a_folder_without_its_verdict_ends_in_sentences(run, capsys):
-    """Number 1082127 of the campaign's inputs."""
-    kept = run / "verification.json"
-    kept.rename(run / "away.json")
+    """Input number 1082127 of the campaign."""
+    original = run / "verification.json"
+    original.rename(run / "away.json")
     try:
         assert main(["report", str(run), "--check"]) == 3
     finally:
-        (run / "away.json").rename(kept)
+        (run / "away.json").rename(original)
     assert "verdict says None, it comes out as " in capsys.readouterr().out
 
 

@@ -1,4 +1,4 @@
-"""The page in a real browser: it opens without error or request, and its controls draw the run's motion."""
+"""The page in a real browser: it opens without errors or requests, and its controls show the run's motion."""
 
 import re
 
@@ -22,7 +22,7 @@ def picture(page) -> str:
 
 
 def numbers(page) -> dict[str, list[str]]:
-    """Rows of the table of contacts: state, force, separation."""
+    """Rows of the table of contacts by name: state, force, separation."""
     rows = page.locator("#train-numbers tr").all_inner_texts()[1:]
     return {row.split("\t")[0]: row.split("\t")[1:] for row in rows}
 
@@ -99,7 +99,7 @@ def test_the_cam_turns_and_the_valve_follows(open_page):
     assert opened - mass_y() > 4 * 8.0  # pixels: nearly the whole lift of 9.4 mm, downwards
 
 
-def test_open_contacts_light_up_and_gaps_grow(open_page):
+def test_open_contacts_are_highlighted_and_gaps_magnified(open_page):
     page = open_page()
     page.select_option("#train-speed", "5000")
     set_angle(page, -150.0)  # lash at the valve tip, seat closed
@@ -132,7 +132,7 @@ def test_keys_move_play_and_pause(open_page):
     assert caption.inner_text() == stopped and page.locator("#train-play").inner_text() == "Play"
 
 
-def test_little_motion_is_respected(open_page):
+def test_reduced_motion_is_respected(open_page):
     page = open_page(reduced_motion="reduce")
     page.click("#train-play")
     for _ in range(3):

@@ -1,4 +1,4 @@
-"""The drawing of a train, what the animation is told of its follower, and the drawing of a contour's tightest spot."""
+"""The drawing of a train, the animation's data on its follower, and the drawing of a contour's tightest spot."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ LIFT_MM = np.linspace(0.0, 9.4, 24)
 
 
 def moved(train) -> np.ndarray:
-    """Positions (k, n) [mm] of an opening: masses off the way to the valve follow it the less the later they come."""
+    """Positions (k, n) [mm] of an opening: the coils of the spring follow the valve the less the closer to its foot."""
     share = np.ones(len(train.mass))
     coils = [i for i in range(len(share)) if "spring" in train.mass_names[i]]
     share[coils] = 1 - np.arange(1, len(coils) + 1) / (len(coils) + 1)
@@ -67,13 +67,13 @@ def test_elements_meet_their_masses(name):
     _, picture = drawn(scene)
     arm = drawn_follower(scene.geometry)["arm"]
     for e in picture["elements"]:
-        reach = SCALE * arm["valve"][0] if arm and e["look"] == "cam" else 0.0  # a finger bridges it
+        reach = SCALE * arm["valve"][0] if arm and e["look"] == "cam" else 0.0  # the length of a finger
         for end, x in ((e["a"], e["x"]), (e["b"], e["x"] + reach)):
             if end != GROUND:
                 assert picture["masses"][end]["left"] <= x <= picture["masses"][end]["right"]
 
 
-def test_kodama_reads_as_an_engine_does():
+def test_kodama_is_drawn_like_an_engine():
     _, picture = drawn(KODAMA)
     masses = {m["name"]: m for m in picture["masses"]}
     elements = {e["name"]: e for e in picture["elements"]}
@@ -117,8 +117,8 @@ class TestSwinging:
             assert np.hypot(*np.subtract(arm[end], arm["pivot"])) == pytest.approx(length, abs=1e-3)
         assert arm["valve"][0] > 0
 
-    def test_the_page_s_turning_opens_the_valve_by_the_lift(self, geometry):
-        """What animation.js does: turn about the pivot by side (asin(sin shut + lift / length) - shut)."""
+    def test_the_rotation_on_the_page_opens_the_valve_by_the_lift(self, geometry):
+        """As in animation.js, the body turns about the pivot by side (asin(sin shut + lift / length) - shut)."""
         arm, lift = drawn_follower(geometry)["arm"], 7.0
         shut = arm["shut_deg"] * DEG
         by = arm["side"] * (np.arcsin(np.sin(shut) + lift / arm["valve_arm_mm"]) - shut)
@@ -150,12 +150,12 @@ def test_without_geometry_there_is_no_section():
                                       Geometry(follower="roller", base_radius_mm=18, roller_radius_mm=8)])  # fmt: skip
 def test_the_spot_lies_where_the_radius_is_smallest(follower):
     scene = KODAMA.model_copy(update={"geometry": follower})
-    found = geometry(RunCams(scene, {"design": LIFT, "polydyne": LIFT}, []))
-    assert found is not None and [row["cam"] for row in found["rows"]] == ["design", "polydyne"]
+    content = geometry(RunCams(scene, {"design": LIFT, "polydyne": LIFT}, []))
+    assert content is not None and [row["cam"] for row in content["rows"]] == ["design", "polydyne"]
     c = contact(LIFT, follower)
     i = tightest(c)
     assert abs(c.radius_of_curvature[i]) == np.min(np.abs(c.radius_of_curvature))
-    drawn = found["drawing"]
+    drawn = content["drawing"]
     # the drawing's scale from the base circle; nose up, the angle growing to the right
     scale = drawn["base"] / follower.base_radius_mm
     x, y = c.contour[i] / MM
@@ -163,13 +163,13 @@ def test_the_spot_lies_where_the_radius_is_smallest(follower):
     assert drawn["centre"][1] - drawn["spot"][1] == pytest.approx(scale * x, abs=0.2)
     assert f"{c.theta[i] / DEG:.3g}".replace("-", "−") in drawn["sentence"]
     if follower.follower == "flat":
-        assert "face" in found["rows"][0]["faults"] and "face_width_needed_mm" in found["columns"]
+        assert "face" in content["rows"][0]["faults"] and "face_width_needed_mm" in content["columns"]
     else:
-        assert found["rows"][0]["faults"] == "none"
+        assert content["rows"][0]["faults"] == "none"
 
 
-def test_a_follower_that_cannot_follow_is_said():
+def test_a_follower_that_cannot_run_on_the_cam_is_reported():
     short = KODAMA.geometry.model_copy(update={"valve_arm_mm": 8.0})
-    found = geometry(RunCams(KODAMA.model_copy(update={"geometry": short}), {"design": LIFT}, []))
-    assert found is not None and "drawing" not in found
-    assert found["none"][0].startswith("design: [geometry]: a valve arm of 8 mm does not lift the valve")
+    content = geometry(RunCams(KODAMA.model_copy(update={"geometry": short}), {"design": LIFT}, []))
+    assert content is not None and "drawing" not in content
+    assert content["none"][0].startswith("design: [geometry]: a valve arm of 8 mm does not lift the valve")

@@ -17,6 +17,7 @@ from camopt.scene import build_train, load_scene
 from camopt.scene.rest import state_at_rest
 from camopt.scene.units import DEG, MM
 from camopt.verifier.verdict import verdict_on
+from tests.report.conftest import rows_of, write_cams
 
 SCENE = load_scene("motori-1")
 SPEED = SCENE.cam_speed(5000)
@@ -29,31 +30,31 @@ def polydyne():
 
 def test_motion_is_the_settled_one_of_event_exact(polydyne):
     train = build_train(SCENE)
-    found = last_revolution_numbers(settled_motion(train, polydyne, SPEED, None, 720), 0.5)
+    numbers = last_revolution_numbers(settled_motion(train, polydyne, SPEED, None, 720), 0.5)
     settled = settle(prepare(train, polydyne, SPEED), state_at_rest(train))
     record = settled.response
     middle = 2 * np.pi * (record.revolutions - 1)
     for i in (0, 250, 360, 500, 720):
         at = middle + (-180 + 0.5 * i) * DEG
         x = np.interp(at, record.angle, record.x[:, 0])
-        assert found["position_um"][0][i] == pytest.approx(1e6 * x, abs=1.5)  # rounded to 1 um, chords of the record
+        assert numbers["position_um"][0][i] == pytest.approx(1e6 * x, abs=1.5)  # rounded to 1 um, chords of the record
         v = np.interp(at, record.angle, record.v[:, train.valve])
-        assert found["valve_mm_per_s"][i] == pytest.approx(1e3 * v, rel=0.02, abs=2.0)
+        assert numbers["valve_mm_per_s"][i] == pytest.approx(1e3 * v, rel=0.02, abs=2.0)
         for e in range(4):
-            assert found["separation_um"][e][i] == pytest.approx(
+            assert numbers["separation_um"][e][i] == pytest.approx(
                 1e6 * np.interp(at, record.angle, record.separation(e)), abs=1.0
             )
-    assert found["periodic"] == settled.periodic
+    assert numbers["periodic"] == settled.periodic
     worst = settled.metrics(polydyne)
     inside = slice(round((180 - 72) / 0.5), round((180 + 72) / 0.5) + 1)
-    assert max(found["force_N"][0][inside]) == pytest.approx(worst.worst("contact_force_max_N"), rel=0.02)
-    jump = max(found["separation_um"][0][inside]) / 1000
+    assert max(numbers["force_N"][0][inside]) == pytest.approx(worst.worst("contact_force_max_N"), rel=0.02)
+    jump = max(numbers["separation_um"][0][inside]) / 1000
     assert jump == pytest.approx(worst.worst("jump_mm"), abs=2e-3)
 
 
-def test_a_motion_has_settled_here_where_the_verdict_says_so():
-    """A motion whose contacts bounce settles slowly, in the verdict's later steps, after more revolutions than the
-    first step runs."""
+def test_a_motion_settles_here_if_it_does_in_the_verdict():
+    """A motion with bouncing contacts settles slowly: it needs more revolutions than the first attempt runs, and
+    settles in the verdict's later attempts."""
     lively = [e.model_copy(update={"damping_N_s_per_m": 0.3 * e.damping_N_s_per_m}) for e in SCENE.element]
     scene = SCENE.model_copy(update={"element": lively})
     lift = read_cam("polydyne", SCENE)
@@ -66,23 +67,20 @@ def test_a_motion_has_settled_here_where_the_verdict_says_so():
     assert drawn["periodic"]
     first, last = (np.array([one[i] for one in drawn["position_um"]]) for i in (0, -1))
     np.testing.assert_allclose(first, last, atol=2)  # positions are rounded to a micrometre
-    assert not settled_motion(train, lift, speed, False).periodic  # the verdict has the word
+    assert not settled_motion(train, lift, speed, False).periodic  # the verdict's statement is used
 
 
 def folder_of(write, contents, lift):
-    contents["design"]["area_ratio"] = lift.area_ratio(9.4 * MM)
-    contents["comparison"] = [r for r in contents["comparison"] if r["cam"] != "multi-pol"]
-    for row in contents["comparison"]:
-        row["area_ratio"] = lift.area_ratio(9.4 * MM)
+    """A run folder of motori-1 whose design and Polydyne have the same lift."""
+    lifts = {"design": lift, "polydyne": lift}
+    contents["comparison"] = rows_of(contents["comparison"], lifts)
     folder = write(contents, "motori-1")
-    write_design(folder / "design.json", lift, 9.4 * MM)
-    (folder / "cams").mkdir()
-    write_design(folder / "cams" / "polydyne.json", lift, 9.4 * MM)
+    write_cams(folder, lifts)
     return folder
 
 
 def larger(row: dict) -> dict:
-    """The row with an area ratio that is no longer that of its cam."""
+    """The row with an area ratio that differs from that of its cam."""
     return row | {"area_ratio": str(float(row["area_ratio"]) + 2e-6)}
 
 
@@ -93,7 +91,7 @@ def larger(row: dict) -> dict:
         (larger, ["design"], "polydyne is not simulated here: its area ratio comes out as"),
         (lambda row: row | {"verdict": "failed"}, ["design"], "polydyne has no member within the limits."),
         (lambda row: row | {"cam": "multi-pol (no-jerk)"}, ["design", "multi-pol (no-jerk)"], None),
-        # names lead to no file outside, and start no search
+        # a name neither leads to a file outside the folder nor starts a search
         *(
             (lambda row, name=name: row | {"cam": name}, ["design"], name)
             for name in ("../secret", "/secret", "multi-pol")
@@ -113,7 +111,7 @@ def test_cams_are_those_that_the_folder_holds_with_the_recorded_area(
     assert [sentence.startswith(says) for sentence in dict.fromkeys(cams.left_out)] == [True] * (says is not None)
 
 
-def test_animation_keeps_its_size(write, contents, polydyne):
+def test_animation_has_a_limited_size(write, contents, polydyne):
     folder = folder_of(write, contents, polydyne)
     cams = cams_of(folder, read_run_folder(folder))
     data, left_out = animation(cams)

@@ -1,4 +1,4 @@
-"""What a cam reaches of the limits on its shape, against the same figures found on a dense grid."""
+"""Values of a cam for the limits on its shape, compared with values on a dense grid; rows, shares and next steps."""
 
 from dataclasses import replace
 
@@ -23,7 +23,7 @@ PISTON = Piston(stroke_mm=80, rod_mm=140, gap_at_top_mm=9, clearance_mm=1, lobe_
 
 
 def drawn(**limits):
-    """The scene's design with further limits, on a flat follower of 30 mm."""
+    """The scene's design with further limits, on a flat follower with a base circle of 40 mm radius."""
     geometry = load_scene("kodama").geometry
     assert geometry is not None
     flat = geometry.model_copy(
@@ -35,31 +35,31 @@ def drawn(**limits):
     return design.within(flat, SCENE.operation)
 
 
-def test_figures_of_the_drawing_are_those_of_a_dense_grid():
+def test_values_of_the_shape_are_those_of_a_dense_grid():
     design = drawn(piston=PISTON, nose_radius_min_mm=1.0, entrainment_min_m_per_s=0.1, lift_at=((-30.0, 2.0, 9.0),))
-    found = {row.label or row.key: row.value for row in reached_by_shape(LIFT, design)}
+    values = {row.label or row.key: row.value for row in reached_by_shape(LIFT, design)}
     lift, slope, bend = (LIFT(GRID, order) for order in range(3))
-    assert found["max_lift_mm"] == pytest.approx(lift.max() / MM, abs=1e-6)
-    assert found["acceleration_max_mm_per_deg2"] == pytest.approx(bend.max() / MM_PER_DEG2, rel=1e-5)
-    assert found["nose_radius_min_mm"] == pytest.approx((40 * MM + lift + bend).min() / MM, rel=1e-5)
-    assert found["face_width_mm"] == pytest.approx(2 * np.abs(slope).max() / MM, rel=1e-5)
+    assert values["max_lift_mm"] == pytest.approx(lift.max() / MM, abs=1e-6)
+    assert values["acceleration_max_mm_per_deg2"] == pytest.approx(bend.max() / MM_PER_DEG2, rel=1e-5)
+    assert values["nose_radius_min_mm"] == pytest.approx((40 * MM + lift + bend).min() / MM, rel=1e-5)
+    assert values["face_width_mm"] == pytest.approx(2 * np.abs(slope).max() / MM, rel=1e-5)
     entrained = design.slowest * ((40 * MM + lift) / 2 + bend).min()
-    assert found["entrainment_min_m_per_s"] == pytest.approx(entrained, rel=1e-4)
-    assert found["lift_at"] == pytest.approx(float(LIFT(-30 * DEG)) / MM, rel=1e-9)
+    assert values["entrainment_min_m_per_s"] == pytest.approx(entrained, rel=1e-4)
+    assert values["lift_at"] == pytest.approx(float(LIFT(-30 * DEG)) / MM, rel=1e-9)
     outside = np.abs(GRID) >= design.duration_deg / 2 * DEG
-    ramps = max(found["opening ramp velocity"], found["closing ramp velocity"])
+    ramps = max(values["opening ramp velocity"], values["closing ramp velocity"])
     assert ramps == pytest.approx(np.abs(slope[outside]).max() / MM_PER_DEG, rel=1e-3)
 
 
 def test_the_clearance_to_the_piston_is_that_of_crank_and_rod():
-    found = next(row for row in reached_by_shape(LIFT, drawn(piston=PISTON)) if row.key == "piston")
+    row = next(row for row in reached_by_shape(LIFT, drawn(piston=PISTON)) if row.key == "piston")
     crank = PISTON.lobe_centre_deg * DEG + GRID / 0.5
     height = 40 * np.cos(crank) + np.sqrt(140**2 - (40 * np.sin(crank)) ** 2)
     clearance = PISTON.gap_at_top_mm + (180 - height) - LIFT(GRID) / MM
-    assert found.value == pytest.approx(clearance.min(), abs=1e-4) and found.least
+    assert row.value == pytest.approx(clearance.min(), abs=1e-4) and row.least
 
 
-def test_rows_are_held_where_the_judge_of_the_shape_says_so(write, contents):
+def test_rows_agree_with_the_check_of_the_shape(write, contents):
     design = drawn(piston=PISTON, lift_at=((0.0, 0.0, 1.0),), duration_at=((2.0, 10.0, 20.0),))
     run = read_run_folder(write(contents, "motori-1"))
     rows = limit_rows(run, (LIFT, design))
@@ -84,8 +84,8 @@ def test_every_limit_on_the_shape_has_a_row_in_words(write, contents):
 
 
 @pytest.mark.parametrize(("short", "words"), [(1e-5, "100 %"), (1e-2, "✗ 101 %")])
-def test_the_matrix_crosses_out_what_the_judge_of_the_shape_refuses(write, contents, short, words):
-    """A lift that a file's digits leave a little short is reached."""
+def test_the_matrix_agrees_with_the_check_of_the_shape(write, contents, short, words):
+    """A lift that is slightly too small because of a file's digits counts as reached."""
     design = drawn(max_lift_mm=LIFT.max_lift / MM * (1 + short), reach_max_lift=True)
     run = read_run_folder(write(contents, "motori-1"))
     rows = limit_rows(run, (LIFT, design))
@@ -95,8 +95,8 @@ def test_the_matrix_crosses_out_what_the_judge_of_the_shape_refuses(write, conte
 
 
 @pytest.mark.parametrize("over", [5e-7, -5e-7])
-def test_a_row_has_the_slack_of_the_verdict(write, contents, over):
-    """A limit that the cam passes by less than any printed digit shows is broken in the table as in the verdict."""
+def test_a_row_has_the_tolerance_of_the_verdict(write, contents, over):
+    """A limit that the cam exceeds by less than a printed digit is broken in the table, as in the verdict."""
     jerk = float(np.abs(LIFT.extremes(3)).max()) / MM_PER_DEG3 / (1 + over)
     design = drawn(jerk_max_mm_per_deg3=jerk)
     contents["comparison"] = []
@@ -107,7 +107,7 @@ def test_a_row_has_the_slack_of_the_verdict(write, contents, over):
     assert rows["bounce_max_mm"]["held"] is (over < 0)
 
 
-def test_shares_count_to_the_bad_side():
+def test_shares_increase_towards_the_limit():
     assert share_of(0.05, False, 0.04) == pytest.approx(0.8)
     assert share_of(50.0, True, 60.0) == pytest.approx(0.8)
     assert share_of(-0.008, True, -0.004) == pytest.approx(0.5)
@@ -117,9 +117,9 @@ def test_shares_count_to_the_bad_side():
 def test_the_matrix_marks_the_worst_speed_of_each_limit(write, contents):
     contents["verification"]["speeds"][2]["ranges"]["bounce_mm"] = [0.01, 0.0501]
     run = read_run_folder(write(contents))
-    found = matrix(run, limit_rows(run))
-    assert found["speeds"] == ["5000", "6000", "6500", "7000", "band"]
-    bounce = next(row for row in found["rows"] if row["label"] == "bounce")
+    table = matrix(run, limit_rows(run))
+    assert table["speeds"] == ["5000", "6000", "6500", "7000", "band"]
+    bounce = next(row for row in table["rows"] if row["label"] == "bounce")
     assert bounce["shares"].index(max(bounce["shares"])) == 2
     assert share_kind(bounce["shares"][2]) == "bad" and used(bounce["shares"][2], True) == "✗ 100 %"
 
@@ -139,22 +139,25 @@ def steps_of(run, assumed=()):
 
 
 @pytest.mark.parametrize(
-    ("verdict", "command"),
+    ("verdict", "accuracy", "command"),
     [
-        ("confirmed", "camopt yield kodama-run/scene.toml --cam kodama-run --trains 200"),
-        ("rejected", "camopt optimize kodama-run/scene.toml --accuracy fine"),
-        ("sensitive", "camopt optimize kodama-run/scene.toml --accuracy fine"),
-        ("not converged", "camopt verify kodama-run/scene.toml --cam kodama-run --accuracy fine"),
-        (None, "camopt verify kodama-run/scene.toml --cam kodama-run"),
+        ("confirmed", "standard", "camopt yield kodama-run/scene.toml --cam kodama-run --trains 200"),
+        ("confirmed", "draft", "camopt optimize kodama-run/scene.toml --accuracy standard"),
+        ("rejected", "standard", "camopt optimize kodama-run/scene.toml --accuracy fine"),
+        ("sensitive", "standard", "camopt optimize kodama-run/scene.toml --accuracy fine"),
+        ("not converged", "standard", "camopt verify kodama-run/scene.toml --cam kodama-run --accuracy fine"),
+        ("unheard of", "standard", "camopt verify kodama-run/scene.toml --cam kodama-run"),
     ],
 )
-def test_every_verdict_has_a_next_step(write, contents, verdict, command, tmp_path, monkeypatch):
+def test_every_verdict_has_a_next_step(write, contents, verdict, accuracy, command, tmp_path, monkeypatch):
+    """A cam is ground after a confirmed verdict that is more than a draft."""
     monkeypatch.chdir(tmp_path)
-    contents["verification"]["verdict"] = verdict or "unheard of"
+    contents["verification"]["verdict"] = verdict
+    contents["provenance"]["settings"]["accuracy"] = accuracy
     steps = steps_of(read_run_folder(write(contents)))
     assert steps[0]["command"] == command
     table = "camopt cam kodama-run/scene.toml --cam kodama-run --csv lift.csv --digits 5"
-    assert [step["command"] for step in steps].count(table) == (verdict == "confirmed")
+    assert [step["command"] for step in steps].count(table) == ((verdict, accuracy) == ("confirmed", "standard"))
 
 
 def test_an_open_contact_and_assumed_numbers_come_before_the_grinder(write, contents):
@@ -174,12 +177,5 @@ def test_an_open_contact_and_assumed_numbers_come_before_the_grinder(write, cont
         "Measure what the scene assumes (of the train first valve.mass_kg; of the geometry base radius, face width), "
     )
     assert steps_of(replace(run, scene=run.scene | {"geometry": geometry}), rows)[1]["words"].startswith(both)
-    known = {"design": run.scene["design"] | {"contact_force_min_N": 5}, "tolerance": [], "geometry": {}}
-    assert steps_of(replace(run, scene=run.scene | known))[0]["words"] == "Take the cam to the grinder."
-
-
-def test_a_draft_is_not_taken_to_the_grinder(write, contents, tmp_path, monkeypatch):
-    monkeypatch.chdir(tmp_path)
-    contents["provenance"]["settings"] = {"accuracy": "draft"}
-    steps = steps_of(read_run_folder(write(contents)))
-    assert steps[0]["command"] == "camopt optimize kodama-run/scene.toml --accuracy standard"
+    complete = {"design": run.scene["design"] | {"contact_force_min_N": 5}, "tolerance": [], "geometry": {}}
+    assert steps_of(replace(run, scene=run.scene | complete))[0]["words"] == "Take the cam to the grinder."

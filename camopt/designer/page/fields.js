@@ -1,7 +1,7 @@
-// Sliders with number fields: one for each control, with its limit's worth and what is wrong with its value.
+// Sliders with number fields, one for each control, with the worth of its limit and the fault of its value.
 class Field {
   constructor(control, changed) {
-    Object.assign(this, { control, changed, unread: "" });
+    Object.assign(this, { control, changed, invalid: "" });
     const id = `camopt-${control.key.replace(/[^\w-]/g, "_")}`;
     this.worth = h("span", { class: "worth" });
     this.fault = h("p", { class: "fault", id: `${id}-fault` });
@@ -17,43 +17,43 @@ class Field {
   }
   choice(id) {
     this.main = h("select", { id }, ...this.control.choices.map((c) => h("option", { value: c }, c)));
-    this.main.addEventListener("change", () => this.tell(this.main.value, true));
+    this.main.addEventListener("change", () => this.setValue(this.main.value, true));
     return this.main;
   }
   flag(id) {
     this.main = h("input", { id, type: "checkbox" });
-    this.main.addEventListener("change", () => this.tell(this.main.checked, true));
+    this.main.addEventListener("change", () => this.setValue(this.main.checked, true));
     return this.main;
   }
   numbers(id, name) {
     const { low, high, step, optional, usual } = this.control;
     this.slider = h("input", { type: "range", min: low, max: high, step, "aria-label": `${name}, slider` });
     this.main = h("input", { id, type: "number", step: "any", "aria-describedby": `${id}-fault` });
-    this.slider.addEventListener("input", () => this.tell(Number(this.slider.value), false));
-    this.slider.addEventListener("change", () => this.tell(Number(this.slider.value), true));
+    this.slider.addEventListener("input", () => this.setValue(Number(this.slider.value), false));
+    this.slider.addEventListener("change", () => this.setValue(Number(this.slider.value), true));
     this.main.addEventListener("input", () => this.typed(false));
     this.main.addEventListener("change", () => this.typed(true));
     if (!optional) return [this.slider, this.main];
     this.switch = h("input", { type: "checkbox", "aria-label": `${this.control.label}: on` });
-    this.switch.addEventListener("change", () => this.tell(this.switch.checked ? this.last ?? usual : null, true));
+    this.switch.addEventListener("change", () => this.setValue(this.switch.checked ? this.last ?? usual : null, true));
     return [h("span", { class: "switched" }, this.switch, this.slider), this.main];
   }
   typed(settled) {
     const text = this.main.value.trim();
     if (text === "" || !Number.isFinite(Number(text))) {
-      this.unread = "expected a number"; // and stays said, whatever the last number is answered with
-      this.say(this.unread);
+      this.invalid = "expected a number"; // stays shown, whatever the answer to the last valid number is
+      this.showFault(this.invalid);
       return;
     }
-    this.tell(Number(text), settled);
+    this.setValue(Number(text), settled);
   }
-  tell(value, settled) {
-    this.unread = "";
-    this.say("");
+  setValue(value, settled) {
+    this.invalid = "";
+    this.showFault("");
     this.show(value, document.activeElement);
     this.changed(this.control.key, value, settled);
   }
-  show(value, keep = null) { // `keep`: the field in which somebody is typing stays as it is
+  show(value, keep = null) { // `keep`: the field that the user is editing stays unchanged
     if (this.control.choices.length) this.main.value = value;
     else if (typeof this.control.value === "boolean") this.main.checked = value;
     else this.showNumber(value, keep);
@@ -71,7 +71,7 @@ class Field {
     if (keep !== this.slider) this.slider.value = value;
     if (keep !== this.main) this.main.value = Number(value.toPrecision(12));
   }
-  say(sentence) {
+  showFault(sentence) {
     this.fault.textContent = sentence;
     if (sentence) this.main.setAttribute("aria-invalid", "true");
     else this.main.removeAttribute("aria-invalid");
@@ -94,13 +94,13 @@ class Fields {
   show(values) {
     for (const [key, field] of Object.entries(this.byKey)) field.show(values[key]);
   }
-  faults(byKey, lastKey) { // sentences that belong to no field stand beside the one that was moved last
-    for (const [key, field] of Object.entries(this.byKey)) field.say(field.unread || (byKey?.[key] ?? ""));
+  faults(byKey, lastKey) { // a sentence that belongs to no single field is shown beside the field that was changed last
+    for (const [key, field] of Object.entries(this.byKey)) field.showFault(field.invalid || (byKey?.[key] ?? ""));
     const general = byKey?.[""];
-    if (general && lastKey) this.byKey[lastKey].say(general);
+    if (general && lastKey) this.byKey[lastKey].showFault(general);
     for (const key of Object.keys(byKey ?? {})) this.byKey[key || lastKey]?.node.closest("details").setAttribute("open", "");
   }
-  worths(answer, band) { // what each limit is worth, and how much of it is used
+  worths(answer, band) { // shows the worth of each limit and its used share
     for (const [key, field] of Object.entries(this.byKey)) {
       const worth = answer.worth[key], used = band?.worst[key] ?? null, here = answer.motion.used?.[key];
       let words = "";
@@ -110,7 +110,7 @@ class Fields {
       if (key === "margin_N" && answer.margin_price) words = `1 N less buys ${shown(-100 * answer.margin_price / answer.area_ratio, 2)} % area`;
       const most = Math.max(here ?? 0, used?.used ?? 0);
       if (most > 1) words = `✗ broken: ${words}`;
-      if (field.worth.textContent !== words) field.worth.textContent = words; // else the page is laid out for nothing
+      if (field.worth.textContent !== words) field.worth.textContent = words; // avoids a layout of the page
       field.node.classList.toggle("broken", most > 1);
       field.node.classList.toggle("active", Math.abs(worth ?? 0) > 1e-6);
     }

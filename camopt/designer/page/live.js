@@ -1,13 +1,13 @@
-// The designer: keeps the values, asks for answers (the newest question wins), shows them, and says what is wrong.
-const REST_MS = 150; // a hand that has not moved for so long rests
-const PATIENCE_MS = 500; // a first answer that takes longer is dropped for the next change; what follows it is at once
+// The designer: holds the numbers, requests answers (the newest request wins), shows them, and reports errors.
+const REST_MS = 150; // the numbers are at rest when they have not changed for this time
+const PATIENCE_MS = 500; // a change cancels a first answer that has taken longer than this, and later answers at once
 const BEAT_MS = 4000;
 const SHAPE_GROUPS = ["Cam", "Ramps", "Limits on the cam"];
 
 class Designer {
   constructor(root, send, beat) {
-    Object.assign(this, { root, send, beat, sequence: 0, busy: false, further: {},
-      undone: [], redone: [], pinned: null, band: null, answer: null, shown: null, asked: performance.now(), client: String(Math.random()).slice(2) });
+    Object.assign(this, { root, send, beat, sequence: 0, busy: false, references: {},
+      undone: [], redone: [], pinned: null, band: null, answer: null, shown: null, changedAt: performance.now(), client: String(Math.random()).slice(2) });
   }
   async begin() {
     const start = await this.send({ kind: "start" });
@@ -26,13 +26,13 @@ class Designer {
   layout(start) {
     const button = (id, words, act) => (this[id] = h("button", { type: "button", on: { click: act } }, words));
     const values = () => this.values;
-    this.verdict = new Verdict(this.root, (message) => this.told(message), values, start.files);
+    this.verdict = new Verdict(this.root, (message) => this.trySend(message), values, start.files);
     this.result = h("p", { class: "result", "aria-live": "polite" });
     this.mark = new Mark(this.root, this.controls, () => this.cancel());
     this.trouble = h("p", { class: "trouble", role: "alert", hidden: true });
     const tools = h("div", { class: "tools" },
       button("undo", "Undo", () => this.back()), button("redo", "Redo", () => this.forth()),
-      button("reset", "Reset", () => this.take({ ...this.initial })), button("pin", "Pin to compare", () => this.togglePin()), ...this.verdict.tools);
+      button("reset", "Reset", () => this.setValues({ ...this.initial })), button("pin", "Pin to compare", () => this.togglePin()), ...this.verdict.tools);
     const saving = start.files ? new Saving(start.name, this.send, values, (error) => (error ? this.failed(error) : this.alive())).node : "";
     this.root.replaceChildren(h("header", {}, h("h1", {}, start.title), this.verdict.status, tools, this.trouble, this.mark.node, this.result),
       h("div", { class: "columns" }, h("aside", { "aria-label": "Numbers" }, this.fields.node, saving), this.panels.node));
@@ -40,9 +40,9 @@ class Designer {
     this.verdict.show();
   }
 
-  // ---- values: changed by a hand, taken back, taken as a whole
+  // ---- values: changed by the user, undone and redone, replaced as a whole
   changed(key, value, settled) {
-    const same = this.values[key] === value; // a field that is left says its number once more
+    const same = this.values[key] === value; // a field that loses the focus reports its number again
     this.values = { ...this.values, [key]: value };
     this.last = key;
     if (settled) this.commit();
@@ -57,7 +57,7 @@ class Designer {
     this.committed = now;
     this.buttons();
   }
-  take(values) {
+  setValues(values) {
     this.values = values;
     this.commit();
     this.fields.show(values);
@@ -78,7 +78,7 @@ class Designer {
     const focused = document.activeElement;
     this.undo.disabled = !this.undone.length;
     this.redo.disabled = !this.redone.length;
-    if (focused === this.undo && this.undo.disabled) this.redo.focus(); // a disabled button would lose it
+    if (focused === this.undo && this.undo.disabled) this.redo.focus(); // a disabled button would lose the focus
     if (focused === this.redo && this.redo.disabled) this.undo.focus();
   }
   togglePin() {
@@ -88,40 +88,40 @@ class Designer {
     if (this.answer) this.paint(this.answer);
     if (!this.band) return;
     this.panels.band(this.band, this.values, this.pinned);
-    this.panels.bandIsOf(!this.shown?.band);
+    this.panels.markBand(!this.shown?.band);
   }
 
-  // ---- questions: one in flight; what was asked meanwhile is asked as its newest state
+  // ---- requests: one at a time; changes that are made meanwhile are requested in their newest state
   ask(resting) {
     this.sequence += 1;
-    this.asked = performance.now();
+    this.changedAt = performance.now();
     this.dirty = true;
     this.resting = false;
     clearTimeout(this.timer);
-    this.timer = setTimeout(() => { this.resting = true; this.pump(); }, resting ? 0 : REST_MS);
+    this.timer = setTimeout(() => { this.resting = true; this.sendNext(); }, resting ? 0 : REST_MS);
     this.root.dataset.sequence = this.sequence;
-    this.stopped = null;
+    this.cancelled = null;
     this.verdict.show();
-    this.pump();
-    this.overtake();
-    this.marked();
+    this.sendNext();
+    this.cancelOutdated();
+    this.showMark();
   }
-  overtake() { // what is computed for other numbers is dropped on the server
-    clearTimeout(this.overtaking);
+  cancelOutdated() { // cancels on the server what is computed for older numbers
+    clearTimeout(this.cancelTimer);
     if (!this.busy || this.running.sequence === this.sequence) return;
     const left = this.running.step === "sketch" ? this.running.begun + PATIENCE_MS - performance.now() : 0;
-    if (left > 0) this.overtaking = setTimeout(() => this.overtake(), left);
-    else this.drop();
+    if (left > 0) this.cancelTimer = setTimeout(() => this.cancelOutdated(), left);
+    else this.sendNewest();
   }
-  drop() { // an error here is one of the answer too, which says it
+  sendNewest() { // the answer fails with the same error and reports it
     this.send({ kind: "newest", client: this.client, sequence: this.sequence }).catch(() => {});
   }
-  cancel() { // nothing further is computed, and the numbers are those of what is shown
+  cancel() { // stops all computation and restores the numbers of what is shown
     clearTimeout(this.timer);
     this.sequence += 1;
-    Object.assign(this, { dirty: false, rested: this.sequence, stopped: this.sequence });
+    Object.assign(this, { dirty: false, completed: this.sequence, cancelled: this.sequence });
     this.root.dataset.sequence = this.sequence;
-    this.drop();
+    this.sendNewest();
     if (this.shown) {
       this.values = JSON.parse(this.shown.values);
       this.commit();
@@ -129,46 +129,46 @@ class Designer {
       this.fields.faults({}, this.last);
     }
     this.verdict.show();
-    this.marked();
+    this.showMark();
   }
-  marked() {
-    const refused = this.answer === null && this.refusedOf === JSON.stringify(this.values);
-    this.mark.show({ values: this.values, shown: this.shown, asked: this.asked, refused,
-      waits: this.rested !== this.sequence, cancelled: this.stopped === this.sequence });
-    this.panels.trainsAreOf(this.trainsOf === JSON.stringify(this.values));
+  showMark() {
+    const refused = this.answer === null && this.refusedNumbers === JSON.stringify(this.values);
+    this.mark.show({ values: this.values, shown: this.shown, changedAt: this.changedAt, refused,
+      pending: this.completed !== this.sequence, cancelled: this.cancelled === this.sequence });
+    this.panels.markTrains(this.trainsNumbers === JSON.stringify(this.values));
     this.slow.draw();
   }
-  step() { // what is to be asked next: a sketch of the newest state; at rest its cam, if the sketch was coarse, and the band
+  nextStep() { // the next request: a sketch of the newest numbers; at rest their cam, if the sketch was coarse, and the band
     if (this.dirty) return "sketch";
-    if (!this.resting || this.rested === this.sequence) return null;
-    return this.exact === this.sequence ? "band" : "cam";
+    if (!this.resting || this.completed === this.sequence) return null;
+    return this.exactCam === this.sequence ? "band" : "cam";
   }
-  async pump() {
-    const step = this.busy ? null : this.step();
+  async sendNext() {
+    const step = this.busy ? null : this.nextStep();
     if (!step) return;
     this.busy = true;
-    const { sequence, asked } = this, of = JSON.stringify(this.values);
+    const { sequence, changedAt } = this, numbers = JSON.stringify(this.values);
     this.running = { step, sequence, begun: performance.now() };
     this.dirty = false;
     try {
       const answer = await this.request(step, sequence);
-      if (answer.state === "ok" && (step === "cam" || (step === "sketch" && !answer.coarse && !answer.says))) this.exact = sequence;
-      if (answer.state !== "superseded" && (step === "band" || (step === "cam" && answer.state !== "ok"))) this.rested = sequence;
-      this.goOn(); // the server works on the next question while the page shows this answer
-      if (this.stopped !== null && sequence < this.stopped) answer.state = "superseded"; // cancelled meanwhile
-      if (answer.state !== "superseded" && step !== "band") this.received(answer, asked, of);
-      else if (answer.state === "ok") this.receivedBand(answer, asked, of);
+      if (answer.state === "ok" && (step === "cam" || (step === "sketch" && !answer.coarse && !answer.says))) this.exactCam = sequence;
+      if (answer.state !== "superseded" && (step === "band" || (step === "cam" && answer.state !== "ok"))) this.completed = sequence;
+      this.proceed(); // the server works on the next request while the page shows this answer
+      if (this.cancelled !== null && sequence < this.cancelled) answer.state = "superseded"; // cancelled meanwhile
+      if (answer.state !== "superseded" && step !== "band") this.received(answer, changedAt, numbers);
+      else if (answer.state === "ok") this.receivedBand(answer, changedAt, numbers);
     } catch (error) {
       this.failed(error);
-      this.rested = sequence; // it is asked again once the server answers
-      this.goOn();
+      this.completed = sequence; // it is requested again once the server answers
+      this.proceed();
     }
-    this.marked();
-    this.slow.ask();
+    this.showMark();
+    this.slow.requestNext();
   }
-  goOn() {
+  proceed() {
     this.busy = false;
-    this.pump();
+    this.sendNext();
   }
   request(part, sequence) {
     return this.send({ kind: "answer", client: this.client, sequence, part, values: this.values }).then((reply) => {
@@ -178,31 +178,31 @@ class Designer {
   }
 
   // ---- answers
-  received(answer, asked, of) {
+  received(answer, changedAt, numbers) {
     this.fields.faults(answer.faults, this.last);
     this.root.dataset.state = answer.state;
     if (answer.state !== "ok") {
       this.answer = null;
-      this.refusedOf = of;
+      this.refusedNumbers = numbers;
       this.contradicted = answer.state === "no cam";
       const says = answer.says ?? Object.values(answer.faults).join("; ");
       this.result.textContent = answer.state === "no cam" ? `No cam: ${says}` : `These numbers make no scene: ${says}`;
       this.root.classList.add("stale");
-      this.painted(answer, asked);
+      this.reportPainted(answer, changedAt);
       return;
     }
     this.root.classList.remove("stale");
     this.answer = answer;
-    this.shown = { values: of, cam: this.exact === answer.sequence, band: false };
+    this.shown = { values: numbers, cam: this.exactCam === answer.sequence, band: false };
     this.paint(answer);
-    this.painted(answer, asked);
+    this.reportPainted(answer, changedAt);
   }
   paint(answer) {
     const used = this.shown.band ? this.band : null;
-    this.panels.bandIsOf(!used);
-    this.panels.show(answer, JSON.parse(this.shown.values), this.pinned); // the limits drawn are the answer's
-    if (JSON.parse(this.furtherShape ?? "null") === null || this.furtherShape !== this.slow.shape()) this.further = {};
-    this.panels.showAreas(answer, this.further, this.pinned);
+    this.panels.markBand(!used);
+    this.panels.show(answer, JSON.parse(this.shown.values), this.pinned); // the limits drawn are those of the answer
+    if (this.referencesShape !== this.slow.shape()) this.references = {};
+    this.panels.showAreas(answer, this.references, this.pinned);
     this.panels.compare(answer, used, this.pinned);
     this.fields.worths(answer, used);
     this.result.textContent = this.sentence(answer);
@@ -215,47 +215,47 @@ class Designer {
     const looked = answer.looked_for.length ? ` A cam that holds ${answer.looked_for.join(", ")} too is still being looked for.` : "";
     return `Area ratio ${how}${shown(answer.area_ratio, 5)} by the ${answer.program} program.${motion}${broken}${looked}${answer.says ? ` ${answer.says}` : ""}`;
   }
-  receivedBand(band, asked, of) {
+  receivedBand(band, changedAt, numbers) {
     this.band = band;
-    if (this.shown?.values === of) this.shown.band = true;
-    this.panels.band(band, JSON.parse(of), this.pinned);
-    this.panels.bandIsOf(false);
+    if (this.shown?.values === numbers) this.shown.band = true;
+    this.panels.band(band, JSON.parse(numbers), this.pinned);
+    this.panels.markBand(false);
     this.fields.worths(this.answer, band);
     this.panels.compare(this.answer, band, this.pinned);
-    this.painted(band, asked);
+    this.reportPainted(band, changedAt);
   }
-  receivedSlow(part, found, shape, of) {
+  receivedSlow(part, reply, shape, numbers) {
     if (part === "why") {
-      if (this.contradicted && found.says) this.result.textContent = `No cam: ${found.says}`;
+      if (this.contradicted && reply.says) this.result.textContent = `No cam: ${reply.says}`;
       return;
     }
     if (part.endsWith("trains")) {
-      this.trainsOf = of;
-      this.panels.showTrains(found, part === "trains");
-      this.marked();
+      this.trainsNumbers = numbers;
+      this.panels.showTrains(reply, part === "trains");
+      this.showMark();
       return;
     }
-    if (this.furtherShape !== shape) this.further = {};
-    this.furtherShape = shape;
-    if (part === "bound") this.further.bound = found.area_ratio_bound;
-    else this.further.baselines = found.baselines;
-    if (this.answer) this.panels.showAreas(this.answer, this.further, this.pinned);
+    if (this.referencesShape !== shape) this.references = {};
+    this.referencesShape = shape;
+    if (part === "bound") this.references.bound = reply.area_ratio_bound;
+    else this.references.baselines = reply.baselines;
+    if (this.answer) this.panels.showAreas(this.answer, this.references, this.pinned);
   }
-  painted(answer, asked) { // after the frame that shows it
+  reportPainted(answer, changedAt) { // reports the answer after the frame that shows it
     requestAnimationFrame(() => setTimeout(() => {
-      const detail = { part: answer.part, sequence: answer.sequence, latency_ms: performance.now() - asked };
+      const detail = { part: answer.part, sequence: answer.sequence, latency_ms: performance.now() - changedAt };
       this.root.dataset[answer.part] = answer.sequence;
-      if (this.exact === answer.sequence) this.root.dataset.cam = answer.sequence;
+      if (this.exactCam === answer.sequence) this.root.dataset.cam = answer.sequence;
       this.root.dispatchEvent(new CustomEvent("camopt-painted", { detail }));
     }));
   }
 
-  // ---- troubles
-  async told(message) { // the reply, or null where there is none
+  // ---- errors
+  async trySend(message) { // the reply, or null where there is none
     try {
-      const found = await this.send(message);
+      const reply = await this.send(message);
       this.alive();
-      return found;
+      return reply;
     } catch (error) {
       this.failed(error);
       return null;

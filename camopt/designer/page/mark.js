@@ -1,7 +1,7 @@
-// The mark beside what is shown: of which numbers it is, whether it is settled, and how long the newest has been waited for.
-const WAIT_MS = 1000; // a longer wait shows its progress, and can be cancelled
+// The mark beside what is shown: to which numbers it belongs, whether it is complete, and how long the newest answer takes.
+const WAIT_MS = 1000; // a longer wait shows a progress bar and can be cancelled
 const TICK_MS = 250;
-const STEPS = { none: 0, before: 0, first: 1, cam: 2 }; // of three: first answer, cam at rest, band
+const STEPS = { none: 0, before: 0, first: 1, cam: 2 }; // completed of three steps: first answer, cam at rest, band
 
 class Mark {
   constructor(root, controls, cancel) {
@@ -11,25 +11,26 @@ class Mark {
     this.cancel = h("button", { type: "button", hidden: true, on: { click: cancel } }, "Cancel the answer");
     this.node = h("div", { class: "marked" }, this.words, this.progress, this.cancel);
   }
-  // values: the page's numbers; shown: those of what is painted, whether its cam and its band are there; null: nothing is
-  // refused: the newest numbers have no cam; asked: when they came [ms]; waits, ended: whether more is to come, or was cancelled
+  // values: the page's numbers; shown: the numbers of what is painted and whether its cam and band are there, or null;
+  // refused: the newest numbers have no cam; changedAt: time of the newest numbers [ms]; pending: whether more is to come;
+  // cancelled: whether the rest was cancelled
   show(state) {
     clearInterval(this.ticking);
     this.state = state;
     this.draw();
-    if (state.waits) this.ticking = setInterval(() => (this.root.isConnected ? this.draw() : clearInterval(this.ticking)), TICK_MS);
+    if (state.pending) this.ticking = setInterval(() => (this.root.isConnected ? this.draw() : clearInterval(this.ticking)), TICK_MS);
   }
   draw() {
-    const { waits, cancelled } = this.state, kind = this.kind(), waited = performance.now() - this.state.asked, long = waits && waited > WAIT_MS;
+    const { pending, cancelled, changedAt } = this.state, kind = this.kind(), waited = performance.now() - changedAt, long = pending && waited > WAIT_MS;
     const since = long ? ` (${Math.floor(waited / 1000)} s)` : "";
-    const said = this.sentence(kind) + (waits ? `${this.next(kind)}${since}.` : cancelled && kind !== "settled" ? ". The rest was cancelled: the next change is answered again." : ".");
-    if (this.words.textContent !== said) this.words.textContent = said;
-    this.words.setAttribute("aria-live", waits ? "off" : "polite"); // a screen reader hears what stands
+    const text = this.sentence(kind) + (pending ? `${this.next(kind)}${since}.` : cancelled && kind !== "settled" ? ". The rest was cancelled: the next change is answered again." : ".");
+    if (this.words.textContent !== text) this.words.textContent = text;
+    this.words.setAttribute("aria-live", pending ? "off" : "polite"); // a screen reader reads only the final state
     this.root.dataset.mark = kind;
     const focused = document.activeElement === this.cancel;
     this.progress.hidden = this.cancel.hidden = !long;
     this.progress.value = STEPS[kind] ?? 3;
-    if (focused && !long) this.root.querySelector("button:not(:disabled)")?.focus(); // a button that is hidden would take the focus along
+    if (focused && !long) this.root.querySelector("button:not(:disabled)")?.focus(); // a hidden button would lose the focus
   }
   kind() {
     const { shown, values, refused } = this.state;
@@ -49,11 +50,11 @@ class Mark {
     if (kind === "cam") return "; bounce and jump over the band are being computed";
     return kind === "none" ? "; the first cam is being computed" : "; the new ones are being computed";
   }
-  difference() { // in which numbers what is shown differs from the page's
+  difference() { // the numbers in which what is shown differs from the page
     const then = JSON.parse(this.state.shown.values), now = this.state.values;
-    const say = (v) => (v === null ? "off" : typeof v === "number" ? shown(v, 5) : v === true ? "on" : v === false ? "off" : v);
+    const inWords = (v) => (v === null ? "off" : typeof v === "number" ? shown(v, 5) : v === true ? "on" : v === false ? "off" : v);
     const differ = this.controls.filter((c) => then[c.key] !== now[c.key]);
-    const listed = differ.slice(0, 2).map((c) => `${c.label} ${say(then[c.key])}, not ${say(now[c.key])}`);
+    const listed = differ.slice(0, 2).map((c) => `${c.label} ${inWords(then[c.key])}, not ${inWords(now[c.key])}`);
     const more = differ.length > 2 ? ` and ${differ.length - 2} more` : "";
     return listed.length ? ` (${listed.join("; ")}${more})` : "";
   }

@@ -1,9 +1,9 @@
-// What an answer looks like: charts, areas, trains, the comparison with a pinned design.
-const UNSEEN_MS = 400; // the train out of sight is drawn once no newer motion has come for so long
+// Display of an answer: charts, areas, trains as built, and the comparison with a pinned design.
+const UNSEEN_MS = 400; // while the train is out of view, it is drawn this long after the last new motion
 const FORCE_LOOKS = ["first", "second", "third", "fourth"];
 
 class Panels {
-  constructor(waiting) { // waiting: what says how long a slow part has taken
+  constructor(waiting) { // waiting: the element that shows how long a slow part has taken
     this.charts = {
       lift: new Chart("Cam lift", "mm"),
       acceleration: new Chart("Acceleration", "mm/deg²"),
@@ -24,7 +24,7 @@ class Panels {
       h("section", { class: "beside", "aria-label": "Area and yield" },
         h("h2", {}, "Area under these limits"), this.areas, h("h2", {}, "Trains as built"), this.trains, waiting, this.compared),
       h("section", { class: "moving" }, h("h2", {}, "The valve train in motion"), this.train));
-    new IntersectionObserver((entries) => this.seen(entries.at(-1).isIntersecting)).observe(this.node.lastChild);
+    new IntersectionObserver((entries) => this.setVisible(entries.at(-1).isIntersecting)).observe(this.node.lastChild);
   }
   show(answer, values, pinned) {
     const c = answer.curves, d = pinned?.answer.curves, x = { label: "cam angle [deg]", low: -110, high: 110, ticks: [-90, -45, 0, 45, 90] };
@@ -34,10 +34,10 @@ class Panels {
       .flatMap((k) => (k === "jerk_max_mm_per_deg3" ? [values[k], -values[k]] : [values[k]])));
     const range = (key) => `from ${shown(Math.min(...c[key]))} to ${shown(Math.max(...c[key]))}`;
     this.charts.lift.show({ x, lines: lines("lift_mm"), limits: limit("max_lift_mm"), include: [0],
-      says: `largest ${shown(answer.max_lift_mm)} mm` });
-    this.charts.acceleration.show({ x, lines: lines("acceleration_mm_per_deg2"), says: range("acceleration_mm_per_deg2"),
+      caption: `largest ${shown(answer.max_lift_mm)} mm` });
+    this.charts.acceleration.show({ x, lines: lines("acceleration_mm_per_deg2"), caption: range("acceleration_mm_per_deg2"),
       limits: limit("acceleration_max_mm_per_deg2", "acceleration_min_mm_per_deg2") });
-    this.charts.jerk.show({ x, lines: lines("jerk_mm_per_deg3"), limits: limit("jerk_max_mm_per_deg3"), says: range("jerk_mm_per_deg3") });
+    this.charts.jerk.show({ x, lines: lines("jerk_mm_per_deg3"), limits: limit("jerk_max_mm_per_deg3"), caption: range("jerk_mm_per_deg3") });
     this.motion(answer, values, pinned);
   }
   motion(answer, values, pinned) {
@@ -47,40 +47,40 @@ class Panels {
       for (const chart of [this.charts.valve, this.charts.force]) chart.words.textContent = m.says;
       return;
     }
-    const a = m.animation, one = a.cams[0].motions[0], old = pinned?.answer.motion.animation;
-    const angles = one.force_N[0].map((_, i) => -180 + i * a.step_deg), x = { label: "cam angle [deg]", low: -180, high: 180, ticks: [-180, -90, 0, 90, 180] };
-    const mm = (motion, seat) => motion.separation_um[seat].map((v) => v / 1000);
+    const a = m.animation, motion = a.cams[0].motions[0], old = pinned?.answer.motion.animation;
+    const angles = motion.force_N[0].map((_, i) => -180 + i * a.step_deg), x = { label: "cam angle [deg]", low: -180, high: 180, ticks: [-180, -90, 0, 90, 180] };
+    const mm = (of, seat) => of.separation_um[seat].map((v) => v / 1000);
     const settled = m.periodic ? "" : "; has not settled, one revolution of many";
-    this.charts.valve.show({ x, limits: [], says: `above its seat at ${shown(m.speed_rpm, 5)} r/min${settled}`, lines: [
+    this.charts.valve.show({ x, limits: [], caption: `above its seat at ${shown(m.speed_rpm, 5)} r/min${settled}`, lines: [
       ...(old ? [{ name: "pinned", x: angles, y: mm(old.cams[0].motions[0], old.seat), look: "pinned" }] : []),
       { name: "cam less lash", x: angles, y: kinematic(a, values), look: "faint" },
-      { name: "valve", x: angles, y: mm(one, a.seat), look: "design" }] });
+      { name: "valve", x: angles, y: mm(motion, a.seat), look: "design" }] });
     const names = a.contacts.map((e) => a.drawing.elements[e].name);
-    const forces = names.map((name, k) => ({ name, x: angles, y: one.force_N[k], look: FORCE_LOOKS[k % 4] }));
-    const tops = one.force_N.map((row) => Math.max(...row));
-    this.charts.force.show({ x, lines: forces, include: [0], says: names.map((n, k) => `${["━", "╍", "┅", "·"][k % 4]} ${n} up to ${shown(tops[k], 4)} N`).join(", "),
+    const forces = names.map((name, k) => ({ name, x: angles, y: motion.force_N[k], look: FORCE_LOOKS[k % 4] }));
+    const tops = motion.force_N.map((row) => Math.max(...row));
+    this.charts.force.show({ x, lines: forces, include: [0], caption: names.map((n, k) => `${["━", "╍", "┅", "·"][k % 4]} ${n} up to ${shown(tops[k], 4)} N`).join(", "),
       limits: values.contact_force_max_N ? [{ value: values.contact_force_max_N, name: "limit" }] : [] });
-    this.moving = a;
-    clearTimeout(this.later);
-    if (this.unseen) this.later = setTimeout(() => this.move(), UNSEEN_MS);
-    else this.move();
+    this.newest = a;
+    clearTimeout(this.drawTimer);
+    if (this.visible === false) this.drawTimer = setTimeout(() => this.drawTrain(), UNSEEN_MS);
+    else this.drawTrain();
   }
-  move() { // the train's latest motion
-    const latest = this.moving;
-    this.moving = null;
-    if (!latest) return;
-    if (this.animate) this.animate(latest);
-    else this.animate = trainAnimation(this.train.parentElement, latest);
+  drawTrain() { // draws the newest motion of the train, once
+    const { newest } = this;
+    this.newest = null;
+    if (!newest) return;
+    if (this.animate) this.animate(newest);
+    else this.animate = trainAnimation(this.train.parentElement, newest);
   }
-  seen(isSeen) {
-    this.unseen = !isSeen;
-    if (isSeen) this.move();
+  setVisible(visible) {
+    this.visible = visible;
+    if (visible) this.drawTrain();
   }
-  bandIsOf(before) { // while the hand moves, the curves over the band are of the numbers before
+  markBand(before) { // before: whether the curves over the band are those of earlier numbers
     for (const chart of [this.charts.bounce, this.charts.jump]) chart.node.classList.toggle("before", before);
   }
-  trainsAreOf(these) {
-    this.trains.classList.toggle("before", !these && this.trains.textContent.includes("%"));
+  markTrains(current) { // current: whether the yield is that of the page's numbers
+    this.trains.classList.toggle("before", !current && this.trains.textContent.includes("%"));
   }
   band(band, values, pinned) {
     const x = { label: "crankshaft speed [r/min]", low: band.speeds_rpm[0], high: band.speeds_rpm.at(-1) };
@@ -91,14 +91,14 @@ class Panels {
       const old = pinned?.band ? [{ name: "pinned", x: pinned.band.speeds_rpm, y: pinned.band.curves[key], look: "pinned" }] : [];
       this.charts[chart].show({ x, places, lines: [...old, { name: "design", x: band.speeds_rpm, y, look: "design" }],
         limits: limit === null || limit === undefined ? [] : limitsAt([limit]),
-        says: `largest ${shown(most, 3)} mm at ${shown(at, 5)} r/min${never}` });
+        caption: `largest ${shown(most, 3)} mm at ${shown(at, 5)} r/min${never}` });
     }
   }
-  showAreas(answer, further, pinned) {
-    const rows = [{ label: "Certified bound", area: further.bound, look: "bound" },
+  showAreas(answer, references, pinned) { // references: the bound and the literature's cams
+    const rows = [{ label: "Certified bound", area: references.bound, look: "bound" },
       { label: `Design (${answer.program})`, area: answer.area_ratio, look: "design" }];
     if (pinned) rows.push({ label: "Pinned", area: pinned.answer.area_ratio, look: "pinned" });
-    for (const b of further.baselines ?? []) rows.push({ label: b.label, area: b.area_ratio, look: "other", says: b.says });
+    for (const b of references.baselines ?? []) rows.push({ label: b.label, area: b.area_ratio, look: "other", says: b.says });
     const most = Math.max(...rows.map((r) => r.area ?? 0));
     this.areas.replaceChildren(h("table", {}, h("tr", {}, h("th", { scope: "col" }, "cam"), h("th", { scope: "col" }, "area ratio"), h("td")),
       ...rows.map((r) => {
@@ -109,8 +109,8 @@ class Panels {
       })), h("p", { class: "note" }, "The bound and the literature's cams know nothing of the motion; the no-jump design keeps contact at the program's speeds."),
       ...rows.filter((r) => r.says).map((r) => h("p", { class: "note" }, `* ${r.label}: ${r.says}`)));
   }
-  showTrains(found, resting) {
-    this.trains.textContent = found.says + (resting || found.share === undefined ? "" : " Few trains while you drag.");
+  showTrains(reply, resting) {
+    this.trains.textContent = reply.says + (resting || reply.share === undefined ? "" : " Few trains while you drag.");
   }
   compare(answer, band, pinned) {
     if (!pinned) { this.compared.replaceChildren(); return; }
@@ -124,6 +124,6 @@ class Panels {
       ...rows.map(([label, now, then]) => h("tr", {}, h("th", { scope: "row" }, label), h("td", {}, shown(now)), h("td", {}, shown(then))))));
   }
 }
-function kinematic(animation, values) { // what the cam alone would do to the valve [mm]
+function kinematic(animation, values) { // valve lift by the cam lift and the lash alone [mm]
   return animation.cams[0].lift_um.map((um) => Math.max(0, um / 1000 - (values.lash_mm ?? 0)));
 }

@@ -1,6 +1,6 @@
-// Scene and run folder, saved under a name in the folder that the designer was started in.
+// Saving of the scene or a run folder under a name, in the folder in which the designer was started.
 class Saving {
-  constructor(name, send, values, done) { // done: called with nothing, or with the error of a server that is gone
+  constructor(name, send, values, done) { // done: called without an argument, or with the error where the server does not answer
     Object.assign(this, { send, values, done });
     this.name = h("input", { id: "camopt-name", type: "text", value: `${name}-edited`, maxlength: 64 });
     this.saved = h("p", { class: "saved", "aria-live": "polite" });
@@ -10,9 +10,9 @@ class Saving {
   }
   async save(what) {
     try {
-      const found = await this.send({ kind: "save", what, name: this.name.value, values: this.values() });
-      const next = what === "run" ? `camopt report ${found.saved}` : `camopt optimize ${found.saved}`;
-      this.saved.textContent = `Saved as ${found.saved} in the folder that the designer was started in. Next: ${next}`;
+      const reply = await this.send({ kind: "save", what, name: this.name.value, values: this.values() });
+      const next = what === "run" ? `camopt report ${reply.saved}` : `camopt optimize ${reply.saved}`;
+      this.saved.textContent = `Saved as ${reply.saved} in the folder that the designer was started in. Next: ${next}`;
       this.done();
     } catch (error) {
       if (error.says) this.saved.textContent = error.says;

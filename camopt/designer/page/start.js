@@ -1,11 +1,11 @@
-// Where the page's messages go, and its beginning: served by this machine, or in a notebook.
+// Transport of the page's messages, to a server of this machine or to a notebook's kernel, and start of the page.
 async function overHttp(message) {
   const reply = await fetch("/ask", { method: "POST", headers: { "Content-Type": "application/json" }, body: JSON.stringify(message) });
   const content = await reply.json();
   if (!reply.ok) throw { says: content.says };
   return content;
 }
-function overKernel(model) { // a notebook's messages, each with its number
+function overKernel(model) { // messages to a notebook's kernel, numbered so that each reply finds its message
   const waiting = new Map();
   let number = 0;
   model.on("msg:custom", ({ number: at, reply, says }) => {

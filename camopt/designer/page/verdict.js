@@ -1,9 +1,9 @@
-// The verdict that somebody asked for: its buttons, how far it is, and what the page may say of the cam.
+// The verdict on request: its buttons, its progress, and the sentence on the state of the cam.
 const POLL_MS = 400;
 
 class Verdict {
-  constructor(root, told, values, verifies) { // told: sends a message, null where there is no reply; values: those shown
-    Object.assign(this, { root, told, values, state: { state: "none" }, of: null, tools: [] });
+  constructor(root, send, values, verifies) { // send: sends a message and returns the reply or null; values: returns the page's numbers
+    Object.assign(this, { root, send, values, state: { state: "none" }, verified: null, tools: [] });
     this.status = h("p", { class: "status" });
     if (!verifies) return;
     const button = (words, act) => h("button", { type: "button", on: { click: act } }, words);
@@ -14,19 +14,19 @@ class Verdict {
   }
   subject() { return JSON.stringify({ ...this.values(), speed_rpm: null }); }
   async begin() {
-    this.of = this.subject();
+    this.verified = this.subject();
     await this.follow({ kind: "verify", values: this.values() });
   }
-  async follow(message) { // until it has ended
-    const found = await this.told(message);
-    if (!found) return;
-    this.state = found;
+  async follow(message) { // sends the message and polls until the verdict has ended
+    const state = await this.send(message);
+    if (!state) return;
+    this.state = state;
     this.show();
-    if (found.state === "running") setTimeout(() => this.follow({ kind: "verification" }), POLL_MS);
+    if (state.state === "running") setTimeout(() => this.follow({ kind: "verification" }), POLL_MS);
   }
-  words(mine) {
+  sentence(current) { // current: whether the verdict is that of the page's numbers
     const v = this.state, doubt = "event-exact only, not confirmed";
-    if (v.state === "done" && mine) return v.verdict === "confirmed" ? "✓ confirmed by independent methods" : `✗ ${v.verdict}. ${v.reason}`;
+    if (v.state === "done" && current) return v.verdict === "confirmed" ? "✓ confirmed by independent methods" : `✗ ${v.verdict}. ${v.reason}`;
     const stage = v.verdict ? ` So far: ${v.verdict}.` : "";
     const further = {
       running: `; verdict running, stage ${v.stage ?? 1} of ${v.stages}: ${v.says ?? ""}, ${Math.round(v.seconds ?? 0)} s.${stage}`,
@@ -37,9 +37,9 @@ class Verdict {
     return doubt + (further[v.state] ?? "");
   }
   show() {
-    const v = this.state, mine = this.of === this.subject(), ended = v.state === "done" && mine;
-    this.status.textContent = this.words(mine);
-    this.status.setAttribute("aria-live", v.state === "running" ? "off" : "polite"); // not every second that passes
+    const v = this.state, current = this.verified === this.subject(), ended = v.state === "done" && current;
+    this.status.textContent = this.sentence(current);
+    this.status.setAttribute("aria-live", v.state === "running" ? "off" : "polite"); // the seconds are not read aloud
     this.status.className = `status ${!ended ? "doubt" : v.verdict === "confirmed" ? "good" : "bad"}`;
     this.root.dataset.verdict = ended ? v.verdict : v.state;
     if (!this.progress) return;
@@ -47,7 +47,7 @@ class Verdict {
     this.cancel.hidden = this.progress.hidden = !running;
     this.verify.hidden = running;
     if (running) this.progress.value = ((v.stage ?? 1) - 0.5) / v.stages;
-    if (focused === this.verify && running) this.cancel.focus(); // a button that is hidden would take the focus along
+    if (focused === this.verify && running) this.cancel.focus(); // a hidden button would lose the focus
     if (focused === this.cancel && !running) this.verify.focus();
   }
 }
