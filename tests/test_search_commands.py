@@ -88,7 +88,7 @@ class TestVerbsThatSearch:
             "compare": False,
         }
         start_to_end, areas, gain, verdict = printed[0].splitlines()[1:]
-        assert gain == "Margins that follow the judged motion gained 0.005 of area ratio."
+        assert gain == "Adapting the margins to the judged motion gained 0.005 of area ratio."
         assert start_to_end.split() == ["area", "ratio", "–", "0.55", "->", "0.56"]
         assert "0.56000, certified bound 0.60000 (gap 6.67 %), no-jump program 0.55500" in areas
         assert verdict == f"verdict: {'sensitive' if code else 'confirmed'}"

@@ -31,7 +31,7 @@ BAND_SPEEDS = 5
 """Number of speeds of the program over the band: few, because the answer must come while the user drags."""
 COARSE_STEP = 1.5 * DEG
 """Angle between the rows while the user drags [rad]."""
-CONTRADICTION = "no cam holds these limits together: loosen one"
+CONTRADICTION = "no cam keeps all of these limits: loosen one"
 """Sentence on infeasible limits. The diagnosis takes seconds: `camopt.designer.slow_parts.why_none`."""
 RAMPS = ("ramp_height_mm", "ramp_velocity_mm_per_deg", "ramp_foot_deg")
 GEOMETRY = ("duration_deg", *RAMPS, *(f"closing_{key}" for key in RAMPS[:2]))

@@ -149,14 +149,14 @@ class Handler(BaseHTTPRequestHandler):
         same = host in hosts and (origin is None or origin in {f"http://{name}" for name in hosts})
         if same and not (cross and self.command == "POST"):
             return False
-        self._refuse(403, "only this machine's own page may ask")
+        self._refuse(403, "only the designer's own page may send requests")
         return True
 
     def _message(self) -> Mapping[str, Any] | None:
         """The body as a JSON object; for any other body, sends the error and returns None."""
         length = self.headers.get("Content-Length", "")
         if not (length.isascii() and length.isdigit() and len(length) < 12):
-            self._refuse(411, "a message says how long it is")
+            self._refuse(411, "its length is missing")
         elif int(length) > MOST_BYTES:
             self._refuse(413, f"a message has at most {MOST_BYTES} bytes")
         elif self.headers.get_content_type() != "application/json":

@@ -43,7 +43,7 @@ def blame_bars(blame: Mapping[str, float], bought: Mapping[str, float]) -> Figur
     labels = list(blame)[::-1]
     figure = new_figure(7.6, 1.3 + 0.3 * max(len(labels), 1))
     panels = [(blame, "part in the scatter [%]")] + (
-        [(bought, "gained by half of it [% of the trains]")] if bought else []
+        [(bought, "gain by halving it [% of the trains]")] if bought else []
     )
     for axes, (values, words) in zip(figure.subplots(1, len(panels), squeeze=False)[0], panels, strict=True):
         axes.barh(range(len(labels)), [100 * values.get(label, 0.0) for label in labels], color=COLOUR, height=0.6)

@@ -86,7 +86,11 @@ def advice(run: RunFolder, scene: str, cam: str, assumed: Sequence[dict] = ()) -
     move = steps.step("Move the limits and watch the cam.", "design", scene)
     if verdict == "confirmed":
         first = max(run.worth, key=lambda key: run.worth[key], default=None)
-        words = f"Move the limits; {label_and_unit(first)[0]} buys most area." if first else "Move the limits."
+        words = (
+            f"Move the limits; {label_and_unit(first)[0]} has the largest effect on the area."
+            if first
+            else "Move the limits."
+        )
         return [*_steps_if_confirmed(run, steps, assumed), steps.step(words, "design", scene)]
     if verdict == "rejected":
         return [*steps.further("Search further: the verdict broke a limit."), move]

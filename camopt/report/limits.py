@@ -111,7 +111,7 @@ def disagreements(run: RunFolder, rows: list[dict]) -> list[str]:
     exceeded = [row["label"] for row in rows if row["held"] is False]
     sentences = []
     if verdict == "confirmed" and exceeded:
-        sentences.append(f"The verdict is confirmed, yet by the figures below it breaks: {', '.join(exceeded)}.")
+        sentences.append(f"The verdict is confirmed, but the values below exceed these limits: {', '.join(exceeded)}.")
     sentences += [
         f"The verdict is {verdict}, yet at {shown(s.get('speed_rpm'))} r/min it is {shown(s.get('verdict'))}."
         for s in run.verification.judged

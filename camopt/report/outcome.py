@@ -47,7 +47,7 @@ def _narrow_reserve(run: RunFolder) -> list[str]:
         return []
     return [
         f"The limits hold only {shown(reserve, 2)} % beyond the band's top speed, which a spring "
-        f"{shown(2 * reserve, 2)} % softer uses up: a band_rpm that reaches further{_yield_remedy(run)} makes room."
+        f"{shown(2 * reserve, 2)} % softer uses up: a higher band_rpm{_yield_remedy(run)} gives a reserve."
     ]
 
 
@@ -174,7 +174,7 @@ def free_sentences(run: RunFolder) -> list[str]:
             continue
         value, before, low, high = (shown(number[key], 5) for key in FREE)
         label = name if number.get("of") in (name, None) else f"{name} ({number['of']})"
-        end = ", the end of what it might choose" if value in (low, high) else ""
+        end = ", an end of this range" if value in (low, high) else ""
         sentences.append(f"Of {label} from {low} to {high} the design chose {value}{end}; the scene had {before}.")
     return sentences
 
@@ -194,7 +194,7 @@ def gain_sentences(run: RunFolder) -> list[str]:
                 f"program's and within the limits on the motion; others were not tried."
             )
         elif gain > 0:
-            sentences.append(f"Margins that follow the judged motion gained {shown(gain, 3)} of area ratio.")
+            sentences.append(f"Adapting the margins to the judged motion gained {shown(gain, 3)} of area ratio.")
         else:
             sentences.append(f"The delivered cam has {shown(-gain, 3)} less area ratio than the no-jump program's cam.")
     back = d.get("verdict_fell_back")

@@ -17,7 +17,7 @@ VERDICTS = {
 """By verdict: its class in the page, its mark and its meaning."""
 NEAR = 0.9
 """Used share from which a cell is marked as near its limit."""
-NO_VERDICT = ("doubt", "?", "This cam has not been verified: nothing below is more than the optimiser's own opinion.")
+NO_VERDICT = ("doubt", "?", "This cam has not been verified: the values below are the optimiser's own.")
 
 
 def heading(key: str) -> str:
@@ -46,7 +46,7 @@ def used(share: float | None, bad: bool = False) -> str:
     motion that does not settle or seat."""
     words = "?" if share is None else f"{100 * share:.0f} %" if share < 10 else f"{share:.0f} times"
     if share is not None and math.isinf(share):
-        words = "no motion that counts"
+        words = "no settled motion that seats"
     return ("✗ " if bad else "") + words
 
 

@@ -139,7 +139,7 @@ def test_the_mark_states_to_which_numbers_the_answer_belongs(open_page):
     duration = SCENE.design.duration_deg
     number(page, "duration_deg").fill(f"{duration + 1:g}")
     assert words(page).startswith(
-        f"Shown is the answer to the numbers before (Duration {duration:g}, not {duration + 1:g}); the new ones are"
+        f"Result for the previous numbers (Duration {duration:g}, not {duration + 1:g}); the new ones are"
     )
     caption = page.locator("figure.chart figcaption >> nth=0")
     after = "getComputedStyle(document.querySelector('figure.chart figcaption'), '::after').content"
@@ -147,7 +147,7 @@ def test_the_mark_states_to_which_numbers_the_answer_belongs(open_page):
     wait(page, lambda: held["sketch"]["routes"])
     let_go(held["sketch"])
     wait(page, lambda: data(page)["mark"] == "first")
-    assert words(page).startswith("First answer to these numbers") and page.evaluate(after) == '" (first answer)"'
+    assert words(page).startswith("First result for these numbers") and page.evaluate(after) == '" (first answer)"'
     wait(page, lambda: held["cam"]["routes"])
     let_go(held["cam"])
     wait(page, lambda: data(page)["mark"] == "cam")
@@ -229,7 +229,7 @@ def test_a_fault_is_shown_beside_its_field(open_page):
     number(page, "max_lift_mm").fill("-3")
     wait(page, lambda: "greater than 0" in page.locator("[data-key=max_lift_mm] .fault").inner_text())
     assert number(page, "max_lift_mm").get_attribute("aria-invalid") == "true"
-    assert "no scene" in page.locator(".result").inner_text()
+    assert "not a valid scene" in page.locator(".result").inner_text()
     number(page, "max_lift_mm").fill("")
     assert "expected a number" in page.locator("[data-key=max_lift_mm] .fault").inner_text()
     type_number(page, "max_lift_mm", "9")

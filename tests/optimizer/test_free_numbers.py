@@ -116,7 +116,7 @@ def test_the_command_designs_with_the_numbers_that_it_chose(undrawn, tmp_path, c
     words = ["optimize", "motori-1", "--accuracy", "draft", "--speeds", "nominal", "--no-compare", "--gradient", "none"]
     folder = tmp_path / "run"
     assert main([*words, "--free", "spring.preload_N=200:320", "--out", str(folder)]) == 0
-    assert "the design chose 320, the end of what it might choose; the scene had 250." in capsys.readouterr().out
+    assert "the design chose 320, an end of this range; the scene had 250." in capsys.readouterr().out
     chosen = json.loads((folder / "design.json").read_text())["free"]["spring.preload_N"]
     spring = next(e for e in load_scene(str(folder / "scene.toml")).element if e.name == "spring")
     assert spring.preload_N == chosen["value"]

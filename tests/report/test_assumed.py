@@ -50,7 +50,7 @@ def test_ranking_is_by_the_effect_of_ten_per_cent_on_the_limits():
 def test_the_table_and_the_sentence_name_them_in_order():
     rows = [{"name": f"m{i}.mass_kg", "moved_to": 0.9 - 0.1 * i} for i in range(6)]
     rows[0] = {"name": "seat.damping_N_s_per_m", "moved_to": np.inf}
-    assert [used(row["moved_to"]) for row in rows[:2]] == ["no motion that counts", "80 %"]
+    assert [used(row["moved_to"]) for row in rows[:2]] == ["no settled motion that seats", "80 %"]
     sentence = "seat.damping_N_s_per_m, m1.mass_kg and 4 more, ranked in the valve train's section"
     assert first_to_measure(rows) == sentence
     assert first_to_measure(rows[:2]) == "seat.damping_N_s_per_m, m1.mass_kg" and first_to_measure([]) == ""

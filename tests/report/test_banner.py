@@ -84,8 +84,8 @@ def test_each_warning_has_a_sentence(write, contents):
         record |= {"jump_deg": 39.2, "ranges": {}, "periodic": record["speed_rpm"] != 7000}
     narrow, opened, wanders = edge_sentences(run_of(write, contents, {}))
     assert narrow == (
-        "The limits hold only 0.86 % beyond the band's top speed, which a spring 1.7 % softer uses up: a band_rpm that "
-        "reaches further, or --yield, makes room."
+        "The limits hold only 0.86 % beyond the band's top speed, which a spring 1.7 % softer uses up: a higher "
+        "band_rpm, or --yield, gives a reserve."
     )
     assert opened.startswith("A contact is open over 39.2 deg of the cam at") and "contact_force_min_N" in opened
     assert wanders.startswith("The motion at 7000 r/min does not settle") and wanders.endswith("--yield, calms it.")

@@ -157,7 +157,7 @@ def test_the_bounce_is_judged_at_the_upper_end_of_its_range(write, contents, at,
     row = page.table("limit")["bounce"]
     assert (row["state"], row["reached"], row["where"]) == (state, reached, where)
     broken = state == "✗ broken"
-    assert ("Contradiction" in page.text and "it breaks: bounce" in page.text) is broken
+    assert ("Contradiction" in page.text and "exceed these limits: bounce" in page.text) is broken
     assert (page.table("speed [r/min]")["7000"]["bounce [mm]"] == "never seats") is not broken
 
 

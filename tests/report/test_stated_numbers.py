@@ -178,7 +178,7 @@ def test_a_contact_that_stays_closed_is_reported(write, contents):
     assert sentence in page_of(write(contents)).text
 
 
-FOLLOWED = "Margins that follow the judged motion gained 0.0041 of area ratio."
+FOLLOWED = "Adapting the margins to the judged motion gained 0.0041 of area ratio."
 
 
 @pytest.mark.parametrize(
@@ -224,7 +224,7 @@ def test_an_error_estimate_has_no_meaningless_digits(write, contents):
 def test_an_accuracy_that_was_not_reached_is_stated(write, contents):
     contents["verification"]["accuracy"] = {
         "reached": False,
-        "statement": "requested accuracy: 5 um; not reached: only a range of the bounce is known, 0.1 to 0.2 mm at 7000 r/min",
+        "statement": "requested accuracy: 5 um; not reached: only a range of the bounce is known, 0.1 to 0.2 mm",
     }
     text = page_of(write(contents)).text
-    assert "Delivered: not reached: only a range of the bounce is known, 0.1 to 0.2 mm at 7000 r/min." in text
+    assert "Delivered: not reached: only a range of the bounce is known, 0.1 to 0.2 mm." in text

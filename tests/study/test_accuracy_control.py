@@ -113,8 +113,8 @@ class TestCurvedLaws:
         best = motion.attrs["accuracy_estimated_um"]
         assert motion.attrs["accuracy_reached"] == 0 and 1e-3 < best < 10.0
         assert motion.attrs["accuracy_statement"].startswith(
-            "requested accuracy: 1e-05 um; not reached within the budget of 4 settings: the valve's position is known to a "
-            "range only, at best +-"
+            "requested accuracy: 1e-05 um; not reached within the budget of 4 settings: the valve's position is known "
+            "to a range only, at best +-"
         )
         assert simulate(CURVED, self.CAM, 5000, accuracy=10 * best).attrs["accuracy_reached"] == 1
 

@@ -43,7 +43,8 @@ class TestWords:
     def test_not_reached_is_a_range_at_the_speeds_concerned(self):
         found = accuracy_record([at(5000, 2e-4), at(7000, 0.0, 0.12, 0.34, periodic=False)], 1.0, None)
         assert found["statement"] == (
-            "requested accuracy: 1 um; not reached: only a range of the bounce is known, 0.1200 to 0.3400 mm at 7000 r/min"
+            "requested accuracy: 1 um; not reached: only a range of the bounce is known, 0.1200 to 0.3400 mm at 7000 "
+            "r/min"
         )
         assert (found["asked"], found["reached"]) == (1.0, False)
         assert found["delivered_um"] == pytest.approx(220.0)

@@ -186,7 +186,7 @@ class Designer {
       this.refusedNumbers = numbers;
       this.contradicted = answer.state === "no cam";
       const says = answer.says ?? Object.values(answer.faults).join("; ");
-      this.result.textContent = answer.state === "no cam" ? `No cam: ${says}` : `These numbers make no scene: ${says}`;
+      this.result.textContent = answer.state === "no cam" ? `No cam: ${says}` : `These numbers are not a valid scene: ${says}`;
       this.root.classList.add("stale");
       this.reportPainted(answer, changedAt);
       return;

@@ -40,9 +40,9 @@ class Mark {
   }
   sentence(kind) {
     if (kind === "none") return "Nothing is shown yet";
-    if (kind === "before") return `Shown is the answer to the numbers before${this.difference()}`;
-    if (kind === "first") return "First answer to these numbers: a rough cam, and a motion that may not have settled";
-    if (kind === "cam") return "Shown is the cam of these numbers, and its motion at the speed shown";
+    if (kind === "before") return `Result for the previous numbers${this.difference()}`;
+    if (kind === "first") return "First result for these numbers: a rough cam, and a motion that may not have settled";
+    if (kind === "cam") return "Result for these numbers: the cam, and its motion at the speed shown";
     return "Settled: cam, motion and band of these numbers";
   }
   next(kind) {

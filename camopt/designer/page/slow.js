@@ -1,6 +1,6 @@
 // Parts that take seconds, computed by another process: the bound, the literature's cams, trains as built, why there is no cam.
 const SLOW = {
-  why: "What stands in the way is being looked for", bound: "The bound is being computed", baselines: "The literature's cams are being computed",
+  why: "The cause is being determined", bound: "The bound is being computed", baselines: "The literature's cams are being computed",
   "few trains": "Trains are being drawn", trains: "Trains are being drawn",
 };
 
