@@ -1,1 +1,1 @@
-"""The search for a cam that holds in a wanted share of the trains as built, and what is said of the one found."""
+"""The search for a cam that a wanted share of the trains as built holds, and the statement of the yield it reaches."""

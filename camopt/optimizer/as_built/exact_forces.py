@@ -1,4 +1,4 @@
-"""Forces of the tied contacts of trains as built whose laws are straight, from the closed periodic response."""
+"""Forces of the tied contacts of trains as built with linear laws, from the periodic response in closed form."""
 
 from collections.abc import Sequence
 
@@ -20,12 +20,12 @@ from camopt.scene.errors import NoCamFound
 from camopt.scene.train import Train
 
 EDGES = STEP / 2
-"""Longest step of the response. Its edges include the cam's knots, and between two edges forces are read along a
-line."""
+"""Longest step of the response [rad]. The edges of the steps include the cam's knots, and forces are interpolated
+linearly between two edges."""
 
 
 class ExactForces:
-    """The forces of trains (t), train t at the cam speeds `cam_speeds[t % classes]` (classes, s) [rad/s]."""
+    """The forces of drawn trains (t); train t has the cam speeds `cam_speeds[t % classes]` (classes, s) [rad/s]."""
 
     for_every_cam = True
 
@@ -40,14 +40,14 @@ class ExactForces:
             self._put(self._forces[t], one, cam, cam_speeds[t % len(cam_speeds)])
 
     def about(self, z: np.ndarray) -> np.ndarray:
-        """The forces (t, s, c, k, 1 + m) [N] in single precision, at z = 0 and by each of z (m): those of every cam."""
+        """Forces (t, s, c, k, 1 + m) [N] at z = 0 and per coefficient, in single precision; valid for every z (m)."""
         return self._forces
 
     def _put(self, found: np.ndarray, one: TrainAsBuilt, cam: FreeCam, cam_speeds: np.ndarray) -> None:
-        """Puts those of one train in their place (s, c, k, 1 + m)."""
+        """Writes the forces of one train into its part (s, c, k, 1 + m) of the array."""
         try:
             angles = static_angles(one.train, cam)
-        except NoCamFound:  # its lash is larger than the ramp is high: it hits, and event-exact judges how hard
+        except NoCamFound:  # the lash exceeds the ramp height; event-exact evaluates the impact later
             angles = self._usual
         samples = sample_cam(cam, angles, EDGES)
         error = _error_samples(one, cam, samples)
@@ -69,8 +69,8 @@ class ExactForces:
 
 
 def _error_samples(one: TrainAsBuilt, cam: FreeCam, samples: CamSamples) -> CamSamples | None:
-    """The error of a ground cam between the same edges, every step of the lobe with its Taylor polynomial; None where
-    it has none. The error's own knots lie within the steps, which its fifth derivative alone sees.
+    """The grinding error of a cam between the same edges, as a Taylor polynomial on every step of the lobe; None where
+    there is no error. The error's own knots lie within the steps, and only its fifth derivative is discontinuous there.
     """
     plain = cam.lift(np.zeros(cam.Z.shape[1]))
     ground = one.cam(plain)

@@ -1,14 +1,15 @@
-"""The linear program of largest area whose foretold openings keep their limits in a share of the trains as built.
+"""The linear program of largest area whose predicted contact openings keep their limits in a share of the drawn trains.
 
-Of hundreds of thousands of rows, for every train, speed, contact and stretch of angles, the program has those that a
-cam breaks, and solves again (row generation). Then it gives up the trains that cost most area, by the duals of their
-rows, until as many are given up as a yield may lose. A force that a train is to keep at least lies within its rows.
+There is one row for every train, speed, contact and angle interval, which makes hundreds of thousands. The program
+contains only rows that a cam violated, and is solved again whenever rows are added (row generation). Then the trains
+that cost most area, by the multipliers of their rows, are dropped until their number reaches the permitted loss of
+yield. A least contact force that trains must keep is included in the right-hand sides of the rows.
 
-A tied contact pulls with a force -f where a real one would part. From an angle a on it then opens by gap(b), minus the
-integral from a to b of h(b - t) f(t) dt, with h the opening after a unit impulse on either side of it, of the train in
-which it is open and the others stay closed. The largest one over all a and b is near the real jump where the contacts
-part once and come back, and says more of it than the least force does: one that pulls for a moment opens next to
-nothing.
+A tied contact pulls with a force -f where a real contact would separate. Its predicted opening over an interval from
+angle a to b is gap(b), which is minus the integral from a to b of h(b - t) f(t) dt. Here h is the opening after a unit
+impulse on both sides of the contact, in the train in which this contact is open and the others stay closed. The largest
+opening over all a and b is close to the real jump where the contacts separate once and close again. It describes the
+jump better than the least contact force: a contact that pulls only for a moment opens next to nothing.
 """
 
 from dataclasses import dataclass, field, replace
@@ -24,15 +25,15 @@ from camopt.scene.train import Train
 from camopt.scene.units import DEG
 
 STEP = 1.0 * DEG
-"""Step between the angles at which forces are read."""
+"""Step between the angles at which forces are read [rad]."""
 LONG = np.array([6, 9, 12, 16, 20, 26, 34])
-"""Steps over which a contact opens, from the first one that counts on: 6 to 34 degrees."""
+"""Lengths of the intervals over which a contact may open, in steps: 6 to 34 degrees."""
 
 
 def opening_after_impulse(train: Train, contact: int, step: float, count: int) -> np.ndarray:
-    """Opening of a `contact` [m per N s] at 0, 1, ... `count` - 1 steps [s] after a unit impulse on either side of it.
+    """Opening of a `contact` [m per N s] at 0, 1, ... `count` - 1 steps [s] after a unit impulse on both its sides.
 
-    The train has this contact and the seat open and all others closed, with the laws that stand in for curved ones.
+    In the train this contact and the seat are open, all others are closed, and curved laws are linearised at rest.
     """
     train = linearised_at_rest(train)
     closed = phase_contacts(train)[LIFTED].copy()
@@ -52,8 +53,11 @@ def opening_after_impulse(train: Train, contact: int, step: float, count: int) -
 
 
 def opening_rows(train: Train, contact: int, cam_speed: float, count: int) -> np.ndarray:
-    """Rows (w, k, k) with gap = rows @ f [m] for forces f (k) [N] at `count` angles STEP apart, by the number of steps
-    (w) over which it opens and the angle (k) at which that ends; by the trapezoidal rule."""
+    """Rows (w, k, k) with gap = rows @ f [m] for forces f (k) [N] at `count` angles STEP apart.
+
+    The first axis is the interval's length in steps (w), the second the angle (k) at which it ends. The integral is
+    approximated by the trapezoidal rule.
+    """
     after = opening_after_impulse(train, contact, STEP / cam_speed, LONG[-1] + 1)
     ends, at = np.arange(count)[:, None], np.arange(count)
     past = ends - at
@@ -66,36 +70,38 @@ def opening_rows(train: Train, contact: int, cam_speed: float, count: int) -> np
 
 
 UM = 1e-6
-"""The program's openings are in micrometres: as large as margins in newtons are."""
+"""Unit of the program's openings [m]: in micrometres they are as large as margins in newtons."""
 BROKEN = 1.0 * UM
-"""Opening beyond its limit that counts as none."""
+"""Excess of an opening over its limit that is ignored [m]."""
 NEARLY = 10.0 * UM
-"""A case that breaks its limit has rows for all stretches of angles that come as near to it."""
+"""A case (a train at a speed) that violates its limit gets a row for every angle interval whose opening comes within
+this distance of the limit [m]."""
 WATCHED = 25.0 * UM
-"""Cases that stay farther than this from their limit are looked at again when no other one breaks it."""
+"""Cases that stay farther than this from their limit [m] are checked again only when no other case violates it."""
 FIRST, AT_ONCE = 100, 400
-"""Cases that are given rows to begin with and between two solutions, the worst first."""
+"""Number of cases that get rows at the start and between two solutions, the worst ones first."""
 MOST_SOLUTIONS = 40
+"""Largest number of solutions during one row generation."""
 GIVEN_UP_AT_ONCE = 3
-"""Of the trains that hold the area back one in so many is given up between two solutions."""
+"""At most one in this number of the trains with positive multipliers is dropped between two solutions."""
 
 Key = tuple[int, int, int, int]
 
 
 @dataclass
 class OpeningsProgram:
-    """The program on trains (t), each at its own speeds (s), whose contacts between cam and valve are c.
+    """The program for trains (t), each at its own speeds (s), with the contacts c between cam and valve.
 
-    `forces` (t, s, c, k, 1 + m) are those of the tied contacts [N] at angles `theta` (k) [rad], affine in z. Train t
-    has the cam speeds `cam_speeds[t % classes]` (classes, s) [rad/s]. `plain` is the program of the limits on the
-    shape, without rows on forces.
+    `forces` (t, s, c, k, 1 + m) are the forces of the tied contacts [N] at the angles `theta` (k) [rad], affine in z.
+    Train t has the cam speeds `cam_speeds[t % classes]` (classes, s) [rad/s]. `plain` is the program with the limits on
+    the shape alone, without rows on forces.
     """
 
     plain: NoJumpProgram
     theta: np.ndarray
     cam_speeds: np.ndarray
     forces: np.ndarray
-    kept: np.ndarray = field(init=False)  # (t: bool) trains that are not given up
+    kept: np.ndarray = field(init=False)  # (t: bool) trains that have not been dropped
 
     def __post_init__(self) -> None:
         train, count = self.plain.train, len(self.theta)
@@ -108,13 +114,13 @@ class OpeningsProgram:
         self.about(self.forces)
 
     def about(self, forces: np.ndarray) -> None:
-        """Takes other forces, about another cam, as they are."""
+        """Replaces the forces by those about another cam, and discards rows and dropped trains."""
         self.forces, self._rows, self._work = forces, {}, set()
         self._tight, self._seen, self._tight_limits = set[Key](), set[Key](), np.zeros(0, dtype=int)
         self.kept = np.ones(len(forces), dtype=bool)
 
     def keep(self, margin_N: float) -> None:
-        """Lets all foretold openings be those of forces that are so much smaller [N]."""
+        """Sets the force [N] that is subtracted from all contact forces before openings are predicted."""
         if margin_N != self._margin_N:
             self._margin_N = margin_N
             self._rows.clear()
@@ -124,8 +130,7 @@ class OpeningsProgram:
         return self.forces @ np.append(1.0, z).astype(np.float32)
 
     def foretold(self, z: np.ndarray, cases: np.ndarray) -> np.ndarray:
-        """Openings (i, c, w * k) [m] that the forces foretell for the cam of z (m) in `cases` (i, 2), train and
-        speed."""
+        """Predicted openings (i, c, w * k) [m] with the cam of z (m) in `cases` (i, 2), indices of train and speed."""
         t, s = cases.T
         forces = self.tied(z)[t, s] - np.float32(self._margin_N)
         found = np.empty((len(t), forces.shape[1], len(LONG) * len(self.theta)), dtype=np.float32)
@@ -136,12 +141,12 @@ class OpeningsProgram:
         return found
 
     def largest(self, z: np.ndarray, limits: np.ndarray, given_up: int, box: Box | None = None) -> NoJumpOptimum:
-        """The cam of largest area whose foretold openings at every speed are at most its one of the `limits`
-        (classes, s) [m] in all but `given_up` trains.
+        """The cam of largest area whose predicted openings are at most the `limits` (classes, s) [m] of each speed in
+        all but `given_up` trains.
 
-        The generation of rows begins from the cam of z (m), and goes on from the rows and the trains given up for the
-        limit before. Where no cam keeps the limit in all of them, all openings may be larger by what it takes, until
-        enough trains are given up.
+        Row generation starts from the cam of z (m), with the rows and dropped trains of the previous call. As long as
+        no cam keeps the limits in all remaining trains, all limits are raised by the smallest common amount that makes
+        the program feasible, until enough trains are dropped.
         """
         while True:
             found, pressure = self._solved(z, limits, box)
@@ -152,7 +157,7 @@ class OpeningsProgram:
             self.kept[np.argsort(-pressure, kind="stable")[:count]] = False
 
     def _solved(self, z: np.ndarray, limits: np.ndarray, box: Box | None) -> tuple[NoJumpOptimum, np.ndarray]:
-        """The optimum for the trains that are kept, and by how much each of them (t) holds the area back."""
+        """The optimum for the trains that are kept, and the sum of the multipliers of each train's rows (t)."""
         every = np.argwhere(np.broadcast_to(self.kept[:, None], self.forces.shape[:2]))
         more, near = self._broken(z, limits, every, begin=not self._work)
         for _ in range(MOST_SOLUTIONS):
@@ -169,8 +174,8 @@ class OpeningsProgram:
     def _broken(
         self, z: np.ndarray, limits: np.ndarray, cases: np.ndarray, begin: bool = False
     ) -> tuple[set[Key], np.ndarray]:
-        """Of `cases` (i, 2) the rows that the cam of z (m) breaks by most, to `begin` with those that it comes nearest
-        to breaking; and the cases that come near to it, which the next cam may break."""
+        """The rows of `cases` (i, 2) that the cam of z (m) violates most, or with `begin` those closest to their
+        limits; and the cases close to their limits, which the next cam may violate."""
         limit = limits[cases[:, 0] % len(limits), cases[:, 1]].astype(np.float32)
         beyond = self.foretold(z, cases)
         beyond -= limit[:, None, None]
@@ -187,7 +192,7 @@ class OpeningsProgram:
         return found, cases[worst > -WATCHED]
 
     def _row(self, key: Key) -> np.ndarray:
-        """The opening [um] of a row, at z = 0 and per coefficient (1 + m)."""
+        """The predicted opening [um] of a row at z = 0 and per coefficient (1 + m)."""
         if key not in self._rows:
             t, s, c, q = key
             row, forces = self._openings[t % len(self.cam_speeds), s, c, q], self.forces[t, s, c].astype(float)
@@ -196,8 +201,8 @@ class OpeningsProgram:
         return self._rows[key]
 
     def _optimum(self, limits: np.ndarray, box: Box | None) -> tuple[NoJumpOptimum, np.ndarray, float]:
-        """The optimum with the rows at hand, by how much each train (t) holds it back, and by how much all openings may
-        be beyond their limits [m], since no cam keeps these."""
+        """The optimum under the present rows, the sum of the multipliers of each train's rows (t), and the amount [m]
+        by which all limits were raised to make the program feasible."""
         cases: dict[tuple[int, int], list[Key]] = {}
         for key in sorted(self._work):
             if self.kept[key[0]]:
@@ -217,13 +222,13 @@ class OpeningsProgram:
         return found, pressure, UM * max(0.0, float((margins - found.margins).max(initial=0.0)))
 
     def _to_begin_with(self, first: int, keys: list[Key]) -> np.ndarray | None:
-        """Indices of the rows that were tight in the program before, and of those that it did not have; the rows of
-        openings come after the `first`. None where there was none."""
+        """Indices of the rows that were tight in the previous program and of those that it did not contain, or None if
+        there was no previous program. The rows of openings start at index `first`."""
         new = [first + i for i, key in enumerate(keys) if key in self._tight or key not in self._seen]
         return np.concatenate([self._tight_limits, np.array(new, dtype=int)]) if self._seen else None
 
     def _block(self, keys: list[Key]) -> SpeedRows:
-        """The rows of one train at one speed, as forces that are to be at least minus the limit [um]."""
+        """The rows of one train at one speed: the negative openings [um], which must be at least minus the limit."""
         rows = np.array([self._row(key) for key in keys])
         angle = self.theta[[key[3] % len(self.theta) for key in keys]]
         element = np.array([self.plain.train.cam_side[key[2]] for key in keys])

@@ -1,11 +1,11 @@
-"""The cam of largest area at a price of what drawn trains use of their limits, by slopes of their real motions.
+"""Linear programs of largest area with a penalty on the limit usage of drawn trains, by gradients of the real motions.
 
-Foretold openings (`openings_program`) lead to the neighbourhood of a cam; here every train that comes near a limit on
-the motion says how much it uses of it and, by the adjoint of its event-exact motion, how that follows the cam's
-coefficients. The program about a cam gains area ratio and pays the price for the mean over all trains of how far each
-is beyond a target below its limits: the tail expectation of Rockafellar and Uryasev (2000), Journal of Risk 2:21,
-which a linear program holds. The tail has many times as many trains as may fail, so that no cam suits the few worst
-ones alone.
+Predicted openings (`openings_program`) lead to the neighbourhood of a cam. Here the limit usage of every train near a
+limit on the motion is linearised in the cam's coefficients, by the adjoint of its event-exact motion. The program about
+a cam maximises the area ratio minus a penalty: the price times the mean, over all trains, of the excess of each train
+over a target below its limits. This is the tail expectation of Rockafellar and Uryasev (2000), Journal of Risk 2:21,
+which is linear in the program. The tail contains many times as many trains as may fail, so that the cam is not fitted
+to the few worst trains alone.
 """
 
 from collections import deque
@@ -31,33 +31,37 @@ from camopt.scene.errors import MotionRefused
 from camopt.storage.journal import StepFiles
 
 TAIL, SPREADS, TARGETS = 10, 2.0, (0.25, 0.9)
-"""The target of a limit lies SPREADS times as far below it as the first train that may not fail uses more of it than
-the one beyond which there are TAIL times as many, or than the one that uses least where there are not: far below a
-limit on the jump, of which some trains use many times as much as others, and near to one on seating velocities, which
-are much alike. It lies not below what half of the trains use, and in any case within TARGETS."""
+"""Parameters of the target of a limit. The target lies SPREADS * (u1 - u2) below the limit. Here u1 is the usage of the
+worst train that may not fail, and u2 that of the train with TAIL times as many trains above it as may fail, or of the
+best train where there are too few. So the target is far below a limit on the jump, whose usage differs between trains
+by large factors, and close to a limit on the seating velocity, whose usage is similar in all trains. The target is at
+least the median usage, and is always within TARGETS."""
 NEAR, SOON = 0.06, 0.06
-"""A train has rows from so far below the target on, and is judged from SOON below that with every cam."""
+"""A train has a row where its usage exceeds the target minus NEAR, and it is traced with every cam at the speeds where
+its last usage exceeded the target minus NEAR minus SOON."""
 TOP_SCOUTS, OTHER_SCOUTS = 10, 100
-"""Of the other trains one in so many is judged with every cam at the top of the band, and at other speeds."""
+"""Of the other trains, one in TOP_SCOUTS is traced with each cam at the top of the band, and one in OTHER_SCOUTS at all
+speeds."""
 FARTHEST = 10.0
-"""Use of a limit from which on a motion is another one, whose slopes lead nowhere."""
+"""Limit usage from which on the motion differs too much for its gradient to be useful."""
 STEEP = 10.0
-"""Slopes that are so many times as large as the median are those of motions that graze."""
+"""Ratio to the median gradient above which a gradient is discarded: contacts graze in such a motion."""
 REVOLUTIONS = 2
-"""Revolutions that a train goes on with each cam: its motion settles while the cam does."""
+"""Revolutions for which each motion is continued with each cam: it settles while the cam converges."""
 FIRST_WIDTH, NARROWER = 0.1, 0.93
-"""First width of the box about a cam, as a part of that of the forces' program, and its factor from one to the next, by
-which it is divided where the cams are to go farther."""
+"""First width of the box about the cam, as a fraction of the first width for the programs on forces, and the factor on
+it from one program to the next. The width is divided by this factor where the cams must move farther."""
 FIRST = 200
-"""Trains that are followed at all speeds with the first cam. The others are followed at the speeds at which these come
-near to their limits."""
+"""Number of trains that are traced at all speeds with the first cam. The other trains are traced at those speeds where
+these come close to their limits."""
 CAMS, MEAN = 2, 4
-"""Rows about so many cams are in the program: a train's largest opening changes its place from one to the next, and
-contacts that stay closed with a cam have no slopes, until they open with the next. The mean of so many cams suits more
-trains than each of them, which suits those of its own rows."""
+"""Number of successive cams whose rows are in the program, and number of cams that are averaged. Rows about more than
+one cam are needed because a train's largest opening moves from one cam to the next, and because a contact that stays
+closed with one cam has no gradient until it opens with the next. The mean cam suits more trains than each single cam,
+which suits only the trains of its own rows."""
 SHAPING, TRACED = "shaping", (*MET, "train", "offset", "slope", "target")
-"""The folder of a run in which what the trains met with each cam is kept, and the names of the arrays: what the trains
-used, and the rows of the program."""
+"""Folder of a run in which the results of the trains with each cam are stored, and the names of the arrays: those of
+the ensemble and those of the program's rows."""
 
 
 class CamOfSlopes(NamedTuple):
@@ -69,7 +73,8 @@ class CamOfSlopes(NamedTuple):
 
 
 class UseRows(NamedTuple):
-    """What trains (r) use of a limit: `offset` (r) + `slope` (r, m) @ z, and the `target` (r) of that limit."""
+    """Linearised limit usages (r): `offset` (r) + `slope` (r, m) @ z, with the number of the `train` (r) and the
+    `target` (r) of the limit."""
 
     train: np.ndarray
     offset: np.ndarray
@@ -79,15 +84,15 @@ class UseRows(NamedTuple):
 
 @dataclass
 class SlopesProgram:
-    """The program about one cam after the other, on `count` trains `drawn` for it; `plain` has the limits on the shape.
-    What the trains met with a cam is kept in `journal`."""
+    """The program about successive cams, on `count` trains of the ensemble `drawn`. `plain` has the limits on the
+    shape; the results of the trains with each cam are stored in `journal`."""
 
     plain: NoJumpProgram
     drawn: TrainEnsemble
     count: int
     journal: StepFiles
     targets: np.ndarray = field(init=False)  # (l) by limit
-    cam: CamOfSlopes = field(init=False)  # about which the program is
+    cam: CamOfSlopes = field(init=False)  # the present cam, about which the usages are linearised
 
     def __post_init__(self) -> None:
         self._width = FIRST_WIDTH * first_region(self.plain.design).width
@@ -101,8 +106,9 @@ class SlopesProgram:
         return self.cam_of(np.mean(self._last, axis=0))
 
     def about(self, cam: NoJumpOptimum, lost: float) -> float:
-        """Goes on from another cam, and returns how many times as many of the first trains fail with it as may of which
-        a part may be `lost`. They are followed at all speeds with the first cam, and then at those that matter."""
+        """Moves to another cam, and returns the number of the first trains that fail with it, divided by the number
+        that may fail, a fraction `lost`. With the first cam these trains are traced at all speeds, afterwards at those
+        that matter."""
         drawn = self.drawn
         if not drawn.trains:
             drawn.settle(cam.lift)
@@ -114,8 +120,8 @@ class SlopesProgram:
         return drawn.failing / max(lost * len(drawn.trains), 1.0)
 
     def begin(self, lost: float) -> None:
-        """Draws all trains, a part of which may be `lost`; what they use with the cam from which it goes on says what
-        the targets are. They are followed twice, since at first each moves as the train as designed does."""
+        """Draws all trains, a fraction of which may be `lost`, and sets the targets from their usage with the present
+        cam. The trains are traced twice, since their first motions start in the states of the train as designed."""
         if self.count > len(self.drawn.trains):
             self.drawn.draw(self.count, self.drawn.matters(lost))
         self._trace()
@@ -128,8 +134,8 @@ class SlopesProgram:
         self._top = peak_angle(self.cam.lift)
 
     def step(self, price: float, farther: bool = False) -> None:
-        """Goes on to the program's cam at a `price`, about which the next program is, in a narrower box, or in a wider
-        one where the cams are to go `farther`."""
+        """Solves the program with a `price` and moves to its cam, about which the next program is linearised. The next
+        box is narrower, or wider where the cams must move `farther`."""
         self.cam = self.cam_of(self._optimum(price))
         self._last.append(self.cam.z)
         self._width *= 1.0 / NARROWER if farther else NARROWER
@@ -140,7 +146,7 @@ class SlopesProgram:
         return CamOfSlopes(z, float(self._area @ z + self._area_at_zero), self.plain.cam.lift(z))
 
     def _trace(self) -> UseRows:
-        """The rows about the cam, by the trains that are or may soon be near a target, and those whose turn it is."""
+        """The rows about the present cam, from trains that were near a target and trains checked in rotation."""
         cam = self.cam
         self._turn += 1
         stored = self.journal.stored(self._turn, cam.z, TRACED)
@@ -159,7 +165,7 @@ class SlopesProgram:
         return rows
 
     def _about(self, z: np.ndarray, traced: list[tuple[int, int, float, np.ndarray]]) -> UseRows:
-        """The rows about the cam of z (m), without those of motions that graze."""
+        """The rows about the cam of z (m), without those of grazing motions, whose gradients are too large."""
         train, limit = np.array([row[:2] for row in traced], dtype=int).reshape(-1, 2).T
         use, slope = np.array([row[2] for row in traced]), np.array([row[3] for row in traced]).reshape(-1, len(z))
         size = np.abs(slope).max(axis=1)
@@ -167,14 +173,17 @@ class SlopesProgram:
         return UseRows(train[good], (use - slope @ z)[good], slope[good], self.targets[limit[good]])
 
     def _traced_train(self, lift: Lift, t: int, speeds: np.ndarray) -> list[tuple[int, int, float, np.ndarray]]:
-        """What `_traced` gives at some of the speeds of train t, whose cam is ground once."""
+        """The results of `_traced` at some of the speeds of train t, whose ground cam is computed once."""
         cam = lift_between(self.drawn.trains[t].cam(lift), lift.borders)
         return [row for s in speeds.tolist() for row in self._traced(cam, lift.borders, t, s)]
 
     def _traced(self, cam: Lift, plain: np.ndarray, t: int, s: int) -> list[tuple[int, int, float, np.ndarray]]:
-        """How much of its limits train t with its ground `cam` uses at its speed s in the motion that goes on from
-        where it was with the cam before; for those that it comes near to train, limit, use, and its slope by the
-        coefficients (m) of the cam as designed, whose pieces lie between the `plain` borders."""
+        """Evaluates train t with its ground `cam` at its speed s, in the motion that continues from the states of the
+        previous cam.
+
+        Returns train, limit, usage and gradient for every limit that the train comes near to. The gradient is by the
+        coefficients (m) of the cam as designed, whose pieces lie between the `plain` borders.
+        """
         one, limits, start = self.drawn.trains[t], self.drawn.limits, self.drawn.states[t, s]
         try:
             motion = TracedMotion(one.train, cam, self.drawn.speeds(t)[s], start, REVOLUTIONS)
@@ -201,12 +210,12 @@ class SlopesProgram:
 
     @cached_property
     def _basis(self) -> np.ndarray:
-        """The coefficients of the cam's pieces by its free ones (p, q, m)."""
+        """Derivatives (p, q, m) of the coefficients of the cam's pieces by its free coefficients."""
         return self.plain.cam.piece_basis()[0]
 
     def _optimum(self, price: float) -> np.ndarray:
-        """The coefficients (m) of the program's cam: its columns are they and, by train with rows, how far it is
-        beyond."""
+        """The coefficients (m) of the program's cam. The columns are these coefficients and, for each train with rows,
+        its excess over the target."""
         z, parts = self.cam.z, zip(*self._rows, strict=True)
         train, offset, slope, target = (np.concatenate(part) for part in parts)
         tail, column = np.unique(train, return_inverse=True)
@@ -229,8 +238,8 @@ class SlopesProgram:
 
 
 def _by_pieces(by_ground: np.ndarray, borders: np.ndarray, plain: np.ndarray) -> np.ndarray:
-    """Gradient by the coefficients of the pieces between `plain` borders (p + 1), of one by the coefficients (g, q) of
-    the same law's pieces between more `borders` (g + 1): the transposed shift of a Taylor polynomial."""
+    """Converts a gradient by the coefficients (g, q) of pieces between `borders` (g + 1) to one by the coefficients of
+    the same law's fewer pieces between `plain` borders (p + 1): the transposed shift of a Taylor polynomial."""
     piece = np.searchsorted(plain, 0.5 * (borders[1:] + borders[:-1])) - 1
     step, found = borders[:-1] - plain[piece], np.zeros((len(plain) - 1, by_ground.shape[1]))
     for k in range(by_ground.shape[1]):

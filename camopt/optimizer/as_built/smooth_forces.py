@@ -1,7 +1,7 @@
-"""Forces of the tied contacts of trains of any law about one cam, from the smoothed motion by JAX.
+"""Forces of the tied contacts of drawn trains with any law, linearised about one cam, from the smoothed motion by JAX.
 
-Each train has its own forces with that cam, as it is ground for it; their slopes are those of the train as designed,
-from which a drawn one's differ by some per cent, and every round takes the forces anew.
+The forces are those of each train with its own ground cam. Their derivatives are those of the train as designed, from
+which the derivatives of a drawn train differ by some per cent; every linearisation evaluates the forces again.
 """
 
 from collections.abc import Sequence
@@ -34,14 +34,14 @@ from camopt.smooth.tied import (
 )
 
 AT_ONCE = 40
-"""Trains whose motions run side by side."""
+"""Number of trains whose motions are integrated in one batch."""
 WITHIN = 2.0
-"""Change of the tied forces over one revolution or two [N] at which their motions count as settled: a twentieth of the
-margin from which a search begins. A few trains of a hundred with springs that clash repeat every other revolution."""
+"""Change of the tied forces over one or two revolutions [N] below which the motions count as settled: a twentieth of
+the margin of a search's first cam. A few of a hundred trains with clashing springs repeat every other revolution."""
 
 
 class SmoothForces:
-    """The forces of trains (t), train t at the cam speeds `cam_speeds[t % classes]` (classes, s) [rad/s]."""
+    """The forces of drawn trains (t); train t has the cam speeds `cam_speeds[t % classes]` (classes, s) [rad/s]."""
 
     for_every_cam = False
 
@@ -55,11 +55,11 @@ class SmoothForces:
         self._systems = [tied_system(one.train) for one in trains]
         every = tied_system(nominal), *self._systems
         self._parts = max(parts_of_steps(tied, float(cam_speeds.min())) for tied in every)
-        self._starts: list[jnp.ndarray] = []  # where the trains' last motions ended
+        self._starts: list[jnp.ndarray] = []  # final states of the trains' last motions
         self._along = Directions(cam.samples(equal_grid(STEPS))[0])
 
     def about(self, z: np.ndarray) -> np.ndarray:
-        """The forces (t, s, c, k, 1 + m) [N] in single precision: those with the cam of z (m), with slopes by z."""
+        """Forces (t, s, c, k, 1 + m) [N] at z = 0 and per coefficient, linearised about z (m); in single precision."""
         lift, count = self._cam.lift(z), len(self._speeds)
         slopes, starts = zip(*(self._slopes(lift, speeds) for speeds in self._speeds), strict=True)
         numbers = range(len(self._trains))
@@ -75,7 +75,7 @@ class SmoothForces:
         return found
 
     def _forces(self, lift: Lift, some: Sequence[int], begin: Sequence[jnp.ndarray]) -> np.ndarray:
-        """Forces (t, s, c, k) [N] of the settled motions of some trains, from where they begin."""
+        """Forces (t, s, c, k) [N] of the settled motions of some trains, from the initial states `begin`."""
         tied = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(self._systems[t] for t in some))
         samples = jnp.asarray(np.stack([lift_samples(self._trains[t].cam(lift), STEPS) for t in some]))
         speeds = jnp.asarray(self._speeds[np.array(some) % len(self._speeds)])
@@ -86,7 +86,7 @@ class SmoothForces:
             now = force_along[:, self._at]
             moved = jnp.minimum(*(jnp.abs(now - one).max(axis=(1, 2, 3)) for one in (force, before)))
             before, force = force, now
-            if not float(moved.max()) > WITHIN:  # a motion that grows without bound does not go on either
+            if not float(moved.max()) > WITHIN:  # also ends where a motion is no longer finite
                 break
         force = np.asarray(force)
         if not np.all(np.isfinite(force)):
@@ -98,7 +98,7 @@ class SmoothForces:
         return np.moveaxis(force, (3, 2), (1, 2))
 
     def _slopes(self, lift: Lift, cam_speeds: np.ndarray) -> tuple[np.ndarray, jnp.ndarray]:
-        """Slopes (s, c, k, m) [N/m] of the train as designed, and the states at which its settled motion ends."""
+        """Derivatives (s, c, k, m) [N/m] of the forces of the train as designed, and its settled final states."""
         motions, samples = (
             TiedMotions(self._nominal, cam_speeds, self._event, Smoothing(), self._parts),
             lift_samples(lift, STEPS),
@@ -110,7 +110,7 @@ class SmoothForces:
 
 @partial(jax.jit, static_argnames="parts")
 def _of_trains(tied, samples, cam_speeds, y0, event, layer: Layer, *, parts: int):
-    """Forces and last states of `tied_paths` of trains, the first axis of systems, samples, speeds and starts."""
+    """Forces and final states of `tied_paths`, batched over the first axis of systems, samples, speeds and states."""
 
     def of_train(*one):
         paths = tied_paths(*one, event, 1.0, layer, parts=parts)
