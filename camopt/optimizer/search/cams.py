@@ -1,4 +1,4 @@
-"""The cams that a search tried: what the judge found of them, those that hold, and those that go to the verdict."""
+"""The cams that a search tried: their judged motions, those that hold, and those that are offered to the verdict."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -16,14 +16,15 @@ from camopt.storage.journal import StepFiles
 
 FOLDER = "judged"
 CANDIDATES = 5
-"""Cams of a search, the largest of those that hold, that the full verdict may be asked about."""
+"""Largest number of cams that a search offers to the full verdict: the largest ones that hold."""
 USES_LESS, APART = 0.02, 5e-4
-"""By how much less of its limits each of the cams that are offered to the verdict uses than the larger one, and by how
-much those that use no less differ in area ratio."""
+"""Least difference of limit usage between a cam offered to the verdict and the next larger one, and least difference of
+area ratio to all others for the offered cams whose usage is not lower."""
 FAR_APART = 1e-2
-"""Difference of area ratio between two cams that are offered, where places are left, from which one between them is."""
+"""Difference of area ratio between two offered cams above which a cam between them is offered too, if fewer than
+CANDIDATES are offered."""
 BETWEEN_SHARE = 0.9
-"""Part of every limit on the motion that a cam may use between the speeds at which it was searched."""
+"""Largest limit usage that a cam may have between the speeds at which it was searched."""
 RESOLUTION = 5e-5
 """Resolution of the area ratio in a search, half a unit of the fourth digit, to which areas are stated: smaller gains
 are ignored."""
@@ -31,7 +32,7 @@ are ignored."""
 
 @dataclass(frozen=True, eq=False)  # as its arrays have no one answer
 class Tried:
-    """A cam that a search judged: its free coefficients z (m), its area ratio, what the judge found."""
+    """A cam that a search judged: its free coefficients z (m), its area ratio and its judged motions."""
 
     free: FreeCam
     z: np.ndarray
@@ -45,26 +46,26 @@ class Tried:
 
     @property
     def seats(self) -> bool:
-        """Whether its valve seats at every speed."""
+        """Whether the valve seats at every speed."""
         return bool(np.all(np.isfinite(self.judged.share)))
 
 
 @dataclass
 class Search:
-    """The state of a search: the cams that hold, each larger than the one before, and the journal."""
+    """The state of a search: the judged cams, those that hold, and the journal of the steps."""
 
     judge: Judge  # at the program's speeds
-    band: Judge | None  # at these and between them, where the search is for a band
+    band: Judge | None  # at the program's speeds and between them, in a search for a band
     source: ExactRows
-    start: str  # the family of the cam that it began from, or "calmest"
+    start: str  # family of the cam from which the search started, or "calmest"
     journal: StepFiles = field(default_factory=lambda: StepFiles(None, FOLDER))
-    show: Callable[[dict], None] = lambda line: None  # is told the line of every step
+    show: Callable[[dict], None] = lambda line: None  # receives the journal's line of every step
     clock: StageClock = field(default_factory=StageClock)
-    seen: list[Tried] = field(default_factory=list)  # all that were judged
-    held: list[Tried] = field(default_factory=list)  # each larger than the one before
-    confirmed: list[Tried] = field(default_factory=list)  # those that are offered to the verdict
+    seen: list[Tried] = field(default_factory=list)  # all cams that were judged
+    held: list[Tried] = field(default_factory=list)  # the cams that hold, each larger than the one before
+    confirmed: list[Tried] = field(default_factory=list)  # the cams that are offered to the verdict
     steps: int = 0
-    first: Tried | None = None  # the last program's cam before margins are fed back
+    first: Tried | None = None  # the cam of the last program before margins are fed back
 
     @property
     def best(self) -> Tried | None:
@@ -73,7 +74,7 @@ class Search:
 
     @property
     def course(self) -> dict:
-        """How it searched, for design.json."""
+        """A summary of the search, for design.json."""
         source = self.source
         return {
             "source": source.name,
@@ -84,7 +85,7 @@ class Search:
         }
 
     def evaluate(self, stage: str, free: FreeCam, z: np.ndarray, area_ratio: float) -> Tried:
-        """Judges the cam of z (m), keeps it if it holds and is larger than the best, and reports the step."""
+        """Judges the cam of z (m), keeps it if it holds and is larger than the best one, and reports the step."""
         self.steps += 1
         lift, stored = free.lift(z), self.journal.stored(self.steps, z, JUDGED)
         if stored is None:
@@ -117,16 +118,20 @@ class Search:
         return tried
 
     def between(self, smaller: Tried, larger: Tried, share: float) -> Tried:
-        """The cam at this share of the way between two, which the limits on the shape let through as they do both."""
+        """Judges the cam at this share of the way between two cams. Like both of them it keeps the limits on the shape,
+        whose rows are linear."""
         z = (1 - share) * smaller.z + share * larger.z
         area_ratio = (1 - share) * smaller.area_ratio + share * larger.area_ratio
         return self.evaluate("between two cams", larger.free, z, area_ratio)
 
     def confirm(self, none_holds: bool = False) -> None:
-        """Offers cams that hold to the verdict, the largest first, and of smaller ones those that use less of their
-        limits: where the verdict refuses a cam, one that is hardly another would be refused too. In the last place, and
-        in those that are left, stand the largest of the others that differ in area, and then cams between those that
-        differ much. Where of the programs' cams `none_holds` the largest that does without a reserve is offered first.
+        """Selects the cams that are offered to the verdict, up to CANDIDATES.
+
+        These are the largest cam that holds and smaller ones with less limit usage, since a cam that is nearly the same
+        as a rejected one would be rejected too. The last place, and any that are left, go to the largest other cams
+        that differ in area, and then to cams between two whose areas differ much. If `none_holds`, no cam of the
+        programs holds with the reserve of BETWEEN_SHARE, and the largest cam that keeps the limits without this reserve
+        is offered as well.
         """
         by_area = sorted(self.seen, key=lambda tried: -tried.area_ratio)
         holding = [tried for tried in by_area if tried.judged.used <= BETWEEN_SHARE]
@@ -140,7 +145,7 @@ class Search:
             if apart >= APART and len(offered) < CANDIDATES:
                 offered.append(tried)
         unreserved = [tried for tried in by_area if tried.judged.share.max(initial=0.0) <= 1.0]
-        if not holding:  # no cam that holds is refused for a reserve
+        if not holding:  # cams that hold without the reserve are better than none
             offered = unreserved[:CANDIDATES]
         elif none_holds and unreserved[0] not in offered:
             offered = [unreserved[0], *offered][:CANDIDATES]

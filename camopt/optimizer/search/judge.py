@@ -1,4 +1,4 @@
-"""The search's judge: event-exact settled motion at many speeds, each limited metric as a share of its limit."""
+"""The judge of a search: event-exact settled motion at many speeds, and the usage of every limit on the motion."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -17,52 +17,52 @@ from camopt.scene.settled import PLAIN_REVOLUTIONS, revolutions_needed
 from camopt.scene.train import Train, build_train
 
 WATCHED_SHARE = 0.4
-"""Part of a limit from whose use on the speeds beside one are judged too, where not all are."""
+"""Limit usage at a speed above which the speeds beside it are judged too, if only some of the speeds are judged."""
 SETTLES, SETTLES_SLOWLY, MEASURES = 16, 120, 1
-"""Revolutions that a motion may take to settle from the state of the cam judged before, those of a train whose slowest
-mode fades slowly, and how many of a settled one are measured: one periodic revolution suffices during the search, and
-the verdict measures four. A train with memories settles as everywhere else, since its oil leaks over more revolutions.
-"""
+"""Largest number of revolutions in which a motion may settle from the state of the previous cam, the same for a train
+whose slowest mode decays slowly, and number of settled revolutions that are measured: one periodic revolution suffices
+during the search, and the verdict measures four. A train with memory settles as everywhere else, since its oil leaks
+over more revolutions."""
 IRREGULAR = 1.5
-"""What a motion that does not repeat itself uses of its limits counts so many times: it met only a part of what it
-may. The verdict finds that figures of such motions differ by a quarter to three quarters between neighbours."""
+"""Factor on the limit usage of an aperiodic motion, of whose range the measured revolutions cover only a part. In the
+verdict the metrics of such motions differ by a quarter to three quarters between neighbouring cases."""
 JUDGED, FIGURE = ("speeds_rpm", "limited", "limit", "share", "states", "spread"), "figure:"
-"""Names of the arrays of `Judged`, and what stands before those of its figures."""
+"""Names of the stored arrays of `Judged`, and prefix of the names of its metrics' arrays."""
 CRITICAL = 4
-"""Speeds judged before all others where not all are: two per thread."""
+"""Number of speeds that are judged before all others if only some of the speeds are judged: two per thread."""
 
 
 @dataclass(frozen=True)
 class Judged:
-    """What the judge found: figures by metric (s), shares of the limits (l, s), settled states at -180 deg (s, 2n)."""
+    """Judged motions of a cam: values by metric (s), limit usage (l, s), and settled states at -180 deg (s, 2n + r)."""
 
     speeds_rpm: np.ndarray
     figures: dict[str, np.ndarray]
     limited: tuple[str, ...]  # metric names, one per row of `share`
     limit: np.ndarray  # (l) their limits, in the metrics' units
-    share: np.ndarray  # how much of the limit is used; infinite where the valve never seats or the motion is refused
+    share: np.ndarray  # limit usage; infinite where the valve never seats or the motion is refused
     states: np.ndarray
-    spread: np.ndarray  # (s) IRREGULAR where the motion does not repeat itself, else 1
+    spread: np.ndarray  # (s) IRREGULAR where the motion is aperiodic, else 1
 
     @property
     def used(self) -> float:
-        """The largest share of a limit at any speed, with room for what a motion that wanders has not met yet."""
+        """Largest limit usage at any speed, with the factor for aperiodic motions."""
         return float((self.spread * self.share).max(initial=0.0))
 
     @property
     def worst_speed_rpm(self) -> float:
-        """Speed at which a limit is used most."""
+        """Speed [r/min] of the largest limit usage."""
         return float(self.speeds_rpm[int(np.argmax(self.share.max(axis=0)))]) if self.share.size else np.nan
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """All of it by name, for a file; `of_arrays` reads it."""
+        """All arrays by name, for a file from which `of_arrays` restores them."""
         own = {name: np.array(getattr(self, name)) for name in JUDGED}
         return own | {FIGURE + name: values for name, values in self.figures.items()}
 
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, np.ndarray]) -> "Judged":
-        """What was found, from its `arrays`."""
+        """Restores the object from its `arrays`."""
         own: dict[str, Any] = {name: arrays[name] for name in JUDGED} | {"limited": tuple(map(str, arrays["limited"]))}
         figures = {name.removeprefix(FIGURE): values for name, values in arrays.items() if name.startswith(FIGURE)}
         return cls(figures=figures, **own)
@@ -73,7 +73,7 @@ class Judged:
 
 
 def with_speeds_between(judged: Judged, band: Judged) -> Judged:
-    """What was judged, each speed standing for those of the band nearest to it, with the largest of their shares."""
+    """The judged motions in which each speed has the largest limit usage of the nearest speeds of the `band`."""
     nearest = np.searchsorted(0.5 * (judged.speeds_rpm[1:] + judged.speeds_rpm[:-1]), band.speeds_rpm)
     share, spread = judged.share.copy(), judged.spread.copy()
     np.maximum.at(share.T, nearest, band.share.T)
@@ -82,19 +82,20 @@ def with_speeds_between(judged: Judged, band: Judged) -> Judged:
 
 
 def next_starts(states: np.ndarray, share: np.ndarray, anew: np.ndarray) -> np.ndarray:
-    """Where the next cam's motions begin (s, 2n + r): where the last ones settled, or `anew` where these broke a limit,
-    by their shares of the limits (l, s), or were refused.
+    """Initial states (s, 2n + r) of the next cam's motions: the settled `states` of the last ones, or `anew` where
+    these broke a limit, according to their usage `share` (l, s), or were refused.
 
-    An adjuster that pumped up with one cam would hold the valve off its seat with every other.
+    Otherwise an adjuster that pumped up with one cam would hold the valve off its seat with all later cams.
     """
     holds = share.max(axis=0, initial=0.0)[:, None] <= 1.0
     return np.where(holds & np.isfinite(states), states, anew)
 
 
 def most_to_settle(train: Train, cam_speed: float) -> int:
-    """Revolutions that a motion at `cam_speed` [rad/s] may take to settle from the state of the cam judged before.
+    """Largest number of revolutions in which a motion at `cam_speed` [rad/s] may settle from the state of the previous
+    cam.
 
-    What is left of the motion with that cam counts as a motion that wanders, and it fades with the slowest mode.
+    The remaining transient of that state decays with the slowest mode, and would make the motion count as aperiodic.
     """
     if train.memory:
         return PLAIN_REVOLUTIONS
@@ -103,10 +104,11 @@ def most_to_settle(train: Train, cam_speed: float) -> int:
 
 
 class Judge:
-    """Judges cams of one scene at fixed speeds [crankshaft r/min]; remembers settled states to settle sooner.
+    """Judges cams of one scene at fixed speeds [crankshaft r/min]; motions start from the settled states of the last
+    cam, so that they settle sooner.
 
-    With a `stride` one speed in so many is judged, those at which cams used their limits most so far before all others,
-    and then those beside the ones where much is used; it ends where more than `usable` of a limit is used.
+    With a `stride` above one, the speeds at which the limits were used most so far are judged first, then one speed in
+    `stride`, then the speeds beside those with a large usage. Judging ends as soon as a usage exceeds `usable`.
     """
 
     def __init__(self, scene: Scene, speeds_rpm, stride: int = 1, usable: float = np.inf, workers: int = 2):
@@ -115,7 +117,7 @@ class Judge:
         self._train, self._workers, self._usable = train, workers, usable
         self._start = state_at_rest(train)
         self._states = np.tile(self._start, (len(self.speeds_rpm), 1))
-        self._used = np.zeros(len(self.speeds_rpm))  # largest share of a limit when last judged there
+        self._used = np.zeros(len(self.speeds_rpm))  # largest limit usage at each speed when it was last judged
         self.calls = 0
 
     def __call__(self, lift: Lift) -> Judged:
@@ -138,13 +140,14 @@ class Judge:
         return judged
 
     def _beside(self, judged: Judged) -> np.ndarray:
-        """Indices of the speeds beside those `judged` at which much of a limit is used."""
+        """Indices of the speeds beside those `judged` whose limit usage is large."""
         much = judged.share.max(axis=0, initial=0.0) > WATCHED_SHARE
         watched, every = np.searchsorted(self.speeds_rpm, judged.speeds_rpm[much]), np.arange(len(self.speeds_rpm))
         return every[(np.abs(every[:, None] - watched) < self.stride).any(axis=1)]
 
     def remember(self, judged: Judged) -> None:
-        """Start the next settling from these states, or from rest: a resumed search settles as the unbroken one did."""
+        """Stores the states, or rest, from which the next motions start; a resumed search settles as an uninterrupted
+        one."""
         at = np.searchsorted(self.speeds_rpm, judged.speeds_rpm)
         self._used[at] = judged.share.max(axis=0, initial=0.0)
         self._states[at] = next_starts(judged.states, judged.share, self._start)
@@ -159,7 +162,7 @@ class Judge:
         return Judged(self.speeds_rpm[at], figures, names, values, share, states, spread)
 
     def _found(self, lift: Lift, at: np.ndarray) -> dict[int, tuple[dict[str, float], np.ndarray, bool]]:
-        """Figures, settled state and whether the motion repeats itself, at the speeds of the indices `at`."""
+        """Metrics, settled state and whether the motion is periodic, at the speeds with the indices `at`."""
         names = dict.fromkeys(("bounce_mm", *(n for n, _ in motion_limits(self.scene.design).values())))
         speeds = [self.scene.cam_speed(s) for s in self.speeds_rpm[at]]
         found = settled_metrics(
