@@ -1,4 +1,4 @@
-"""Forces of the closed contacts at one speed, affine in a free cam's coefficients, and the windows where they count."""
+"""Forces of the closed contacts at one speed, affine in a free cam's coefficients, in the windows with a constraint."""
 
 from dataclasses import dataclass, replace
 
@@ -13,17 +13,20 @@ from camopt.scene.train import Train
 from camopt.scene.units import DEG, RPM
 
 OPENING, CLOSING, SEAT, PEAK = range(4)
-"""Kinds of force rows: cam side before and after the middle, seat, and the cam side's largest force."""
+"""Kinds of force rows: cam side before and after the middle, seat, and the largest force on the cam side."""
 DAMPED = 1 - 1e-9
-"""Largest factor by which a revolution may multiply a disturbance: without damping it is 1 to round-off, on either
-side. At this one a disturbance would take a million revolutions and more to lose a thousandth."""
+"""Largest factor by which a revolution may multiply a disturbance. Without damping the factor is 1 up to round-off of
+either sign; with this value a disturbance takes more than a million revolutions to lose a thousandth."""
 NEXT = 1 * DEG
-"""Largest angle between a row of a contact and its next one; a wider one lies where it may open."""
+"""Largest angle [rad] between two successive rows of a contact; a wider gap is an interval in which the contact may
+open."""
 AFTER_TOP, BEFORE_SEAT = 2 * DEG, 4 * DEG
-"""Where the forces on the cam side count: from behind the opening ramp top to ahead of the seat's closing."""
+"""Window of the constraints on the cam side [rad]: from AFTER_TOP behind the opening ramp's top to BEFORE_SEAT ahead of
+the closing of the seat."""
 AFTER_SEAT, BEFORE_LASH = 12 * DEG, 6 * DEG
-"""Where that on the seat counts: from behind its closing to ahead of the lash's closing in the next revolution. Between
-them ring the impacts that close lash and seat, which no cam can help."""
+"""Window of the constraint on the seat [rad]: from AFTER_SEAT behind its closing to BEFORE_LASH ahead of the closing of
+the lash in the next revolution. Outside the windows the forces ring with the impacts that close lash and seat, which no
+cam can avoid."""
 
 
 @dataclass(frozen=True)
@@ -41,15 +44,15 @@ class SpeedRows:
 
 @dataclass(frozen=True)
 class Box:
-    """Free coefficients no further from `centre` (m) than `width`, in each of them: where linear rows are believed."""
+    """A trust region for linearised rows: each free coefficient differs from `centre` (m) by at most `width`."""
 
     centre: np.ndarray
     width: float
 
 
 def averaged(block: SpeedRows, beside: int) -> SpeedRows:
-    """The block with each force the mean of its own and those at so many angles on either side, reflected where the
-    rows of a contact begin and end; the largest forces stay as they are."""
+    """The block with each force replaced by its mean with the forces at `beside` angles on either side, reflected where
+    the rows of a contact begin and end. The rows of kind PEAK stay as they are."""
     peak = block.kind == PEAK
     ends = (np.diff(block.element) != 0) | np.diff(peak) | (np.abs(np.diff(block.angle)) > NEXT)
     rows = np.column_stack([block.matrix, block.offset])

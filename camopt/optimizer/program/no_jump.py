@@ -1,8 +1,8 @@
-"""Largest area whose contacts stay closed at every speed: a linear program, under the linear model of `periodic`.
+"""The linear program of largest area with contacts that stay closed at every speed, under the model of `periodic`.
 
-Its rows keep each contact force, affine in the cam's free coefficients, at a margin at least, in contacts between cam
-and valve while the valve is lifted, and in the seat while it is seated. A negative margin allows the linear model some
-tension, which the real contact answers with a small separation.
+The contact forces are affine in the cam's free coefficients. The rows keep them above a margin: in the contacts between
+cam and valve while the valve is lifted, and in the seat while it is seated. A negative margin permits some tension in
+the linear model, for which the real contact separates a little.
 """
 
 from collections.abc import Sequence
@@ -35,13 +35,13 @@ from camopt.scene.errors import NoCamFound
 from camopt.scene.train import Train
 
 SHORTFALL = 1.01
-"""Factor on a shortfall, so that the margins below it are surely held."""
+"""Factor on a shortfall, so that the program is feasible in spite of rounding when the margins are reduced by it."""
 BESIDE = 0.2
-"""Part of a step between two rows within which a row of a program that differs little is the same one."""
+"""Largest difference of angle, as a fraction of the step between rows, at which rows of two similar programs match."""
 
 
 class NoCamHoldsContact(NoCamFound):
-    """No free cam keeps the margins; `shortfall_N` is by how much all of them together would have to fall."""
+    """No free cam keeps the margins; all of them would have to be reduced by `shortfall_N`."""
 
     def __init__(self, sentence: str, shortfall_N: float):
         super().__init__(sentence)
@@ -73,9 +73,11 @@ class NoJumpOptimum:
         return prices
 
     def value_in(self, other: "NoJumpProgram") -> float | None:
-        """The largest area ratio of a program that differs little, by another train or other ramps, to first order: by
-        this cam and its duals (the envelope theorem; Gal 1995, Postoptimal Analyses). None where a row that binds has
-        none beside it there."""
+        """The largest area ratio of a similar program, with another train or other ramps, to first order.
+
+        It is computed from this cam and its duals (the envelope theorem; Gal 1995, Postoptimal Analyses). It is None if
+        an active row has no matching row in the other program.
+        """
         duals, first = self.optimum.duals, len(self.program.limits.bound)
         if len(other.limits.bound) != first:
             return None
@@ -87,12 +89,12 @@ class NoJumpOptimum:
             if slack is None:
                 return None
             value += duals[first + r] * slack
-        for dual in duals[first + count :]:  # that the maximum lift is reached
+        for dual in duals[first + count :]:  # of the row that requires the maximum lift to be reached
             value += dual * (other.cam.lift(self.z).max_lift - self.lift.max_lift)
         return float(value)
 
     def _slack_in(self, other: "NoJumpProgram", r: int) -> float | None:
-        """How far this cam's force of row r is within its limit [N], at the row's angle in the other program."""
+        """Slack [N] of this cam's force of row r in the other program, at the row that matches it; None without one."""
         p, speed = self.program, self.program.speed[r]
         mine, its, at = p.held[speed], other.held[speed], r - int(np.searchsorted(p.speed, speed))
         alike = np.flatnonzero((its.kind == mine.kind[at]) & (its.element == mine.element[at]))
@@ -110,9 +112,9 @@ class NoJumpOptimum:
 class NoJumpProgram:
     """The no-jump linear program of a train, a design and a free cam, at the speeds of `blocks`.
 
-    Its rows hold means over so many forces on either side of each as are `averaged`. Margins are least contact forces
-    [N] on the opening flank, on the closing flank and at the seat: one number, one of each kind (3), or one of each
-    kind and speed (3, s).
+    Its rows constrain the mean of each force with `averaged` forces on either side. Margins are least contact forces
+    [N] on the opening flank, on the closing flank and at the seat: one number, one per kind (3), or one per kind and
+    speed (3, s).
     """
 
     train: Train
@@ -121,7 +123,7 @@ class NoJumpProgram:
     blocks: tuple[SpeedRows, ...]
     box: Box | None = None
     averaged: int = 0
-    step: float = SAMPLE  # the longest one between two rows [rad]
+    step: float = SAMPLE  # longest step between two rows [rad]
 
     @property
     def speeds(self) -> np.ndarray:
@@ -135,7 +137,7 @@ class NoJumpProgram:
 
     @cached_property
     def held(self) -> tuple[SpeedRows, ...]:
-        """The blocks whose forces the rows hold."""
+        """The blocks with the averaged forces, which the rows constrain."""
         return tuple(averaged(b, self.averaged) for b in self.blocks) if self.averaged else self.blocks
 
     @cached_property
@@ -162,7 +164,7 @@ class NoJumpProgram:
         return np.broadcast_to(rows[:, None] if rows.ndim == 1 else rows, (3, len(self.blocks)))
 
     def bound(self, margins: ArrayLike) -> np.ndarray:
-        """Right side of the program for margins."""
+        """Right-hand sides (r) of the program for margins."""
         offset = np.concatenate([b.offset for b in self.held])
         least = self.margin_table(margins)[np.minimum(self.kind, SEAT), self.speed]
         peak = self.design.contact_force_max_N or np.inf
@@ -172,7 +174,7 @@ class NoJumpProgram:
         return np.concatenate([self.limits.bound, force, *sides])
 
     def within(self, box: Box) -> "NoJumpProgram":
-        """This program within another box; the solver keeps its basis where this one has a box too."""
+        """This program with another box; the solver keeps its basis if this program has a box too."""
         other = replace(self, box=box)
         vars(other)["limits"] = self.limits
         if self.box is not None:
@@ -186,8 +188,8 @@ class NoJumpProgram:
     def solve(
         self, margins: ArrayLike = HELD_N, explain: bool = True, working: np.ndarray | None = None
     ) -> NoJumpOptimum:
-        """The cam of largest area with these margins; `working` are indices of rows to begin with, where another
-        program says which. Raises NoCamHoldsContact where no cam keeps them; without `explain`, Infeasible."""
+        """The cam of largest area with these margins; `working` are the row indices of the first working set. Raises
+        NoCamHoldsContact where no cam keeps the margins, or Infeasible without `explain`."""
         table = self.margin_table(margins)
         row, constant = area_ratio_row(self.design, self.cam)
         working = self.first_working() if working is None else working
@@ -200,8 +202,8 @@ class NoJumpProgram:
         return NoJumpOptimum(self, table, optimum.z, optimum.value + constant, optimum)
 
     def solve_below(self, margins: ArrayLike, working: np.ndarray | None = None) -> NoJumpOptimum:
-        """The same with the margins or, where no cam keeps them, with all of them lower by what it takes; raises
-        NoCamHoldsContact where the other limits alone let no cam through."""
+        """Like `solve`, but where no cam keeps the margins, all of them are reduced by the least common amount that is
+        needed. Raises NoCamHoldsContact where the other limits alone are infeasible."""
         try:
             return self.solve(margins, working=working)
         except NoCamHoldsContact as short:
@@ -210,14 +212,16 @@ class NoJumpProgram:
             return self.solve(np.subtract(margins, SHORTFALL * short.shortfall_N))
 
     def first_working(self) -> np.ndarray:
-        """Row indices to begin with where nothing is known: the limits and every fortieth force row."""
+        """Row indices of the default first working set: rows of the limits and every fortieth force row."""
         first = len(self.limits.bound)
         return np.union1d(first_working(self.limits), np.arange(first, first + len(self.kind), 40))
 
     def relaxable(self, margins: ArrayLike) -> tuple[Rows, np.ndarray, np.ndarray, np.ndarray]:
-        """The rows, with a maximum lift reached in the middle, or where the box's own cam is highest, and their right
-        sides (r) for margins; what each gives where all margins fall by one (r) [1/N], and the first working
-        set."""
+        """The program with margins that may all be reduced: its rows and right-hand sides (r), the change of each
+        right-hand side per newton of reduction (r), and the first working set.
+
+        A maximum lift that must be reached is reached in the middle, or with a box where its central cam is highest.
+        """
         top = peak_angle(self.cam.lift(self.box.centre)) if self.box else 0.0
         matrix, bound = with_lift_reached(self.cam, self.design, self.rows.matrix, self.bound(margins), top)
         give = np.zeros(len(bound))
@@ -226,14 +230,14 @@ class NoJumpProgram:
         return spline_rows(matrix), bound, give, working
 
     def elastic(self, margins: ArrayLike) -> ElasticProgram:
-        """The program that may miss the margins at the cost SHORT_OF_FORCE."""
+        """The elastic program, which may miss the margins at the cost SHORT_OF_FORCE."""
         rows, bound, give, working = self.relaxable(margins)
         row, _ = area_ratio_row(self.design, self.cam)
         unit = force_unit(self.train)
         return ElasticProgram(rows, bound, give, row, SHORT_OF_FORCE / unit, TYPICAL_FORCE * unit, working)
 
     def _shortfall(self, margins: np.ndarray) -> NoCamHoldsContact:
-        """Why no cam keeps margins (3, s) [N]."""
+        """The error that explains why no cam keeps the margins (3, s) [N]."""
         rows, bound, give, working = self.relaxable(margins)
         needed = least_relaxation(rows, bound, give, TYPICAL_FORCE * force_unit(self.train), working)
         if needed is None:
@@ -253,8 +257,8 @@ class NoJumpProgram:
         return NoCamHoldsContact(f"keeping {kept} {where} is impossible: {most}", needed)
 
     def under(self, design: Design) -> "NoJumpProgram":
-        """This program under other values of the limits, with the same duration, ramps and kinds of limits: where no
-        row's left side changes, the solver keeps its basis."""
+        """This program with other values of the limits, but the same duration, ramps and kinds of limits. If no row's
+        left-hand side changes, the solver keeps its basis."""
         other = replace(self, design=design)
         if np.array_equal(other.limits.matrix, self.limits.matrix):
             vars(other)["rows"] = self.rows

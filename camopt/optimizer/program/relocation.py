@@ -1,4 +1,4 @@
-"""The switching angles of the non-smooth motion, with which the no-jump program is built again on the cam it found."""
+"""Relinearisation of the no-jump program about the event-exact motion of its own cam, at the switching angles of it."""
 
 from dataclasses import replace
 
@@ -14,17 +14,17 @@ from camopt.scene.rest import is_linear, state_at_rest
 from camopt.scene.train import Train
 
 REVOLUTIONS = 8
-"""Revolutions from rest before the angles are read: surge decays by half or more in each."""
+"""Number of revolutions from rest to the one whose angles are used: surge decays by half or more in each."""
 STANDS, STANDS_ROUGHLY = 1e-5, 5e-5
-"""Change of the area ratio below which the tangents stand: a fifth of what the search tells apart, and half a unit of
-its fourth digit."""
+"""Changes of the area ratio below which the tangents count as converged, and as roughly converged: a fifth of the
+search's resolution, and half a unit of the fourth digit."""
 MOST_SOLUTIONS = 8
 NONE_HOLDS = 2
-"""Programs in succession without a cam that keeps the margin, after which none is expected."""
+"""Number of successive programs without a cam that keeps the margin after which no such cam is expected."""
 
 
 class NoLoadTransfer(ValueError):
-    """A motion without the sequence lash closes, seat opens, seat closes, lash opens."""
+    """A motion lacks part of the sequence lash closes, seat opens, seat closes, lash opens."""
 
 
 def located_angles(response: Response) -> Angles:
@@ -32,8 +32,8 @@ def located_angles(response: Response) -> Angles:
 
     The seat opens for the last time before the middle, and it closes for the first time after the greatest valve lift.
     The lash closes for the last time before the seat opens, and it opens for the first time after the seat closes.
-    Crossings between samples are interpolated linearly; tangents along the motion go with them where the train is not
-    linear. Raises NoLoadTransfer where one of the four is missing.
+    Crossings between samples are interpolated linearly. If the train is not linear, the tangents along the motion are
+    included. Raises NoLoadTransfer where one of the four angles is missing.
     """
     train, theta = response.train, response.angle
     margin = train.compression(response.x, response.lift) - train.touch_compression
@@ -71,8 +71,9 @@ def settled_revolution(train: Train, lift: Lift, cam_speed: float, revolutions: 
 
 
 def relocate(program: NoJumpProgram, lift: Lift) -> NoJumpProgram:
-    """The program at the switching angles that event-exact finds on `lift` at each speed, with radii under a roller or
-    pad held near that cam. A speed at which the motion has no clear load transfer keeps the angles it had."""
+    """The program at the switching angles of the event-exact motion with `lift` at each speed, and with the radii under
+    a roller or pad linearised near that cam. A speed whose motion has no clear load transfer keeps its previous angles.
+    """
     angles = []
     for block in program.blocks:
         try:
@@ -84,12 +85,12 @@ def relocate(program: NoJumpProgram, lift: Lift) -> NoJumpProgram:
 
 
 def converge_tangents(program: NoJumpProgram, margin_N: float | None = None, quick: bool = False) -> NoJumpProgram:
-    """The program linearised about the motions of its own cam, and again about the next one, until its area converges;
-    of a linear train, with `with_switches` and `with_radii` alone, which come first.
+    """The program linearised about the motion of its own cam, repeatedly until its area converges.
 
-    The margin on all contact forces, by default the usual one, falls by as much as no cam can hold. With `quick` it
-    ends once the tangents stand roughly, or once NONE_HOLDS programs have shown that no cam holds the margin. Raises
-    NoCamHoldsContact where the limits on the shape allow no cam.
+    First `with_switches` and `with_radii` are applied; for a linear train these are all that is needed. The margin on
+    all contact forces, by default `usual_margin`, is reduced as far as no cam can keep it. With `quick` the iteration
+    ends once the area has roughly converged, or after NONE_HOLDS successive programs without a cam that keeps the
+    margin. Raises NoCamHoldsContact where the limits on the shape permit no cam.
     """
     margin_N = usual_margin(program.train) if margin_N is None else margin_N
     program = with_radii(with_switches(program, margin_N), margin_N)
