@@ -1,1 +1,1 @@
-"""The search for a cam that a wanted share of the trains as built holds, and the statement of the yield it reaches."""
+"""The search for a cam with which a wanted share of the trains as built keeps its limits, and the yield's statement."""

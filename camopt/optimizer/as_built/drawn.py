@@ -4,7 +4,7 @@ Every train has its own numbers, its own ground cam and its own speeds. The spee
 that the ensemble samples the band more finely than each train alone. The ensemble stores the limit usage and the
 settled states of the last cam. The next cam differs little, so that only the trains and speeds near a limit need be
 judged again, and their motions settle sooner from the stored states. A train with an adjuster starts where the train as
-designed settles with the cam if that motion holds its limits, else from rest.
+designed settles with the cam if that motion keeps its limits, else from rest.
 """
 
 from collections.abc import Mapping

@@ -39,7 +39,7 @@ LEVELS = 0.05, 4.0
 
 @dataclass(frozen=True)
 class PriceList:
-    """Changes of the largest area ratio with which a share `wanted` of the trains as built hold, by tolerance.
+    """Changes of the largest area ratio with which a share `wanted` of the trains as built pass, by tolerance.
 
     `left_out` and `halved` are the changes where the tolerance is left out or halved, `worth` is the change per cent by
     which the numbers that it scatters are raised. `noise` and `worth_noise` are the standard errors of one such change,
@@ -115,7 +115,7 @@ def price_list(
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def estimated_area_ratio(scene: Scene, wanted: float, seed: int = 0) -> float | None:
-    """An estimate of the largest area ratio with which a share `wanted` of the trains as built hold.
+    """An estimate of the largest area ratio with which a share `wanted` of the trains as built pass.
 
     It comes from the first program of the search, without simulation of any motion, and may be too large. It is None
     for a train that is not linear, whose forces take too long to compute for an estimate.

@@ -1,11 +1,12 @@
-"""The search for the cam of largest area with which a wanted share of drawn trains holds its limits.
+"""The search for the cam of largest area with which a wanted share of drawn trains passes.
 
-The search has two stages. First, a linear program on openings predicted from tied contact forces finds the
-neighbourhood of the cam (`openings_program`). From there, linear programs on gradients of the real motions of more
-trains improve the cam (`slopes_program`), with a penalty on the limit usage. The penalty is adapted to the number of
-failing trains: at first of the trains that shape the cam, then of unseen trains, which shape no cam. The cam that is
-judged by the unseen trains is the mean of the program's last cams, since each of these suits only the trains of its own
-rows. The final statement uses a third set of trains. The draws are the same for every cam (common random numbers).
+A train passes if it keeps every limit on the motion at all its speeds, else it fails. The search has two stages. First,
+a linear program on openings predicted from tied contact forces finds the neighbourhood of the cam (`openings_program`).
+From there, linear programs on gradients of the real motions of more trains improve the cam (`slopes_program`), with a
+penalty on the limit usage. The penalty is adapted to the number of failing trains: at first of the trains that shape
+the cam, then of unseen trains, which shape no cam. The cam that is judged by the unseen trains is the mean of the
+program's last cams, since each of these suits only the trains of its own rows. The final statement uses a third set of
+trains. The draws are the same for every cam (common random numbers).
 """
 
 from collections.abc import Callable, Sequence
@@ -90,11 +91,11 @@ def yield_search(
     journal: StepFiles | None = None,
     show: Callable[[dict], None] = lambda line: None,
 ) -> YieldSearch:
-    """Searches the cam of largest area with which a share `wanted` of the trains as built hold over the scene's band.
+    """Searches the cam of largest area with which a share `wanted` of the trains as built pass over the scene's band.
 
-    The cams with which enough trains hold are in `held` of the result, each larger than the one before; `seed` draws
-    the trains. Predicted openings are based on the periodic response in closed form or, where the train is not linear
-    or `gradient` is "smooth", on the smoothed motion by JAX. Raises NoCamFound where enough trains hold with no cam.
+    The accepted cams, with which enough trains pass, are in `held` of the result, each larger than the one before;
+    `seed` draws the trains. Predicted openings are based on the periodic response in closed form or, where the train is
+    not linear or `gradient` is "smooth", on the smoothed motion by JAX. Raises NoCamFound where no cam is accepted.
     """
     plain, z = free_program(scene)
     journal = journal or StepFiles(None, FOLDER)

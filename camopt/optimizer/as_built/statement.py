@@ -44,7 +44,7 @@ measured."""
 
 @dataclass(frozen=True, repr=False)
 class YieldStatement:
-    """The limit usage of new trains with a cam, and whether the share that holds reaches the wanted one, if any."""
+    """The limit usage of new trains with a cam, and whether the share that passes reaches the wanted one, if any."""
 
     wanted: float | None
     seed: int
@@ -201,7 +201,7 @@ def _judged(
 
 
 def sampled(worst: np.ndarray, count: int = SAMPLE) -> list[int]:
-    """Numbers of `count` trains: those closest to their limits that hold and that fail, and train 0 last."""
+    """Numbers of `count` trains: those closest to their limits that pass and that fail, and train 0 last."""
     if not count:
         return []
     order = np.argsort(np.abs(np.nan_to_num(worst, posinf=np.inf) - 1.0), kind="stable")
@@ -226,7 +226,7 @@ def _baseline(
 def by_independent_methods(one: TrainAsBuilt, lift: Lift, used: UsedLimits, t: int) -> dict:
     """The verdict on a train, by methods that share no code with the search, at the speed of its largest limit usage.
 
-    The methods agree if they confirm a train that holds and do not confirm one that fails. Every verdict agrees on a
+    The methods agree if they confirm a train that passes and do not confirm one that fails. Every verdict agrees on a
     train within a twentieth of its limit, and the verdicts "sensitive" and "not converged" agree with both.
     """
     speed = float(used.speeds_rpm[int(np.argmax(used.used[t].max(axis=0)))])
@@ -249,7 +249,7 @@ def beside(
     """Further entries of verification.json's "yield", according to the `settings` of a run.
 
     Where a yield was wanted, they describe the cam for the train as designed, which is written into the folder; its
-    search starts from the cam `start`, as the run's does. Otherwise, if fewer trains hold than is advised, they contain
+    search starts from the cam `start`, as the run's does. Otherwise, if fewer trains pass than is advised, they contain
     an estimate of the area ratio for the advised share, which is at most that of the run's cam.
     """
     if "yield" in settings:
@@ -267,7 +267,7 @@ def beside(
 
 def write_ideal(scene: Scene, settings: Mapping[str, Any], folder: Path, start: Lift | None = None) -> dict | None:
     """Writes `ideal/design.json` and `ideal/lift.csv`, and returns the cam's area ratio and its share of trains with
-    the interval. The cam is evaluated by the search's judge alone, without a verdict. None where no cam holds."""
+    the interval. The cam is evaluated by the search's judge alone, without a verdict. None where no cam was found."""
     effort = accuracy_named(settings["accuracy"])
     try:
         search = find_cam(scene, settings["speeds"], effort, settings["gradient"], start=start, seed=settings["seed"])

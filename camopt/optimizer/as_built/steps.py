@@ -2,9 +2,8 @@
 
 The price of the limit usage (`slopes_program`) is adapted to the number of failing trains. In the end these are unseen
 trains, which have not shaped the cam and whose settled motions are computed by event-exact. The number of them that may
-fail is so small that a true share below the wanted one is unlikely. Between a cam that holds and a larger one that does
-not, cams are bisected until the two are close to each other. The draws are the same for every cam (common random
-numbers).
+fail is so small that a true share below the wanted one is unlikely. Between an accepted cam and a larger rejected one,
+cams are bisected until the two are close to each other. The draws are the same for every cam (common random numbers).
 """
 
 from collections.abc import Callable
@@ -42,14 +41,14 @@ FIRST_PRICE, BY_FAILING, MOST_AT_ONCE, LEAST_JUDGED = 0.012, 0.25, 2.0, 1.25
 permitted failures in the factor by which the price changes from step to step; largest such factor; and smallest one
 once unseen trains judge, when all that is missing is a cam on the other side of the limit."""
 IDLE = 6
-"""Number of judged cams in a row, none of them the new largest one that holds, after which the search ends. No price
+"""Number of judged cams in a row, none of them the new largest accepted one, after which the search ends. No price
 leads farther then, for instance because the limits on the shape alone bind. The number allows for the mean of the last
 cams, which follows the price with a delay of a few steps."""
 SHAPED = 0.7
 """Factor on the number of permitted failures among the trains that shape the cam, since the cam suits them better."""
 NEAR_ENOUGH = 1e-3
-"""Difference of area ratio between a cam that holds and a larger one that does not at which the bisection ends. It is
-more than twice the RESOLUTION, so that every cam in the middle takes the place of one of the two."""
+"""Difference of area ratio between an accepted cam and a larger rejected one at which the bisection ends. It is more
+than twice the RESOLUTION, so that every cam in the middle takes the place of one of the two."""
 NEAR = 0.8
 """Limit usage of a scout at a speed above which all trains are judged at that speed."""
 SCOUTS, FAR_SCOUTS, MATTERING = 12, 48, 0.25
@@ -59,7 +58,7 @@ the watched trains number more than MATTERING times the permitted failures. Thes
 a small usage with one cam may break a limit with the next."""
 CHANCE = 0.13
 """Largest probability that a cam passes the test on the unseen trains although no more than the wanted share of all
-trains holds. The difference between permitted and wanted failures allows for the uncertainty of the count, and for the
+trains passes. The difference between permitted and wanted failures allows for the uncertainty of the count, and for the
 choice of the largest cam, which favours cams that are lucky with these trains. Of a thousand trains 6 in place of 10
 may fail at 0.99, and 88 in place of 100 at 0.9. Where there are too few trains for this probability none may fail, and
 the probability is larger: 0.22 for 1500 trains at 0.999."""
@@ -73,8 +72,8 @@ LargestCam = Callable[[float, np.ndarray], NoJumpOptimum]
 
 @dataclass
 class YieldSearch:
-    """The state of a search: the unseen trains that limit the size of the cam, and the cams with which enough of them
-    hold."""
+    """The state of a search: the unseen trains that limit the size of the cam, and the accepted cams, with which enough
+    of them pass."""
 
     wanted: float
     slopes: SlopesProgram
@@ -88,7 +87,7 @@ class YieldSearch:
 
     @property
     def best(self) -> CamOfSlopes | NoJumpOptimum | None:
-        """The largest cam with which enough trains hold."""
+        """The largest accepted cam."""
         return self.held[-1] if self.held else None
 
     @property
@@ -111,13 +110,13 @@ class YieldSearch:
         """Takes gradient steps and adapts their price to the number of failing trains: at first of those that shape the
         cam, then of unseen ones with the mean of the last cams.
 
-        As soon as one cam holds and a larger one does not, it bisects between these. If a program cannot be solved, the
-        search ends with the cams that hold so far.
+        As soon as one cam is accepted and a larger one rejected, it bisects between these. If a program cannot be
+        solved, the search ends with the cams accepted so far.
         """
         price, slopes, idle = FIRST_PRICE / (1.0 - self.wanted), self.slopes, 0
         for step in range(STEPS + JUDGED):
             try:
-                slopes.step(price, farther=step >= STEPS)  # until the largest cam that holds is bracketed
+                slopes.step(price, farther=step >= STEPS)  # until the largest acceptable cam is bracketed
             except (Infeasible, ArithmeticError):
                 return
             if step < STEPS:
@@ -136,8 +135,8 @@ class YieldSearch:
             price *= change if failing > may_fail else 1.0 / change
 
     def narrow(self) -> None:
-        """Bisects between the largest cam that holds and a larger one that does not, until the two are close to each
-        other. The mean of two cams keeps all limits on the shape."""
+        """Bisects between the largest accepted cam and a larger rejected one, until the two are close to each other.
+        The mean of two cams keeps all limits on the shape."""
         refused = self.refused
         while self.best and refused and refused.area_ratio > self.best.area_ratio + NEAR_ENOUGH:
             middle = self.slopes.cam_of(0.5 * (self.best.z + refused.z))
@@ -145,8 +144,8 @@ class YieldSearch:
             refused = refused if self.best is middle else middle
 
     def evaluate(self, cam: CamOfSlopes | NoJumpOptimum, stage: str) -> int:
-        """Judges a cam with the unseen trains, keeps it if it is the largest with which enough of them hold, reports
-        the step, and returns how many trains fail: at the top of the band alone if too many fail there."""
+        """Judges a cam with the unseen trains, accepts it if enough of them pass and it is the largest, reports the
+        step, and returns how many trains fail: at the top of the band alone if too many fail there."""
         drawn, step = self.unseen, self.steps + 1
         stored = self.journal.stored(step, cam.z, MET)
         if not drawn.trains or (stored is None and drawn.has_memory):
@@ -218,7 +217,7 @@ class YieldSearch:
         return int(np.sum(self.unseen.used[:, :, begin:].max(axis=(1, 2)) > 1.0))
 
     def none_holds(self, failing: int) -> NoCamFound:
-        """The error for the case that not even the smallest cam holds; `failing` trains fail with it."""
+        """The error for the case that not even the smallest cam is accepted; `failing` trains fail with it."""
         return NoCamFound(
             f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: of {len(self.unseen.trains)} "
             f"trains {failing} fail with the smallest one. Ask for a smaller yield, relax the limits on the motion or "
@@ -249,10 +248,10 @@ def first_level(search: YieldSearch, largest: LargestCam, z: np.ndarray) -> floa
 
 
 def smaller_cams(search: YieldSearch, largest: LargestCam, level: float, z: np.ndarray) -> None:
-    """Judges the cam of a level of predicted openings and then of ever lower levels, until one holds.
+    """Judges the cam of a level of predicted openings and then of ever lower levels, until one is accepted.
 
     It is used where the gradient steps lead to no such cam, since the gradients of a few trains may not point back to
-    one. Raises NoCamFound where the cam of the lowest level does not hold either.
+    one. Raises NoCamFound where the cam of the lowest level is rejected too.
     """
     while True:
         found = largest(level, z)

@@ -40,10 +40,10 @@ def linear_program(
     `jax.vmap` and `jax.grad` (once, in reverse mode) with respect to all three arguments. A program whose matrix was
     solved before starts from its last basis.
 
-    The derivatives are those of the vertex that was found, with its basis fixed. They are the true ones if the vertex
-    is not degenerate. If more than m rows are active, the derivative of the value holds to one side only, and z may
-    move in another direction on the other side. If a dual of the basis is zero, the maximiser is not unique. The
-    derivative is zero along a direction that the rows leave free and on which the objective does not depend.
+    The derivatives are those of the solution's vertex, with its basis fixed. They are the true ones if the vertex is
+    not degenerate. If more than m rows are active, the derivative of the value holds to one side only, and z may move
+    in another direction on the other side. If a dual of the basis is zero, the maximiser is not unique. The derivative
+    is zero along a direction that the rows leave free and on which the objective does not depend.
 
     An infeasible program has the value -inf, an unbounded one inf; z, duals and derivatives are NaN then. Everything is
     NaN where the solver fails. Raises InputError for arguments whose shapes do not fit.

@@ -1,4 +1,7 @@
-"""The cams that a search tried: their judged motions, those that hold, and those that are offered to the verdict."""
+"""The cams that a search tried: their judged motions, the feasible ones, and those offered to the verdict.
+
+A cam is called feasible if its limit usage is at most BETWEEN_SHARE at all judged speeds.
+"""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -16,7 +19,7 @@ from camopt.storage.journal import StepFiles
 
 FOLDER = "judged"
 CANDIDATES = 5
-"""Largest number of cams that a search offers to the full verdict: the largest ones that hold."""
+"""Largest number of cams that a search offers to the full verdict: the largest feasible ones."""
 USES_LESS, APART = 0.02, 5e-4
 """Least difference of limit usage between a cam offered to the verdict and the next larger one, and least difference of
 area ratio to all others for the offered cams whose usage is not lower."""
@@ -52,7 +55,7 @@ class Tried:
 
 @dataclass
 class Search:
-    """The state of a search: the judged cams, those that hold, and the journal of the steps."""
+    """The state of a search: the judged cams, the feasible ones, and the journal of the steps."""
 
     judge: Judge  # at the program's speeds
     band: Judge | None  # at the program's speeds and between them, in a search for a band
@@ -62,14 +65,14 @@ class Search:
     show: Callable[[dict], None] = lambda line: None  # receives the journal's line of every step
     clock: StageClock = field(default_factory=StageClock)
     seen: list[Tried] = field(default_factory=list)  # all cams that were judged
-    held: list[Tried] = field(default_factory=list)  # the cams that hold, each larger than the one before
+    held: list[Tried] = field(default_factory=list)  # feasible cams, each larger than the one before
     confirmed: list[Tried] = field(default_factory=list)  # the cams that are offered to the verdict
     steps: int = 0
     first: Tried | None = None  # the cam of the last program before margins are fed back
 
     @property
     def best(self) -> Tried | None:
-        """The largest cam that holds."""
+        """The largest feasible cam."""
         return self.held[-1] if self.held else None
 
     @property
@@ -85,7 +88,7 @@ class Search:
         }
 
     def evaluate(self, stage: str, free: FreeCam, z: np.ndarray, area_ratio: float) -> Tried:
-        """Judges the cam of z (m), keeps it if it holds and is larger than the best one, and reports the step."""
+        """Judges the cam of z (m), keeps it if it is feasible and larger than the best one, and reports the step."""
         self.steps += 1
         lift, stored = free.lift(z), self.journal.stored(self.steps, z, JUDGED)
         if stored is None:
@@ -127,11 +130,11 @@ class Search:
     def confirm(self, none_holds: bool = False) -> None:
         """Selects the cams that are offered to the verdict, up to CANDIDATES.
 
-        These are the largest cam that holds and smaller ones with less limit usage, since a cam that is nearly the same
+        These are the largest feasible cam and smaller ones with less limit usage, since a cam that is nearly the same
         as a rejected one would be rejected too. The last place, and any that are left, go to the largest other cams
         that differ in area, and then to cams between two whose areas differ much. If `none_holds`, no cam of the
-        programs holds with the reserve of BETWEEN_SHARE, and the largest cam that keeps the limits without this reserve
-        is offered as well.
+        programs is feasible, and the largest cam that keeps the limits without the reserve of BETWEEN_SHARE is offered
+        as well.
         """
         by_area = sorted(self.seen, key=lambda tried: -tried.area_ratio)
         holding = [tried for tried in by_area if tried.judged.used <= BETWEEN_SHARE]
@@ -145,7 +148,7 @@ class Search:
             if apart >= APART and len(offered) < CANDIDATES:
                 offered.append(tried)
         unreserved = [tried for tried in by_area if tried.judged.share.max(initial=0.0) <= 1.0]
-        if not holding:  # cams that hold without the reserve are better than none
+        if not holding:  # cams that keep the limits without a reserve are better than none
             offered = unreserved[:CANDIDATES]
         elif none_holds and unreserved[0] not in offered:
             offered = [unreserved[0], *offered][:CANDIDATES]

@@ -85,7 +85,7 @@ class FedBack:
         return grows
 
     def go_back(self, held: np.ndarray) -> None:
-        """Moves the margins half way back to those of a cam that holds, `held` (3, s) [N], and halves the steps."""
+        """Moves the margins half way back to those of a feasible cam, `held` (3, s) [N], and halves the steps."""
         self.margins, self.step = 0.5 * (self.margins + held), np.maximum(0.5 * self.step, LEAST_STEP_N)
 
 

@@ -51,7 +51,7 @@ PARTS = (0.5, 0.25, 0.125)
 """Fractions of the way to a cam whose valve does not seat, tried in turn for the centre of the next program."""
 REMEDY = "allow more bounce and jump, raise the spring's preload, or lower the top speed"
 BLENDS = 5
-"""Number of bisections between the largest cam that holds and a larger one that does not."""
+"""Number of bisections between the largest feasible cam and a larger infeasible one."""
 
 
 def knot_interval_deg(effort: Accuracy, seed: int) -> float:
@@ -83,7 +83,7 @@ def find_cam(
     are fed back. It starts from the cam within the limits on the shape that is nearest to `start`, by default from the
     calmest one. `smoothing` are the settings of the smoothed motion. A `seed` other than zero changes the knot
     interval. The steps are stored in `journal`, reported by `show` and timed by `clock`. Raises NoCamFound where no cam
-    holds.
+    keeps the limits.
     """
     design, operation = scene.required_design, scene.required_operation
     journal, clock = journal or StepFiles(None, FOLDER), clock or StageClock()
@@ -102,7 +102,7 @@ def find_cam(
         nearest = limits.nearest_to(start) if start else limits.nearest(np.zeros(cam.Z.shape[1]))
         program, z = source.first(program, nearest)
         _programs(search, source, program, z, 0 if gradient == "none" else effort.feedback_rounds)
-        if none_holds := search.best is None:  # a cam between the start and those of the programs may hold
+        if none_holds := search.best is None:  # a cam between the start and those of the programs may be feasible
             row, constant = area_ratio_row(design, cam)
             search.evaluate("start", cam, z, float(row @ z + constant))
         _blend(search)
@@ -138,7 +138,7 @@ def _programs(search: Search, source: ExactRows, program: NoJumpProgram, z: np.n
     the speeds, in the feedback by the largest one, since the motion breaks its limits first at that speed. A cam whose
     valve does not seat does not become the centre of a program if the valve seated with another cam; with the first
     margins a cam on the way to it is the next centre. If a motion flies off although the valve seats, the cause may be
-    low margins at other speeds, and all margins move half way back to those of the largest cam that holds. The rows are
+    low margins at other speeds, and all margins move half way back to those of the largest feasible cam. The rows are
     also renewed when the margins' unit grows.
     """
     row, constant = area_ratio_row(program.design, program.cam)
@@ -191,8 +191,8 @@ def _due(straight: bool, rounds: int) -> np.ndarray:
 
 
 def _blend(search: Search) -> None:
-    """Judges cams between the largest one that holds and a larger one that does not. The larger one is that which gives
-    the largest area within the limits if their usage grows in proportion to the area."""
+    """Judges cams between the largest feasible one and a larger infeasible one. The larger one is that which gives the
+    largest area within the limits if their usage grows in proportion to the area."""
     if search.best is None:
         return
     best, used = search.best, search.best.judged.used
@@ -209,7 +209,7 @@ def _blend(search: Search) -> None:
 
 
 def why_none_holds(judged: Sequence[Judged], program: NoJumpProgram) -> str:
-    """A sentence on the `judged` cams of a program, none of which holds the limits."""
+    """A sentence on the `judged` cams of a program, none of which keeps the limits."""
     nearest = min(judged, key=lambda one: float(one.share.max()))
     row, column = np.unravel_index(np.argmax(nearest.share), nearest.share.shape)
     metric = nearest.limited[row]
