@@ -19,13 +19,13 @@ from camopt.exact import with_chords
 from camopt.exact.settled import settled_metrics
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.measure.limits import MotionLimit, motion_limits
-from camopt.optimizer.as_built.measured import WORKERS, first_look, used_by_looks, used_limits
+from camopt.optimizer.as_built.measured import WORKERS, limit_usage, short_motions, staged_usage
 from camopt.optimizer.search.judge import MEASURES, most_to_settle, next_starts
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 
-FOLDER, MET = "drawn", ("at", "used", "states")
+FOLDER, STORED = "drawn", ("at", "used", "states")
 """Folder of a run in which the results of the drawn trains at each step of a search are stored, and the names of the
 stored arrays."""
 SPEEDS, STAGGER = 11, 4
@@ -72,9 +72,9 @@ class TrainEnsemble:
     def _cam_speeds(self) -> np.ndarray:
         """Cam speeds [rad/s] by place in the stagger and by index (STAGGER, s); the last one is the top of the band."""
         fine = np.linspace(*self.scene.required_operation.band_rpm, STAGGER * SPEEDS)
-        found = np.array([self.scene.cam_speed(rpm) for rpm in fine]).reshape(SPEEDS, STAGGER).T
-        found[:, -1] = found[-1, -1]  # most trains fail at the top speed, so all of them have it
-        return found
+        speeds = np.array([self.scene.cam_speed(rpm) for rpm in fine]).reshape(SPEEDS, STAGGER).T
+        speeds[:, -1] = speeds[-1, -1]  # most trains fail at the top speed, so all of them have it
+        return speeds
 
     def speeds(self, train: int) -> np.ndarray:
         """Cam speeds (s) [rad/s] of the train with this number."""
@@ -95,40 +95,40 @@ class TrainEnsemble:
         """Whether each train is watched at each speed (t, s: bool): its limit usage there exceeds WATCHED."""
         return self.used.max(axis=1) > WATCHED
 
-    def matters(self, part: float) -> np.ndarray:
+    def critical_speeds(self, fraction: float) -> np.ndarray:
         """Speeds at which more than this fraction of the trains is watched, and the top of the band (s: bool)."""
-        matters = self.watched.mean(axis=0) > part
-        matters[-1] = True
-        return matters
+        critical = self.watched.mean(axis=0) > fraction
+        critical[-1] = True
+        return critical
 
     def settle(self, lift: Lift) -> None:
         """Sets the initial states of trains drawn from now on, and of all trains with memory, to the settled states of
         the train as designed with a cam, or to rest at the speeds where that motion breaks a limit."""
         train = build_train(self.scene)
-        found = settled_metrics([train], [lift], self._cam_speeds.ravel().tolist())
-        starts = next_starts(found.states[0, 0], used_limits(self.limits, found), state_at_rest(train))
+        metrics = settled_metrics([train], [lift], self._cam_speeds.ravel().tolist())
+        starts = next_starts(metrics.states[0, 0], limit_usage(self.limits, metrics), state_at_rest(train))
         self._nominal = starts.reshape(self._nominal.shape)
 
-    def draw(self, count: int, unsure: np.ndarray | None = None) -> None:
+    def draw(self, count: int, unjudged: np.ndarray | None = None) -> None:
         """Draws trains until the ensemble has `count` of them.
 
-        At the speeds `unsure` (s: bool), by default at all speeds, the new trains count as near their limits until they
-        are judged there.
+        At the speeds `unjudged` (s: bool), by default at all speeds, the new trains count as near their limits until
+        they are judged there.
         """
         first = len(self.trains)
         drawn = trains_as_built(self.scene, count - first, seed=self.seed, first=first)
-        self.trains += [replace(one, train=with_chords(one.train, CHORDS)) for one in drawn]
+        self.trains += [replace(built, train=with_chords(built.train, CHORDS)) for built in drawn]
         new = np.arange(first, count)
         self.states = np.concatenate([self.states, self._nominal[new % STAGGER]])
         self.used = np.concatenate([self.used, np.zeros((len(new), len(self.limits), SPEEDS))])
-        self.used[first:, :, slice(None) if unsure is None else unsure] = UNJUDGED
+        self.used[first:, :, slice(None) if unjudged is None else unjudged] = UNJUDGED
 
-    def doubt(self, unsure: np.ndarray) -> None:
-        """Marks all trains as near their limits at the speeds `unsure` (s: bool), until they are judged there with
+    def mark_unjudged(self, unjudged: np.ndarray) -> None:
+        """Marks all trains as near their limits at the speeds `unjudged` (s: bool), until they are judged there with
         another cam."""
-        self.used[:, :, unsure] = UNJUDGED
+        self.used[:, :, unjudged] = UNJUDGED
 
-    def begin_anew(self, train: int, speed: int) -> None:
+    def reset_state(self, train: int, speed: int) -> None:
         """Resets the initial state of a train at one of its speeds to the settled state of the train as designed, since
         a motion does not recover from a pumped-up adjuster, nor from a state in which it was refused."""
         self.states[train, speed] = self._nominal[train % STAGGER, speed]
@@ -137,24 +137,24 @@ class TrainEnsemble:
         """Updates the limit usage with a cam for the trains and speeds `wanted` (t, s: bool)."""
         rows = np.flatnonzero(wanted.any(axis=1))
         with ThreadPoolExecutor(WORKERS) as pool:
-            list(pool.map(lambda t: self._one(lift, int(t), np.flatnonzero(wanted[t])), rows))
+            list(pool.map(lambda t: self._judge_train(lift, int(t), np.flatnonzero(wanted[t])), rows))
 
-    def _one(self, lift: Lift, t: int, at: np.ndarray) -> None:
-        one, speeds, rough = self.trains[t], self.speeds(t)[at], first_look(self.limits)
-        if one.train.memory:  # oil that the previous cam left in an adjuster would decide; the statement has none
+    def _judge_train(self, lift: Lift, t: int, at: np.ndarray) -> None:
+        built, speeds, rough = self.trains[t], self.speeds(t)[at], short_motions(self.limits)
+        if built.train.memory:  # oil that the previous cam left in an adjuster would decide; the statement has none
             starts, looks = self._nominal[t % STAGGER, at], (rough, {})
         else:
-            how = {"decay": np.inf, "most": most_to_settle(one.train, speeds.max()), "measured": MEASURES}
+            how = {"decay": np.inf, "most": most_to_settle(built.train, speeds.max()), "measured": MEASURES}
             starts, looks = self.states[t, at], (rough | how, how)
-        self.used[t][:, at], ends = used_by_looks(self.limits, one.train, one.cam(lift), speeds, starts, looks)
+        self.used[t][:, at], ends = staged_usage(self.limits, built.train, built.cam(lift), speeds, starts, looks)
         self.states[t, at] = next_starts(ends, self.used[t][:, at], self._nominal[t % STAGGER, at])
 
-    def met(self, judged: np.ndarray) -> dict[str, np.ndarray]:
+    def stored_arrays(self, judged: np.ndarray) -> dict[str, np.ndarray]:
         """The arrays that are stored for a cam: limit usage and states where trains were `judged` (t, s: bool)."""
         at = np.nonzero(judged)
         return {"at": np.stack(at), "used": self.used[at[0], :, at[1]], "states": self.states[at]}
 
-    def take(self, met: Mapping[str, np.ndarray]) -> None:
+    def restore(self, arrays: Mapping[str, np.ndarray]) -> None:
         """Restores limit usage and states from the stored arrays of a cam."""
-        trains, speeds = met["at"]
-        self.used[trains, :, speeds], self.states[trains, speeds] = met["used"], met["states"]
+        trains, speeds = arrays["at"]
+        self.used[trains, :, speeds], self.states[trains, speeds] = arrays["used"], arrays["states"]

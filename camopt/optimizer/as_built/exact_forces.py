@@ -36,21 +36,21 @@ class ExactForces:
         self.theta = top + STEP * np.arange(np.ceil(AFTER_TOP / STEP - 1e-9), np.floor(last / STEP) + 1)
         shape = len(trains), cam_speeds.shape[1], len(nominal.cam_side), len(self.theta), 1 + cam.Z.shape[1]
         self._forces = np.empty(shape, dtype=np.float32)
-        for t, one in enumerate(trains):
-            self._put(self._forces[t], one, cam, cam_speeds[t % len(cam_speeds)])
+        for t, built in enumerate(trains):
+            self._put(self._forces[t], built, cam, cam_speeds[t % len(cam_speeds)])
 
     def about(self, z: np.ndarray) -> np.ndarray:
         """Forces (t, s, c, k, 1 + m) [N] at z = 0 and per coefficient, in single precision; valid for every z (m)."""
         return self._forces
 
-    def _put(self, found: np.ndarray, one: TrainAsBuilt, cam: FreeCam, cam_speeds: np.ndarray) -> None:
+    def _put(self, forces: np.ndarray, built: TrainAsBuilt, cam: FreeCam, cam_speeds: np.ndarray) -> None:
         """Writes the forces of one train into its part (s, c, k, 1 + m) of the array."""
         try:
-            angles = static_angles(one.train, cam)
+            angles = static_angles(built.train, cam)
         except NoCamFound:  # the lash exceeds the ramp height; event-exact evaluates the impact later
             angles = self._usual
         samples = sample_cam(cam, angles, EDGES)
-        error = _error_samples(one, cam, samples)
+        error = _error_samples(built, cam, samples)
         at = np.searchsorted(samples.edges, self.theta)
         before = (samples.edges[at] - self.theta) / (samples.edges[at] - samples.edges[at - 1])
 
@@ -59,21 +59,21 @@ class ExactForces:
             return high + before[:, None] * (low - high)
 
         for s, cam_speed in enumerate(cam_speeds):
-            plain = periodic_response(one.train, samples, cam_speed, angles)
+            plain = periodic_response(built.train, samples, cam_speed, angles)
             ground = plain.to_error(error) if error else None
-            for c, element in enumerate(one.train.cam_side):
+            for c, element in enumerate(built.train.cam_side):
                 force = read(plain, element)
                 if ground:
                     force[:, 0] += read(ground, element)[:, 0]
-                found[s, c] = force
+                forces[s, c] = force
 
 
-def _error_samples(one: TrainAsBuilt, cam: FreeCam, samples: CamSamples) -> CamSamples | None:
+def _error_samples(built: TrainAsBuilt, cam: FreeCam, samples: CamSamples) -> CamSamples | None:
     """The grinding error of a cam between the same edges, as a Taylor polynomial on every step of the lobe; None where
     there is no error. The error's own knots lie within the steps, and only its fifth derivative is discontinuous there.
     """
     plain = cam.lift(np.zeros(cam.Z.shape[1]))
-    ground = one.cam(plain)
+    ground = built.cam(plain)
     if ground is plain:
         return None
     edges = samples.edges

@@ -33,24 +33,24 @@ on either side. The motions settle to ROUGH times the usual tolerances, or to ti
 limit usage by more than PART. They decide where every usage is at most 1 - PART or the largest is IRREGULAR or more."""
 
 
-def first_look(limits: Iterable[MotionLimit]) -> dict[str, Any]:
+def short_motions(limits: Iterable[MotionLimit]) -> dict[str, Any]:
     """Settings of the short motions by which a train is judged first, as arguments of `settled_metrics`."""
     room = min((limit.value / ERRORS[limit.metric] for limit in limits), default=np.inf)
     return {"most": SETTLES, "measured": MEASURES, "tolerance": float(np.clip(PART * room, 1.0, ROUGH))}
 
 
-def used_limits(limits: Iterable[MotionLimit], found: SettledMetrics) -> np.ndarray:
+def limit_usage(limits: Iterable[MotionLimit], metrics: SettledMetrics) -> np.ndarray:
     """Limit usage (l, s) of the settled motions of one train and cam, from the worst of the measured revolutions."""
-    return np.array([limit.share(found.worst(limit.metric)[0, 0]) for limit in limits])
+    return np.array([limit.share(metrics.worst(limit.metric)[0, 0]) for limit in limits])
 
 
-def used_by_looks(
+def staged_usage(
     limits: Sequence[MotionLimit],
     train: Train,
     cam: Lift,
     cam_speeds: np.ndarray,
     starts: np.ndarray,
-    looks: Iterable[Mapping[str, Any]],
+    stages: Iterable[Mapping[str, Any]],
 ) -> tuple[np.ndarray, np.ndarray]:
     """Limit usage (l, s) of a train with its cam at the cam speeds (s) [rad/s], and the states (s, 2n + r) in which the
     motions that begin in `starts` end.
@@ -59,11 +59,11 @@ def used_by_looks(
     previous looks do not decide whether the train keeps its limits.
     """
     used, states, at = np.zeros((len(limits), len(cam_speeds))), starts.copy(), np.arange(len(cam_speeds))
-    for look in looks:
-        found = settled_metrics(
-            [train], [cam], cam_speeds[at].tolist(), starts=states[at], workers=1, kept=False, **look
+    for settings in stages:
+        metrics = settled_metrics(
+            [train], [cam], cam_speeds[at].tolist(), starts=states[at], workers=1, kept=False, **settings
         )
-        used[:, at], states[at] = used_limits(limits, found), found.states[0, 0]
+        used[:, at], states[at] = limit_usage(limits, metrics), metrics.states[0, 0]
         worst = used.max(axis=0)
         at = at[(worst[at] > 1.0 / IRREGULAR) & (worst[at] < IRREGULAR)]
         if not len(at):
@@ -85,10 +85,10 @@ class Track:
         """Limit usage (t, l, s) of the trains, from the worst of the measured revolutions: by short motions and, where
         these do not decide, by full ones."""
         limits, speeds = tuple(self.limits.values()), np.array(self.cam_speeds)
-        looks = first_look(limits), {}
+        stages = short_motions(limits), {}
 
-        def of_train(one: TrainAsBuilt) -> np.ndarray:
-            return used_by_looks(limits, one.train, one.cam(self.lift), speeds, self.starts, looks)[0]
+        def of_train(built: TrainAsBuilt) -> np.ndarray:
+            return staged_usage(limits, built.train, built.cam(self.lift), speeds, self.starts, stages)[0]
 
         with ThreadPoolExecutor(WORKERS) as pool:
             return np.array(list(pool.map(of_train, trains)))
@@ -126,9 +126,9 @@ def measure_trains(
     for begin in range(0, len(missing), CHUNK):
         numbers = missing[begin : begin + CHUNK]
         drawn = [trains_as_built(scene, 1, seed=seed, first=i)[0] for i in numbers]
-        used = [dict(zip(track.limits, parts, strict=True)) for parts in track.used(drawn)]
+        used = [dict(zip(track.limits, usage, strict=True)) for usage in track.used(drawn)]
         same = {"cam": cam, "halved": halved}
-        journal.add(*(same | {"train": i, "used": one} for i, one in zip(numbers, used, strict=True)))
+        journal.add(*(same | {"train": i, "used": parts} for i, parts in zip(numbers, used, strict=True)))
         advance(len(numbers))
     rows = [[*(journal.get(cam, halved, i) or {})["used"].values()] for i in range(count)]
     return np.nan_to_num(np.array(rows, dtype=float), nan=np.inf)  # infinity is null in a journal

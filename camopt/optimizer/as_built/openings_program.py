@@ -22,7 +22,7 @@ from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram
 from camopt.optimizer.program.phases import LIFTED, phase_contacts
 from camopt.scene.rest import linearised_at_rest
 from camopt.scene.train import Train
-from camopt.scene.units import DEG
+from camopt.scene.units import DEG, UM
 
 STEP = 1.0 * DEG
 """Step between the angles at which forces are read [rad]."""
@@ -69,8 +69,6 @@ def opening_rows(train: Train, contact: int, cam_speed: float, count: int) -> np
     return -STEP / cam_speed * rows
 
 
-UM = 1e-6
-"""Unit of the program's openings [m]: in micrometres they are as large as margins in newtons."""
 BROKEN = 1.0 * UM
 """Excess of an opening over its limit that is ignored [m]."""
 NEARLY = 10.0 * UM
@@ -82,7 +80,7 @@ FIRST, AT_ONCE = 100, 400
 """Number of cases that get rows at the start and between two solutions, the worst ones first."""
 MOST_SOLUTIONS = 40
 """Largest number of solutions during one row generation."""
-GIVEN_UP_AT_ONCE = 3
+DROPPED_AT_ONCE = 3
 """At most one in this number of the trains with positive multipliers is dropped between two solutions."""
 
 Key = tuple[int, int, int, int]
@@ -109,38 +107,37 @@ class OpeningsProgram:
         rows = [opening_rows(train, e, w, count) for w in self.cam_speeds.ravel() for e in train.cam_side]
         shape = *self.cam_speeds.shape, len(train.cam_side), -1, count
         self._openings = np.array(rows, dtype=np.float32).reshape(shape)
-        self._limits = self.plain.limits
         self._margin_N = 0.0
-        self.about(self.forces)
+        self.replace_forces(self.forces)
 
-    def about(self, forces: np.ndarray) -> None:
+    def replace_forces(self, forces: np.ndarray) -> None:
         """Replaces the forces by those about another cam, and discards rows and dropped trains."""
         self.forces, self._rows, self._work = forces, {}, set()
         self._tight, self._seen, self._tight_limits = set[Key](), set[Key](), np.zeros(0, dtype=int)
         self.kept = np.ones(len(forces), dtype=bool)
 
-    def keep(self, margin_N: float) -> None:
+    def require_force(self, margin_N: float) -> None:
         """Sets the force [N] that is subtracted from all contact forces before openings are predicted."""
         if margin_N != self._margin_N:
             self._margin_N = margin_N
             self._rows.clear()
 
-    def tied(self, z: np.ndarray) -> np.ndarray:
+    def tied_forces(self, z: np.ndarray) -> np.ndarray:
         """Forces of the tied contacts (t, s, c, k) [N] with the cam of z (m)."""
         return self.forces @ np.append(1.0, z).astype(np.float32)
 
-    def foretold(self, z: np.ndarray, cases: np.ndarray) -> np.ndarray:
+    def predicted_openings(self, z: np.ndarray, cases: np.ndarray) -> np.ndarray:
         """Predicted openings (i, c, w * k) [m] with the cam of z (m) in `cases` (i, 2), indices of train and speed."""
         t, s = cases.T
-        forces = self.tied(z)[t, s] - np.float32(self._margin_N)
-        found = np.empty((len(t), forces.shape[1], len(LONG) * len(self.theta)), dtype=np.float32)
+        forces = self.tied_forces(z)[t, s] - np.float32(self._margin_N)
+        openings = np.empty((len(t), forces.shape[1], len(LONG) * len(self.theta)), dtype=np.float32)
         for same, speed in np.ndindex(self.cam_speeds.shape):
             at = np.flatnonzero((t % len(self.cam_speeds) == same) & (s == speed))
             for c, rows in enumerate(self._openings[same, speed]):  # as products of matrices
-                found[at, c] = forces[at, c] @ rows.T
-        return found
+                openings[at, c] = forces[at, c] @ rows.T
+        return openings
 
-    def largest(self, z: np.ndarray, limits: np.ndarray, given_up: int, box: Box | None = None) -> NoJumpOptimum:
+    def largest(self, z: np.ndarray, limits: np.ndarray, dropped: int, box: Box | None = None) -> NoJumpOptimum:
         """The cam of largest area whose predicted openings are at most the `limits` (classes, s) [m] of each speed in
         all but `given_up` trains.
 
@@ -149,35 +146,35 @@ class OpeningsProgram:
         the program feasible, until enough trains are dropped.
         """
         while True:
-            found, pressure = self._solved(z, limits, box)
-            z, left = found.z, given_up - int(np.sum(~self.kept))
-            if left <= 0 or not pressure.any():
-                return found
-            count = min((left + 1) // 2, max(1, int(np.sum(pressure > 0)) // GIVEN_UP_AT_ONCE))
-            self.kept[np.argsort(-pressure, kind="stable")[:count]] = False
+            optimum, multipliers = self._generate_rows(z, limits, box)
+            z, left = optimum.z, dropped - int(np.sum(~self.kept))
+            if left <= 0 or not multipliers.any():
+                return optimum
+            count = min((left + 1) // 2, max(1, int(np.sum(multipliers > 0)) // DROPPED_AT_ONCE))
+            self.kept[np.argsort(-multipliers, kind="stable")[:count]] = False
 
-    def _solved(self, z: np.ndarray, limits: np.ndarray, box: Box | None) -> tuple[NoJumpOptimum, np.ndarray]:
+    def _generate_rows(self, z: np.ndarray, limits: np.ndarray, box: Box | None) -> tuple[NoJumpOptimum, np.ndarray]:
         """The optimum for the trains that are kept, and the sum of the multipliers of each train's rows (t)."""
-        every = np.argwhere(np.broadcast_to(self.kept[:, None], self.forces.shape[:2]))
-        more, near = self._broken(z, limits, every, begin=not self._work)
+        all_cases = np.argwhere(np.broadcast_to(self.kept[:, None], self.forces.shape[:2]))
+        more, near = self._violated_rows(z, limits, all_cases, begin=not self._work)
         for _ in range(MOST_SOLUTIONS):
             self._work |= more
-            found, pressure, beyond = self._optimum(limits, box)
+            optimum, multipliers, beyond = self._optimum(limits, box)
             allowed = limits + beyond
-            more, near = self._broken(found.z, allowed, near)
+            more, near = self._violated_rows(optimum.z, allowed, near)
             if not more - self._work:
-                more, near = self._broken(found.z, allowed, every)
+                more, near = self._violated_rows(optimum.z, allowed, all_cases)
             if not more - self._work:
                 break
-        return found, pressure
+        return optimum, multipliers
 
-    def _broken(
+    def _violated_rows(
         self, z: np.ndarray, limits: np.ndarray, cases: np.ndarray, begin: bool = False
     ) -> tuple[set[Key], np.ndarray]:
         """The rows of `cases` (i, 2) that the cam of z (m) violates most, or with `begin` those closest to their
         limits; and the cases close to their limits, which the next cam may violate."""
         limit = limits[cases[:, 0] % len(limits), cases[:, 1]].astype(np.float32)
-        beyond = self.foretold(z, cases)
+        beyond = self.predicted_openings(z, cases)
         beyond -= limit[:, None, None]
         worst, length = beyond.max(axis=(1, 2)), len(self.theta)
         order = np.argsort(-worst, kind="stable")[: FIRST if begin else AT_ONCE]
@@ -185,11 +182,11 @@ class OpeningsProgram:
         by_length = beyond[order].reshape(len(order), beyond.shape[1], len(LONG), length)
         last = by_length.argmax(axis=3)
         near = np.take_along_axis(by_length, last[..., None], axis=3)[..., 0] > (-np.inf if begin else -NEARLY)
-        found = set()
+        violated = set()
         for i, c, w in np.argwhere(near).tolist():
             t, s = cases[order[i]].tolist()
-            found.add((t, s, c, w * length + int(last[i, c, w])))
-        return found, cases[worst > -WATCHED]
+            violated.add((t, s, c, w * length + int(last[i, c, w])))
+        return violated, cases[worst > -WATCHED]
 
     def _row(self, key: Key) -> np.ndarray:
         """The predicted opening [um] of a row at z = 0 and per coefficient (1 + m)."""
@@ -209,19 +206,19 @@ class OpeningsProgram:
                 cases.setdefault(key[:2], []).append(key)
         blocks = tuple(self._block(keys) for keys in cases.values())
         program = replace(self.plain, blocks=blocks, box=box)
-        vars(program)["limits"] = self._limits
+        vars(program)["limits"] = self.plain.limits
         at = np.array([(t % len(limits), s) for t, s in cases])
         margins = np.tile(-limits[at[:, 0], at[:, 1]] / UM, (3, 1))
-        first, keys = len(self._limits.bound), [key for block in cases.values() for key in block]
-        found = program.solve_below(margins, self._to_begin_with(first, keys))
-        tight = found.optimum.working
+        first, keys = len(self.plain.limits.bound), [key for block in cases.values() for key in block]
+        solution = program.solve_below(margins, self._first_working(first, keys))
+        tight = solution.optimum.working
         self._tight_limits, self._seen = tight[tight < first], set(keys)
         self._tight = {keys[i - first] for i in tight if first <= i < first + len(keys)}
-        trains, pressure = np.array([t for t, _ in cases]), np.zeros(len(self.forces))
-        np.add.at(pressure, trains[program.speed], found.optimum.duals[first : first + len(program.speed)])
-        return found, pressure, UM * max(0.0, float((margins - found.margins).max(initial=0.0)))
+        trains, multipliers = np.array([t for t, _ in cases]), np.zeros(len(self.forces))
+        np.add.at(multipliers, trains[program.speed], solution.optimum.duals[first : first + len(program.speed)])
+        return solution, multipliers, UM * max(0.0, float((margins - solution.margins).max(initial=0.0)))
 
-    def _to_begin_with(self, first: int, keys: list[Key]) -> np.ndarray | None:
+    def _first_working(self, first: int, keys: list[Key]) -> np.ndarray | None:
         """Indices of the rows that were tight in the previous program and of those that it did not contain, or None if
         there was no previous program. The rows of openings start at index `first`."""
         new = [first + i for i, key in enumerate(keys) if key in self._tight or key not in self._seen]

@@ -104,8 +104,8 @@ def price_list(
     areas, done = {name: np.empty(sets) for name in scenes}, 0
     for k in range(sets):
         level = None
-        for name, one in scenes.items():
-            program.draw(one, seed, first=k * trains)
+        for name, variant in scenes.items():
+            program.draw(variant, seed, first=k * trains)
             level = level or _level(program, area_ratio)
             areas[name][k] = program(level)
             done += 1
@@ -161,14 +161,14 @@ def _level(area_at: Callable[[float], float], area_ratio: float | None) -> float
 def _variants(scene: Scene) -> dict[tuple[str, str], Scene]:
     """Scenes by change and tolerance: as it is, without each tolerance, with each one halved, with raised numbers."""
     labels = scatter_labels(scene)
-    found = {("as given", ""): scene}
-    found |= {("left out", label): with_scatter(scene, {label: 0.0}) for label in labels}
-    found |= {("halved", label): with_scatter(scene, {label: 0.5}) for label in labels}
+    variants = {("as given", ""): scene}
+    variants |= {("left out", label): with_scatter(scene, {label: 0.0}) for label in labels}
+    variants |= {("halved", label): with_scatter(scene, {label: 0.5}) for label in labels}
     for tolerance in scene.tolerance:
         numbers = [n for together in moved_together(scene, tolerance) for n in together]
         raised = {number: (1.0 + CHANGE) * number.of(scene) for number in numbers}
-        found["raised", tolerance.label] = with_numbers(scene, raised)
-    return found
+        variants["raised", tolerance.label] = with_numbers(scene, raised)
+    return variants
 
 
 def _priced(wanted: float, areas: Mapping[tuple[str, str], np.ndarray]) -> PriceList:

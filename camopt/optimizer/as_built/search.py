@@ -32,7 +32,7 @@ from camopt.optimizer.as_built.steps import (
     smaller_cams,
 )
 from camopt.optimizer.program.force_rows import Box
-from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram, no_jump_program
+from camopt.optimizer.program.no_jump import NoJumpProgram, no_jump_program
 from camopt.optimizer.program.phases import force_unit
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.program.relocation import converge_tangents
@@ -103,21 +103,21 @@ def yield_search(
     slopes = SlopesProgram(plain, shaping, effort.shaping_trains, journal.beside(SHAPING))
     search = YieldSearch(wanted, slopes, unseen, effort.unseen_trains, journal, show)
 
-    foretold = partial(_by_openings, scene, plain, z, wanted, effort.foretold_trains, gradient, seed)
-    level = first_level(search, *foretold())  # the forces, 0.3 GB, are released afterwards
-    slopes.begin(1.0 - wanted)
-    search.along()
+    start_openings = partial(_openings_search, scene, plain, z, wanted, effort.foretold_trains, gradient, seed)
+    level = first_level(search, *start_openings())  # the forces, 0.3 GB, are released afterwards
+    slopes.set_targets(1.0 - wanted)
+    search.follow_gradients()
     if not search.held:
-        largest, z = foretold()
+        largest, z = start_openings()
         smaller_cams(search, largest, level, z)
         # where the maximum lift must be reached, two cams may reach it at different angles, and their mean nowhere
         if not plain.design.reach_max_lift:
-            search.narrow()
+            search.bisect()
     forget_propagators()  # the propagators of drawn trains take more memory than the whole verdict
     return search
 
 
-def _by_openings(
+def _openings_search(
     scene: Scene, plain: NoJumpProgram, z: np.ndarray, wanted: float, trains: int, gradient: str, seed: int
 ) -> tuple[LargestCam, np.ndarray]:
     """The function that finds the largest cam for a level of the limits on predicted openings of drawn trains, and the
@@ -130,9 +130,9 @@ def _by_openings(
     z, box = _about_its_own_cam(program, source, z, FIRST_LEVEL * limits, lost)
     unit = force_unit(plain.train)
 
-    def largest(level: float, z: np.ndarray) -> NoJumpOptimum:
-        program.keep(max(-level, 0.0) * NEWTONS * unit)
-        return program.largest(z, max(level, 0.0) * limits, lost, box)
+    def largest(level: float, z: np.ndarray) -> np.ndarray:
+        program.require_force(max(-level, 0.0) * NEWTONS * unit)
+        return program.largest(z, max(level, 0.0) * limits, lost, box).z
 
     return largest, z
 
@@ -188,12 +188,14 @@ def _about_its_own_cam(
     if source.for_every_cam:
         return z, None
     region, fills = first_region(program.plain.design), bool(program.plain.train.memory)
-    program.keep(KEPT_N * force_unit(program.plain.train) if fills else 0.0)
+    program.require_force(KEPT_N * force_unit(program.plain.train) if fills else 0.0)
     for _ in range(FILLING_ROUNDS if fills else ROUNDS):
-        found = program.largest(z, 0.0 * limits if fills else limits, lost, Box(z, region.width))
-        before, foretold = program.tied(z), program.tied(found.z)
-        program.about(source.about(found.z))
-        missed, moved = (np.abs(program.tied(found.z) - one).max(axis=(2, 3)) for one in (foretold, before))
+        optimum = program.largest(z, 0.0 * limits if fills else limits, lost, Box(z, region.width))
+        before, predicted = program.tied_forces(z), program.tied_forces(optimum.z)
+        program.replace_forces(source.about(optimum.z))
+        missed, moved = (
+            np.abs(program.tied_forces(optimum.z) - forces).max(axis=(2, 3)) for forces in (predicted, before)
+        )
         region.follow(float(np.median(missed / np.maximum(moved, 1.0))))
-        z = found.z
+        z = optimum.z
     return z, None if fills else Box(z, region.width)

@@ -22,10 +22,10 @@ from camopt.cam.lift import Lift
 from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.settled.lift_pieces import lift_between
 from camopt.highs import minimise
-from camopt.optimizer.as_built.drawn import MET, TrainEnsemble
+from camopt.optimizer.as_built.drawn import STORED, TrainEnsemble
 from camopt.optimizer.as_built.measured import WORKERS
 from camopt.optimizer.program.kinematic import area_ratio_row, peak_angle, spline_rows, with_lift_reached
-from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram
+from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.optimizer.search.region import first_region
 from camopt.scene.errors import MotionRefused
 from camopt.storage.journal import StepFiles
@@ -59,12 +59,12 @@ CAMS, MEAN = 2, 4
 one cam are needed because a train's largest opening moves from one cam to the next, and because a contact that stays
 closed with one cam has no gradient until it opens with the next. The mean cam suits more trains than each single cam,
 which suits only the trains of its own rows."""
-SHAPING, TRACED = "shaping", (*MET, "train", "offset", "slope", "target")
+SHAPING, TRACED = "shaping", (*STORED, "train", "offset", "slope", "target")
 """Folder of a run in which the results of the trains with each cam are stored, and the names of the arrays: those of
 the ensemble and those of the program's rows."""
 
 
-class CamOfSlopes(NamedTuple):
+class CandidateCam(NamedTuple):
     """A cam of the program: its free coefficients z (m), area ratio and lift."""
 
     z: np.ndarray
@@ -92,7 +92,7 @@ class SlopesProgram:
     count: int
     journal: StepFiles
     targets: np.ndarray = field(init=False)  # (l) by limit
-    cam: CamOfSlopes = field(init=False)  # the present cam, about which the usages are linearised
+    cam: CandidateCam = field(init=False)  # the present cam, about which the usages are linearised
 
     def __post_init__(self) -> None:
         self._width = FIRST_WIDTH * first_region(self.plain.design).width
@@ -101,29 +101,28 @@ class SlopesProgram:
         self.targets = np.full(len(self.drawn.limits), TARGETS[1])
 
     @property
-    def mean(self) -> CamOfSlopes:
+    def mean(self) -> CandidateCam:
         """The mean of the program's last cams."""
         return self.cam_of(np.mean(self._last, axis=0))
 
-    def about(self, cam: NoJumpOptimum, lost: float) -> float:
-        """Moves to another cam, and returns the number of the first trains that fail with it, divided by the number
-        that may fail, a fraction `lost`. With the first cam these trains are traced at all speeds, afterwards at those
-        that matter."""
-        drawn = self.drawn
+    def move_to(self, z: np.ndarray, lost: float) -> float:
+        """Moves to the cam of z (m), and returns the number of the first trains that fail with it, divided by the
+        number that may fail, a fraction `lost`. With the first cam these trains are traced at all speeds, afterwards at
+        those that matter."""
+        drawn, self.cam = self.drawn, self.cam_of(z)
         if not drawn.trains:
-            drawn.settle(cam.lift)
+            drawn.settle(self.cam.lift)
             drawn.draw(min(FIRST, self.count))
         else:
-            drawn.doubt(drawn.matters(lost))
-        self.cam = self.cam_of(cam.z)
+            drawn.mark_unjudged(drawn.critical_speeds(lost))
         self._trace()
         return drawn.failing / max(lost * len(drawn.trains), 1.0)
 
-    def begin(self, lost: float) -> None:
+    def set_targets(self, lost: float) -> None:
         """Draws all trains, a fraction of which may be `lost`, and sets the targets from their usage with the present
         cam. The trains are traced twice, since their first motions start in the states of the train as designed."""
         if self.count > len(self.drawn.trains):
-            self.drawn.draw(self.count, self.drawn.matters(lost))
+            self.drawn.draw(self.count, self.drawn.critical_speeds(lost))
         self._trace()
         worst = np.sort(np.minimum(self.drawn.used.max(axis=2), FARTHEST), axis=0)  # (t, l)
         last = (np.array([TAIL, 1]) * lost * len(worst) + 1e-9).astype(int)
@@ -141,9 +140,9 @@ class SlopesProgram:
         self._width *= 1.0 / NARROWER if farther else NARROWER
         self._rows.append(self._trace())
 
-    def cam_of(self, z: np.ndarray) -> CamOfSlopes:
+    def cam_of(self, z: np.ndarray) -> CandidateCam:
         """The cam of free coefficients z (m)."""
-        return CamOfSlopes(z, float(self._area @ z + self._area_at_zero), self.plain.cam.lift(z))
+        return CandidateCam(z, float(self._area @ z + self._area_at_zero), self.plain.cam.lift(z))
 
     def _trace(self) -> UseRows:
         """The rows about the present cam, from trains that were near a target and trains checked in rotation."""
@@ -151,7 +150,7 @@ class SlopesProgram:
         self._turn += 1
         stored = self.journal.stored(self._turn, cam.z, TRACED)
         if stored is not None:
-            self.drawn.take(stored)
+            self.drawn.restore(stored)
             return UseRows(*(stored[name] for name in UseRows._fields))
         used, turn = self.drawn.used, np.arange(len(self.drawn.trains)) + self._turn
         near = (used > (self.targets - NEAR - SOON)[:, None]).any(axis=1) | (turn % OTHER_SCOUTS == 0)[:, None]
@@ -161,7 +160,7 @@ class SlopesProgram:
             traced = list(pool.map(lambda t: self._traced_train(cam.lift, t, np.flatnonzero(near[t])), numbers))
         rows = self._about(cam.z, [row for of_train in traced for row in of_train])
         if self.journal.kept:
-            self.journal.store(self._turn, cam.z, self.drawn.met(near) | rows._asdict())
+            self.journal.store(self._turn, cam.z, self.drawn.stored_arrays(near) | rows._asdict())
         return rows
 
     def _about(self, z: np.ndarray, traced: list[tuple[int, int, float, np.ndarray]]) -> UseRows:
@@ -184,26 +183,26 @@ class SlopesProgram:
         Returns train, limit, usage and gradient for every limit that the train comes near to. The gradient is by the
         coefficients (m) of the cam as designed, whose pieces lie between the `plain` borders.
         """
-        one, limits, start = self.drawn.trains[t], self.drawn.limits, self.drawn.states[t, s]
+        built, limits, start = self.drawn.trains[t], self.drawn.limits, self.drawn.states[t, s]
         try:
-            motion = TracedMotion(one.train, cam, self.drawn.speeds(t)[s], start, REVOLUTIONS)
+            motion = TracedMotion(built.train, cam, self.drawn.speeds(t)[s], start, REVOLUTIONS)
         except MotionRefused:
             self.drawn.used[t, :, s] = np.inf
-            self.drawn.begin_anew(t, s)
+            self.drawn.reset_state(t, s)
             return []
         values = motion.values([limit.metric for limit in limits], REVOLUTIONS - 2)
         use = np.array([float(limit.share(value)) for limit, value in zip(limits, values, strict=True)])
         self.drawn.used[t, :, s] = use
         self.drawn.states[t, s] = motion.end
-        if use.max() >= (1.0 if one.train.memory else FARTHEST):
-            self.drawn.begin_anew(t, s)
+        if use.max() >= (1.0 if built.train.memory else FARTHEST):
+            self.drawn.reset_state(t, s)
         if use.max() >= FARTHEST:
             return []
         near = np.flatnonzero(use > self.targets - NEAR).tolist()
         if not near:
             return []
-        found = motion.gradient([limits[i].metric for i in near], REVOLUTIONS - 2).by_coefficients
-        by_pieces = [_by_pieces(rows, cam.borders, plain)[:, : self._basis.shape[1]] for rows in found]
+        gradients = motion.gradient([limits[i].metric for i in near], REVOLUTIONS - 2).by_coefficients
+        by_pieces = [_by_pieces(rows, cam.borders, plain)[:, : self._basis.shape[1]] for rows in gradients]
         by_free = [np.einsum("pq,pqm->m", pieces, self._basis) for pieces in by_pieces]
         slopes = [limits[i].share_slope * slope for i, slope in zip(near, by_free, strict=True)]
         return [(t, i, use[i], slope) for i, slope in zip(near, slopes, strict=True) if np.isfinite(slope).all()]
@@ -216,8 +215,8 @@ class SlopesProgram:
     def _optimum(self, price: float) -> np.ndarray:
         """The coefficients (m) of the program's cam. The columns are these coefficients and, for each train with rows,
         its excess over the target."""
-        z, parts = self.cam.z, zip(*self._rows, strict=True)
-        train, offset, slope, target = (np.concatenate(part) for part in parts)
+        z, columns = self.cam.z, zip(*self._rows, strict=True)
+        train, offset, slope, target = (np.concatenate(blocks) for blocks in columns)
         tail, column = np.unique(train, return_inverse=True)
         plain = self.plain
         matrix, bound = with_lift_reached(plain.cam, plain.design, plain.limits.matrix, plain.limits.bound, self._top)
@@ -241,7 +240,7 @@ def _by_pieces(by_ground: np.ndarray, borders: np.ndarray, plain: np.ndarray) ->
     """Converts a gradient by the coefficients (g, q) of pieces between `borders` (g + 1) to one by the coefficients of
     the same law's fewer pieces between `plain` borders (p + 1): the transposed shift of a Taylor polynomial."""
     piece = np.searchsorted(plain, 0.5 * (borders[1:] + borders[:-1])) - 1
-    step, found = borders[:-1] - plain[piece], np.zeros((len(plain) - 1, by_ground.shape[1]))
+    step, gradient = borders[:-1] - plain[piece], np.zeros((len(plain) - 1, by_ground.shape[1]))
     for k in range(by_ground.shape[1]):
-        np.add.at(found[:, k], piece, sum(comb(k, j) * step ** (k - j) * by_ground[:, j] for j in range(k + 1)))
-    return found
+        np.add.at(gradient[:, k], piece, sum(comb(k, j) * step ** (k - j) * by_ground[:, j] for j in range(k + 1)))
+    return gradient

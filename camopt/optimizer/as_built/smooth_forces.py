@@ -52,9 +52,9 @@ class SmoothForces:
         inside = (theta >= self._event[0] + AFTER_TOP) & (theta <= self._event[1] - 1e-9)
         self._at = np.flatnonzero(inside)[::stride]
         self.theta = theta[self._at]
-        self._systems = [tied_system(one.train) for one in trains]
-        every = tied_system(nominal), *self._systems
-        self._parts = max(parts_of_steps(tied, float(cam_speeds.min())) for tied in every)
+        self._systems = [tied_system(built.train) for built in trains]
+        systems = tied_system(nominal), *self._systems
+        self._parts = max(parts_of_steps(tied, float(cam_speeds.min())) for tied in systems)
         self._starts: list[jnp.ndarray] = []  # final states of the trains' last motions
         self._along = Directions(cam.samples(equal_grid(STEPS))[0])
 
@@ -65,26 +65,26 @@ class SmoothForces:
         numbers = range(len(self._trains))
         begin = self._starts or [starts[t % count] for t in numbers]
         shape = len(numbers), self._speeds.shape[1], len(self._nominal.cam_side), len(self.theta), 1 + len(z)
-        found = np.empty(shape, dtype=np.float32)
+        forces = np.empty(shape, dtype=np.float32)
         self._starts = []
-        for some in (numbers[i : i + AT_ONCE] for i in range(0, len(numbers), AT_ONCE)):
-            force = self._forces(lift, some, begin)
-            for t, one in zip(some, force, strict=True):
+        for batch in (numbers[i : i + AT_ONCE] for i in range(0, len(numbers), AT_ONCE)):
+            force = self._forces(lift, batch, begin)
+            for t, one in zip(batch, force, strict=True):
                 slope = slopes[t % count]
-                found[t, ..., 0], found[t, ..., 1:] = one - slope @ z, slope
-        return found
+                forces[t, ..., 0], forces[t, ..., 1:] = one - slope @ z, slope
+        return forces
 
-    def _forces(self, lift: Lift, some: Sequence[int], begin: Sequence[jnp.ndarray]) -> np.ndarray:
+    def _forces(self, lift: Lift, batch: Sequence[int], begin: Sequence[jnp.ndarray]) -> np.ndarray:
         """Forces (t, s, c, k) [N] of the settled motions of some trains, from the initial states `begin`."""
-        tied = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(self._systems[t] for t in some))
-        samples = jnp.asarray(np.stack([lift_samples(self._trains[t].cam(lift), STEPS) for t in some]))
-        speeds = jnp.asarray(self._speeds[np.array(some) % len(self._speeds)])
-        start = jnp.stack([begin[t] for t in some])
-        before = force = jnp.full((len(some), 1, 1, 1), jnp.inf)
+        tied = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(self._systems[t] for t in batch))
+        samples = jnp.asarray(np.stack([lift_samples(self._trains[t].cam(lift), STEPS) for t in batch]))
+        speeds = jnp.asarray(self._speeds[np.array(batch) % len(self._speeds)])
+        start = jnp.stack([begin[t] for t in batch])
+        before = force = jnp.full((len(batch), 1, 1, 1), jnp.inf)
         for _ in range(MOST_TURNS):
             force_along, start = _of_trains(tied, samples, speeds, start, self._event, Layer(WIDTH), parts=self._parts)
             now = force_along[:, self._at]
-            moved = jnp.minimum(*(jnp.abs(now - one).max(axis=(1, 2, 3)) for one in (force, before)))
+            moved = jnp.minimum(*(jnp.abs(now - force_before).max(axis=(1, 2, 3)) for force_before in (force, before)))
             before, force = force, now
             if not float(moved.max()) > WITHIN:  # also ends where a motion is no longer finite
                 break

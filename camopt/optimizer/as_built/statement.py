@@ -67,16 +67,16 @@ class YieldStatement:
         The lower end of the interval need not reach the wanted share itself, since that would require a cam with a
         larger share: 0.996 of 1000 trains.
         """
-        found = []
+        reasons = []
         if self.wanted is not None:
             low = 1.0 - 2 * (1.0 - self.wanted)
             if self.share.share < self.wanted - 1e-12:
-                found.append("fewer trains hold")
+                reasons.append("fewer trains hold")
             if self.share.low < low:
-                found.append(f"the interval of so few trains begins below {100 * low:g} %")
+                reasons.append(f"the interval of so few trains begins below {100 * low:g} %")
         if disagreeing := [str(entry["train"]) for entry in self.independent if not entry["agrees"]]:
-            found.append(f"independent methods disagree on train {', '.join(disagreeing)}")
-        return found
+            reasons.append(f"independent methods disagree on train {', '.join(disagreeing)}")
+        return reasons
 
     def as_dict(self) -> dict:
         """The content of verification.json's "yield"."""
@@ -87,8 +87,8 @@ class YieldStatement:
             **yield_record(self.used, self.share, self.seed, self.blame),
             "independent": list(self.independent),
             "baselines": {
-                name: dict(vars(found)) if isinstance(found, Share) else {"reason": found}
-                for name, found in self.baselines.items()
+                name: dict(vars(share)) if isinstance(share, Share) else {"reason": share}
+                for name, share in self.baselines.items()
             },
         }
 
@@ -176,25 +176,28 @@ def yield_statement(
     speeds_rpm = (
         np.linspace(*scene.required_operation.band_rpm, speeds) if isinstance(speeds, int) else np.array(speeds)
     )
-    way, asked = track(scene, lift, speeds_rpm), Looks((*looks, trains), ADVISED if wanted is None else wanted)
-    parts = _judged(scene, way, asked, trains_journal(journal), seed, advance)
-    used, share = UsedLimits(tuple(way.limits), speeds_rpm, parts), share_of(parts.max(axis=(1, 2)) <= 1.0, asked)
-    blame = rank_correlation_shares(draws_of_trains(scene, len(parts), seed=seed), used.worst)
-    few = trains_as_built(scene, min(len(parts), BASELINE_TRAINS), seed=seed) if baselines else []
+    conditions, interim = track(scene, lift, speeds_rpm), Looks((*looks, trains), ADVISED if wanted is None else wanted)
+    usage = _judged(scene, conditions, interim, trains_journal(journal), seed, advance)
+    used, share = (
+        UsedLimits(tuple(conditions.limits), speeds_rpm, usage),
+        share_of(usage.max(axis=(1, 2)) <= 1.0, interim),
+    )
+    blame = rank_correlation_shares(draws_of_trains(scene, len(usage), seed=seed), used.worst)
+    few = trains_as_built(scene, min(len(usage), BASELINE_TRAINS), seed=seed) if baselines else []
     others = {name: _baseline(scene, cam, speeds_rpm, few) for name, cam in (baselines or {}).items()}
-    alone = {t: trains_as_built(scene, 1, seed=seed, first=t)[0] for t in sampled(used.worst, sample)}
-    judged = tuple(by_independent_methods(one, lift, used, t) for t, one in alone.items())
+    sample_trains = {t: trains_as_built(scene, 1, seed=seed, first=t)[0] for t in sampled(used.worst, sample)}
+    judged = tuple(by_independent_methods(built, lift, used, t) for t, built in sample_trains.items())
     forget_propagators()
     return YieldStatement(wanted, seed, used, share, blame, judged, others)
 
 
 def _judged(
-    scene: Scene, way: Track, looks: Looks, journal: Records, seed: int, advance: Callable[[float], None]
+    scene: Scene, conditions: Track, looks: Looks, journal: Records, seed: int, advance: Callable[[float], None]
 ) -> np.ndarray:
     """Limit usage (t, l, s) of the trains up to the look after which measuring ends."""
     most = looks.trains[-1]
     for count in looks.trains:
-        used = measure_trains(scene, way, count, journal, seed=seed, advance=lambda more: advance(more / most))
+        used = measure_trains(scene, conditions, count, journal, seed=seed, advance=lambda more: advance(more / most))
         if looks.ends(int(np.sum(used.max(axis=(1, 2)) <= 1.0)), count):
             return used
     raise AssertionError("counting ends after the last look")
@@ -215,27 +218,31 @@ def _baseline(
 ) -> Share | str:
     if isinstance(cam, str):
         return cam
-    way: Track = track(scene, cam, speeds_rpm[-1:])  # most trains fail at the top speed; only the rest need all speeds
-    holds = way.used(few).max(axis=(1, 2)) <= 1.0
+    top_speed: Track = track(
+        scene, cam, speeds_rpm[-1:]
+    )  # most trains fail at the top speed; only the rest need all speeds
+    holds = top_speed.used(few).max(axis=(1, 2)) <= 1.0
     if holds.any() and len(speeds_rpm) > 1:
-        others = track(scene, cam, speeds_rpm[:-1]).used([one for one, good in zip(few, holds, strict=True) if good])
+        others = track(scene, cam, speeds_rpm[:-1]).used(
+            [train for train, good in zip(few, holds, strict=True) if good]
+        )
         holds[holds] = others.max(axis=(1, 2)) <= 1.0
     return share_of(holds)
 
 
-def by_independent_methods(one: TrainAsBuilt, lift: Lift, used: UsedLimits, t: int) -> dict:
+def by_independent_methods(built: TrainAsBuilt, lift: Lift, used: UsedLimits, t: int) -> dict:
     """The verdict on a train, by methods that share no code with the search, at the speed of its largest limit usage.
 
     The methods agree if they confirm a train that passes and do not confirm one that fails. Every verdict agrees on a
     train within a twentieth of its limit, and the verdicts "sensitive" and "not converged" agree with both.
     """
     speed = float(used.speeds_rpm[int(np.argmax(used.used[t].max(axis=0)))])
-    verdict = verdict_on(one.scene, one.cam(lift), (speed,), band_step_rpm=None)
+    verdict = verdict_on(built.scene, built.cam(lift), (speed,), band_step_rpm=None)
     worst = float(used.worst[t])
-    said = verdict.speeds[0].verdict
-    near = abs(worst - 1.0) < 0.05 or said in ("sensitive", "not converged")
-    agrees = bool(near or (said == "confirmed") == (worst <= 1.0))
-    return {"train": t, "speed_rpm": speed, "used": worst, "verdict": said, "agrees": agrees}
+    name = verdict.speeds[0].verdict
+    near = abs(worst - 1.0) < 0.05 or name in ("sensitive", "not converged")
+    agrees = bool(near or (name == "confirmed") == (worst <= 1.0))
+    return {"train": t, "speed_rpm": speed, "used": worst, "verdict": name, "agrees": agrees}
 
 
 def beside(

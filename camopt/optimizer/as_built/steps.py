@@ -14,9 +14,8 @@ from scipy.special import bdtr
 
 from camopt.cam.lift import Lift
 from camopt.highs import Infeasible
-from camopt.optimizer.as_built.drawn import FOLDER, MET, TrainEnsemble
-from camopt.optimizer.as_built.slopes_program import CamOfSlopes, SlopesProgram
-from camopt.optimizer.program.no_jump import NoJumpOptimum
+from camopt.optimizer.as_built.drawn import FOLDER, STORED, TrainEnsemble
+from camopt.optimizer.as_built.slopes_program import CandidateCam, SlopesProgram
 from camopt.scene.errors import NoCamFound
 from camopt.scene.units import DEG, MM
 from camopt.storage.journal import StepFiles
@@ -31,7 +30,7 @@ force."""
 FEWEST_FAILING, MOST_FAILING = 0.5, 3.0
 """Range of the ratio of failing trains to permitted failures for the cam from which the gradient steps start. The
 gradients of motions with cams that are far too large are useless."""
-FORETOLD, SLOPES = "foretold openings", "slopes of motions"
+OPENINGS, GRADIENTS = "foretold openings", "slopes of motions"
 """Names of the stages in the history: the program on predicted openings, and the programs on gradients of motions."""
 STEPS, JUDGED = 8, 16
 """Number of gradient steps whose price is adapted to the trains that shape the cam, and largest number of further steps
@@ -65,9 +64,9 @@ the probability is larger: 0.22 for 1500 trains at 0.999."""
 RESOLUTION = 2e-4
 """Difference of area ratio by which a cam must exceed the best one to take its place."""
 
-LargestCam = Callable[[float, np.ndarray], NoJumpOptimum]
-"""Function that returns the program's cam for a level of the limits on predicted openings and for the coefficients z
-(m) of the previous cam."""
+LargestCam = Callable[[float, np.ndarray], np.ndarray]
+"""Function that returns the coefficients (m) of the program's cam for a level of the limits on predicted openings and
+for the coefficients z (m) of the previous cam."""
 
 
 @dataclass
@@ -81,23 +80,23 @@ class YieldSearch:
     unseen_count: int  # drawn for the first cam to be judged
     journal: StepFiles = field(default_factory=lambda: StepFiles(None, FOLDER))
     show: Callable[[dict], None] = lambda line: None
-    held: list[CamOfSlopes | NoJumpOptimum] = field(default_factory=list)  # each larger than the one before
-    turned_down: list[tuple[int, CamOfSlopes | NoJumpOptimum]] = field(default_factory=list)  # number failing, cam
+    held: list[CandidateCam] = field(default_factory=list)  # each larger than the one before
+    rejected: list[tuple[int, CandidateCam]] = field(default_factory=list)  # number failing, cam
     steps: int = 0
 
     @property
-    def best(self) -> CamOfSlopes | NoJumpOptimum | None:
+    def best(self) -> CandidateCam | None:
         """The largest accepted cam."""
         return self.held[-1] if self.held else None
 
     @property
-    def refused(self) -> CamOfSlopes | NoJumpOptimum | None:
+    def nearest_rejected(self) -> CandidateCam | None:
         """The rejected cam, larger than the best one, with which fewest trains fail; of several, the smallest."""
         least = self.best.area_ratio if self.best else 0.0
-        larger = [one for one in self.turned_down if one[1].area_ratio > least]
-        return min(larger, key=lambda one: (one[0], one[1].area_ratio))[1] if larger else None
+        larger = [(failing, cam) for failing, cam in self.rejected if cam.area_ratio > least]
+        return min(larger, key=lambda entry: (entry[0], entry[1].area_ratio))[1] if larger else None
 
-    def allowed(self, count: int) -> int:
+    def permitted_failures(self, count: int) -> int:
         """The number of `count` trains that may fail with a cam."""
         return max(int(np.sum(bdtr(np.arange(count), count, 1.0 - self.wanted) <= CHANCE)) - 1, 0)
 
@@ -106,7 +105,7 @@ class YieldSearch:
         """Number of trains drawn so far, those that shape the cam and the unseen ones."""
         return len(self.slopes.drawn.trains) + len(self.unseen.trains)
 
-    def along(self) -> None:
+    def follow_gradients(self) -> None:
         """Takes gradient steps and adapts their price to the number of failing trains: at first of those that shape the
         cam, then of unseen ones with the mean of the last cams.
 
@@ -121,54 +120,54 @@ class YieldSearch:
                 return
             if step < STEPS:
                 drawn, fewer, failing = slopes.drawn, SHAPED, slopes.drawn.failing
-                self.report(slopes.cam, SLOPES, drawn, failing)
+                self.report(slopes.cam, GRADIENTS, drawn, failing)
             else:
-                best, drawn, fewer, failing = self.best, self.unseen, 1.0, self.evaluate(slopes.mean, SLOPES)
-                if self.best and self.refused:
-                    return self.narrow()
+                best, drawn, fewer, failing = self.best, self.unseen, 1.0, self.evaluate(slopes.mean, GRADIENTS)
+                if self.best and self.nearest_rejected:
+                    return self.bisect()
                 idle = idle + 1 if best and self.best is best else 0
                 if idle == IDLE:
                     return
-            may_fail, least = fewer * self.allowed(len(drawn.trains)), 1.0 if step < STEPS else LEAST_JUDGED
+            may_fail, least = fewer * self.permitted_failures(len(drawn.trains)), 1.0 if step < STEPS else LEAST_JUDGED
             change = BY_FAILING * abs(np.log((failing + 1) / (may_fail + 1)))
             change = float(np.exp(np.clip(change, np.log(least), np.log(MOST_AT_ONCE))))
             price *= change if failing > may_fail else 1.0 / change
 
-    def narrow(self) -> None:
+    def bisect(self) -> None:
         """Bisects between the largest accepted cam and a larger rejected one, until the two are close to each other.
         The mean of two cams keeps all limits on the shape."""
-        refused = self.refused
-        while self.best and refused and refused.area_ratio > self.best.area_ratio + NEAR_ENOUGH:
-            middle = self.slopes.cam_of(0.5 * (self.best.z + refused.z))
-            self.evaluate(middle, SLOPES)
-            refused = refused if self.best is middle else middle
+        larger = self.nearest_rejected
+        while self.best and larger and larger.area_ratio > self.best.area_ratio + NEAR_ENOUGH:
+            middle = self.slopes.cam_of(0.5 * (self.best.z + larger.z))
+            self.evaluate(middle, GRADIENTS)
+            larger = larger if self.best is middle else middle
 
-    def evaluate(self, cam: CamOfSlopes | NoJumpOptimum, stage: str) -> int:
+    def evaluate(self, cam: CandidateCam, stage: str) -> int:
         """Judges a cam with the unseen trains, accepts it if enough of them pass and it is the largest, reports the
         step, and returns how many trains fail: at the top of the band alone if too many fail there."""
         drawn, step = self.unseen, self.steps + 1
-        stored = self.journal.stored(step, cam.z, MET)
+        stored = self.journal.stored(step, cam.z, STORED)
         if not drawn.trains or (stored is None and drawn.has_memory):
             drawn.settle(cam.lift)
         if not drawn.trains:
-            drawn.draw(self.unseen_count, self.slopes.drawn.matters(1.0 - self.wanted))
+            drawn.draw(self.unseen_count, self.slopes.drawn.critical_speeds(1.0 - self.wanted))
         if stored is not None:
-            drawn.take(stored)
+            drawn.restore(stored)
             speeds = stored["at"][1]
         else:
             judged = self._judge(cam.lift)
             speeds = np.nonzero(judged)[1]
             if self.journal.kept:  # otherwise the states of thousands of trains would be copied in vain
-                self.journal.store(step, cam.z, drawn.met(judged))
+                self.journal.store(step, cam.z, drawn.stored_arrays(judged))
         failing = self._failing(int(speeds.min(initial=drawn.used.shape[2] - 1)))
-        if failing > self.allowed(len(drawn.trains)):
-            self.turned_down.append((failing, cam))
+        if failing > self.permitted_failures(len(drawn.trains)):
+            self.rejected.append((failing, cam))
         elif self.best is None or cam.area_ratio > self.best.area_ratio + RESOLUTION:
             self.held.append(cam)
         self.report(cam, stage, drawn, failing)
         return failing
 
-    def report(self, cam: CamOfSlopes | NoJumpOptimum, stage: str, drawn: TrainEnsemble, failing: int) -> None:
+    def report(self, cam: CandidateCam, stage: str, drawn: TrainEnsemble, failing: int) -> None:
         """Reports a step: its cam, and how many of the trains `drawn` fail."""
         self.steps += 1
         line = {
@@ -191,20 +190,21 @@ class YieldSearch:
         It starts at the top of the band, and ends as soon as too many trains fail. All trains with memory are judged at
         the top, since the adjuster of a train that uses half of a limit may pump up with the next cam.
         """
-        drawn, watched, matters = self.unseen, self.unseen.watched, self.unseen.matters(MATTERING * (1.0 - self.wanted))
+        drawn, watched = self.unseen, self.unseen.watched
+        critical = drawn.critical_speeds(MATTERING * (1.0 - self.wanted))
         turn = (np.arange(len(drawn.trains)) + self.steps)[:, None]
-        scouts = ~watched & (turn % np.where(matters, SCOUTS, FAR_SCOUTS) == 0)
+        scouts = ~watched & (turn % np.where(critical, SCOUTS, FAR_SCOUTS) == 0)
         if drawn.has_memory:
             scouts[:, -1] = ~watched[:, -1]
-        judged, may_fail = np.zeros_like(watched), self.allowed(len(watched))
+        judged, may_fail = np.zeros_like(watched), self.permitted_failures(len(watched))
         for begin in (watched.shape[1] - 1, 0):
-            asked = (watched | scouts) & ~judged
-            asked[:, :begin] = False
-            drawn.judge(lift, asked)
-            judged |= asked
+            selected = (watched | scouts) & ~judged
+            selected[:, :begin] = False
+            drawn.judge(lift, selected)
+            judged |= selected
             if self._failing(begin) > may_fail:
                 break
-            short = (scouts & asked & (drawn.used.max(axis=1) > NEAR)).any(axis=0)
+            short = (scouts & selected & (drawn.used.max(axis=1) > NEAR)).any(axis=0)
             others = short & ~(watched | scouts)
             drawn.judge(lift, others)
             judged |= others
@@ -233,18 +233,18 @@ def first_level(search: YieldSearch, largest: LargestCam, z: np.ndarray) -> floa
     """
     level, calm, lowered, lost, slopes = FIRST_LEVEL, None, False, 1.0 - search.wanted, search.slopes
     while True:
-        found = largest(level, z)
-        z, times = found.z, slopes.about(found, lost)
-        search.report(slopes.cam, FORETOLD, slopes.drawn, slopes.drawn.failing)
+        z = largest(level, z)
+        times = slopes.move_to(z, lost)
+        search.report(slopes.cam, OPENINGS, slopes.drawn, slopes.drawn.failing)
         if times > MOST_FAILING and level > LEAST_LEVEL:
             if calm is not None:
-                slopes.about(calm, lost)
+                slopes.move_to(calm.z, lost)
                 return level / LEVEL_FACTOR
             level, lowered = level / LEVEL_FACTOR, True
-        elif lowered or times >= FEWEST_FAILING or (calm and found.area_ratio < calm.area_ratio + RESOLUTION):
+        elif lowered or times >= FEWEST_FAILING or (calm and slopes.cam.area_ratio < calm.area_ratio + RESOLUTION):
             return level
         else:
-            level, calm = level * LEVEL_FACTOR, found
+            level, calm = level * LEVEL_FACTOR, slopes.cam
 
 
 def smaller_cams(search: YieldSearch, largest: LargestCam, level: float, z: np.ndarray) -> None:
@@ -254,9 +254,8 @@ def smaller_cams(search: YieldSearch, largest: LargestCam, level: float, z: np.n
     one. Raises NoCamFound where the cam of the lowest level is rejected too.
     """
     while True:
-        found = largest(level, z)
-        z = found.z
-        failing = search.evaluate(found, FORETOLD)
+        z = largest(level, z)
+        failing = search.evaluate(search.slopes.cam_of(z), OPENINGS)
         if search.held:
             return
         if level <= LOWEST_LEVEL:

@@ -48,7 +48,7 @@ def linear_program(
     An infeasible program has the value -inf, an unbounded one inf; z, duals and derivatives are NaN then. Everything is
     NaN where the solver fails. Raises InputError for arguments whose shapes do not fit.
     """
-    cost, left, right = (jnp.asarray(part, dtype=float) for part in (objective, matrix, bound))
+    cost, left, right = (jnp.asarray(argument, dtype=float) for argument in (objective, matrix, bound))
     columns = jnp.ones(cost.shape) if size is None else jnp.asarray(size, dtype=float)
     shapes = cost.shape, left.shape, right.shape
     if len(left.shape) != 2 or cost.shape != left.shape[1:] or right.shape != left.shape[:1] or not right.size:
@@ -76,8 +76,8 @@ def _forward(cost, matrix, bound, size):
     return (z, value, duals), (z, duals, basis, inverse, size)
 
 
-def _backward(kept, bars):
-    z, duals, basis, inverse, size = kept
+def _backward(residuals, bars):
+    z, duals, basis, inverse, size = residuals
     z_bar, value_bar, duals_bar = bars
     by_bound = jnp.zeros_like(duals).at[basis].add(inverse.T @ z_bar) + value_bar * duals
     by_cost = inverse @ duals_bar[basis] + value_bar * z
@@ -90,10 +90,10 @@ _program.defvjp(_forward, _backward)
 
 def _solve(cost: Any, matrix: Any, bound: Any, size: Any) -> tuple[np.ndarray, ...]:
     """The solution on the host, called back from `_solved`."""
-    cost, matrix, bound, size = (np.asarray(part, dtype=float) for part in (cost, matrix, bound, size))
+    cost, matrix, bound, size = (np.asarray(argument, dtype=float) for argument in (cost, matrix, bound, size))
     rows = _rows(matrix.tobytes(), size.tobytes())
     try:
-        found = maximise(cost, rows, bound, np.arange(0, len(bound), max(1, len(bound) // ADDED_PER_ROUND)))
+        optimum = maximise(cost, rows, bound, np.arange(0, len(bound), max(1, len(bound) // ADDED_PER_ROUND)))
     except (Infeasible, ArithmeticError) as none:  # there is no maximiser
         value = {Infeasible: -np.inf, Unbounded: np.inf}.get(type(none), np.nan)
         z, duals, inverse = (np.full(shape, np.nan) for shape in (len(size), len(bound), (len(size), len(size))))
@@ -103,7 +103,7 @@ def _solve(cost: Any, matrix: Any, bound: Any, size: Any) -> tuple[np.ndarray, .
     inverse[:, : len(basis)] = np.linalg.pinv(rows.scaled[basis]) * size[:, None] / rows.norm[basis]
     padded = np.zeros(len(size), dtype=np.int32)  # the row numbers beyond the basis do not matter: their columns are 0
     padded[: len(basis)] = basis
-    return found.z, np.array(found.value), found.duals, padded, inverse
+    return optimum.z, np.array(optimum.value), optimum.duals, padded, inverse
 
 
 @lru_cache(maxsize=MOST_MODELS)

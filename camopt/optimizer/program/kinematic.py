@@ -103,12 +103,12 @@ def solve_over_peak_angles(cam: FreeCam, design: Design, objective, rows: Rows, 
     for peak in np.arange(-4, 5) * PEAK_STEP:
         matrix, levels = with_lift_reached(cam, design, rows.matrix, bound, peak)
         try:
-            found = maximise(objective, spline_rows(matrix), levels, np.append(working, len(bound)))
+            optimum = maximise(objective, spline_rows(matrix), levels, np.append(working, len(bound)))
         except Infeasible:
             continue
-        if best is None or found.value > best.value:
-            best = found
-            working = found.working[found.working < len(bound)]
+        if best is None or optimum.value > best.value:
+            best = optimum
+            working = optimum.working[optimum.working < len(bound)]
     if best is None:
         raise Infeasible("the maximum lift cannot be reached within 6 degrees of the middle")
     return best
@@ -141,8 +141,8 @@ def sensitivities(limits: Limits, duals: np.ndarray, reaching: np.ndarray, area_
 def conflict(design: Design, cam: FreeCam) -> str:
     """One sentence on limits that contradict each other: the value of each limit that alone would resolve this."""
     limits = cam.limits(design)
-    asked = f"duration_deg = {design.duration_deg:g} with max_lift_mm = {design.max_lift_mm:g}"
-    asked += " to be reached" if design.reach_max_lift else ""
+    event = f"duration_deg = {design.duration_deg:g} with max_lift_mm = {design.max_lift_mm:g}"
+    event += " to be reached" if design.reach_max_lift else ""
     lasting = {at_least(least): least for _, least, _ in design.duration_at}
     remedies = []
     matrix, bound = with_lift_reached(cam, design, limits.matrix, limits.bound)
@@ -177,14 +177,14 @@ def conflict(design: Design, cam: FreeCam) -> str:
         remedies.append(f"{name} would have to {verb} from {value:g} to {_rounded(needed, up=needed > value)}")
     if not remedies:
         return (
-            f"the limits of the design contradict each other: {asked} and the ramps cannot be joined, and no single "
+            f"the limits of the design contradict each other: {event} and the ramps cannot be joined, and no single "
             f"limit can be relaxed to resolve it; relax several of {', '.join(limits.names)} or lengthen duration_deg"
         )
     shortest = shortest_duration_deg(design)
     if shortest is not None and shortest > design.duration_deg:
         remedies.insert(0, f"lengthen duration_deg to at least {shortest:g}")
     return (
-        f"the limits of the design contradict each other for {asked} and knots every {cam.knot_deg:g} deg: "
+        f"the limits of the design contradict each other for {event} and knots every {cam.knot_deg:g} deg: "
         + ", or ".join(remedies)
     )
 

@@ -98,9 +98,9 @@ class WarmModel:
         """Sets the objective (m) and the right-hand sides (r) of the rows in the model."""
         succeeds(self._highs.changeColsCost(len(cost), self._columns, -cost))
         count = len(self.held)
-        every, lowest = np.arange(count, dtype=np.int32), np.full(count, -np.inf)
+        rows, lowest = np.arange(count, dtype=np.int32), np.full(count, -np.inf)
         change = self._highs.changeRowsBounds  # pyright: ignore[reportAttributeAccessIssue]  # its stubs leave it out
-        succeeds(change(count, every, lowest, level[self.held]))
+        succeeds(change(count, rows, lowest, level[self.held]))
 
     def within(self, reach: float) -> None:
         """Restricts every column to `reach` on either side of zero."""
@@ -110,8 +110,8 @@ class WarmModel:
 
     def solve(self) -> tuple[np.ndarray, np.ndarray]:
         """Solution (m) and duals of the rows in the model. Raises as `Solver.decide` does."""
-        found = self.solver.decide()
-        return np.array(found.col_value), np.maximum(-np.array(found.row_dual), 0.0)
+        solution = self.solver.decide()
+        return np.array(solution.col_value), np.maximum(-np.array(solution.row_dual), 0.0)
 
 
 def maximise(objective: np.ndarray, rows: Rows, bound: np.ndarray, working: np.ndarray) -> Optimum:
@@ -178,7 +178,7 @@ class ElasticProgram:
 def least_relaxation(rows: Rows, bound: np.ndarray, give: np.ndarray, size: float, working: np.ndarray) -> float | None:
     """Smallest s >= 0 with rows.matrix @ z <= bound + give (r) * s; None where no s is enough."""
     try:
-        found = ElasticProgram(rows, bound, give, np.zeros(len(rows.column)), 1.0, size, working).solve()
+        optimum = ElasticProgram(rows, bound, give, np.zeros(len(rows.column)), 1.0, size, working).solve()
     except Infeasible:
         return None
-    return max(float(found.z[-1]), 0.0)
+    return max(float(optimum.z[-1]), 0.0)

@@ -175,11 +175,11 @@ class NoJumpProgram:
 
     def within(self, box: Box) -> "NoJumpProgram":
         """This program with another box; the solver keeps its basis if this program has a box too."""
-        other = replace(self, box=box)
-        vars(other)["limits"] = self.limits
+        program = replace(self, box=box)
+        vars(program)["limits"] = self.limits
         if self.box is not None:
-            vars(other)["rows"] = self.rows
-        return other
+            vars(program)["rows"] = self.rows
+        return program
 
     def forces(self, z: np.ndarray) -> np.ndarray:
         """Contact force of every force row [N] under the linear model, shape (r)."""
@@ -247,22 +247,22 @@ class NoJumpProgram:
                 np.inf,
             )
         least, largest = float(margins.min()), float(margins.max())
-        kept, most = f"{least:g} N", f"even the best cam needs contacts that pull with {needed - least:.3g} N"
+        margin, most = f"{least:g} N", f"even the best cam needs contacts that pull with {needed - least:.3g} N"
         if least < largest:
-            kept, most = f"{least:g} to {largest:g} N", f"lower by {needed:.3g} N each is the most"
+            margin, most = f"{least:g} to {largest:g} N", f"lower by {needed:.3g} N each is the most"
         elif needed < least:
             most = f"{least - needed:.4g} N is the most"
         reaching = " with max_lift_mm reached in the middle" if self.design.reach_max_lift else ""
         where = f"in the contacts at all of the {len(self.blocks)} speeds{reaching}"
-        return NoCamHoldsContact(f"keeping {kept} {where} is impossible: {most}", needed)
+        return NoCamHoldsContact(f"keeping {margin} {where} is impossible: {most}", needed)
 
     def under(self, design: Design) -> "NoJumpProgram":
         """This program with other values of the limits, but the same duration, ramps and kinds of limits. If no row's
         left-hand side changes, the solver keeps its basis."""
-        other = replace(self, design=design)
-        if np.array_equal(other.limits.matrix, self.limits.matrix):
-            vars(other)["rows"] = self.rows
-        return other
+        program = replace(self, design=design)
+        if np.array_equal(program.limits.matrix, self.limits.matrix):
+            vars(program)["rows"] = self.rows
+        return program
 
     def relocated(self, angles: Sequence[Angles]) -> "NoJumpProgram":
         """The same program at other switching angles, one per block."""

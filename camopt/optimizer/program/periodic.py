@@ -86,8 +86,8 @@ def _first_edges(edges: np.ndarray, borders: np.ndarray, angles: Angles) -> np.n
     if angles.tangents is not None:
         return np.arange(len(edges) - 1)
     middles = 0.5 * (edges[1:] + edges[:-1])
-    alike = np.stack([angles.phase(middles), np.searchsorted(borders, middles), _rounded_widths(edges)])
-    runs = np.flatnonzero(np.append(True, np.any(alike[:, 1:] != alike[:, :-1], axis=0)))
+    step_kinds = np.stack([angles.phase(middles), np.searchsorted(borders, middles), _rounded_widths(edges)])
+    runs = np.flatnonzero(np.append(True, np.any(step_kinds[:, 1:] != step_kinds[:, :-1], axis=0)))
     ends = np.append(runs[1:], len(middles))
     return np.concatenate([np.arange(run, end, LONGEST) for run, end in zip(runs, ends, strict=True)])
 
@@ -123,10 +123,10 @@ class PeriodicResponse:
     @cached_property
     def state(self) -> np.ndarray:
         """Positions [m] and velocities [m/s] at the samples' edges, shape (k + 1, 2n, 1 + m)."""
-        n, every = len(self.train.mass), np.arange(len(self.samples.edges))
+        n, edges = len(self.train.mass), np.arange(len(self.samples.edges))
         scale = np.repeat([1.0, velocity_scale(self.train)], n)
         readings = scale[:, None] * np.eye(2 * n, self.begin.shape[1])
-        return np.stack([self._read(reading, every) for reading in readings], axis=1)
+        return np.stack([self._read(reading, edges) for reading in readings], axis=1)
 
     def to_error(self, error: CamSamples) -> "PeriodicResponse":
         """The change of this motion by the grinding error of a cam.
@@ -183,11 +183,11 @@ class PeriodicResponse:
             rows = (reading[:, None] @ self.powers[steps, kind])[:, 0]
         if self.begin.shape[2] == 1:
             return np.einsum("as,asm->am", rows, self.begin[block])
-        found = np.empty((len(at), self.begin.shape[2]))
+        values = np.empty((len(at), self.begin.shape[2]))
         borders = np.flatnonzero(np.diff(block, prepend=-1, append=-1))
         for low, high in pairwise(borders):
-            np.matmul(rows[low:high], self.begin[block[low]], out=found[low:high])
-        return found
+            np.matmul(rows[low:high], self.begin[block[low]], out=values[low:high])
+        return values
 
 
 def periodic_response(train: Train, samples: CamSamples, cam_speed: float, angles: Angles) -> PeriodicResponse:
@@ -210,8 +210,8 @@ def periodic_response(train: Train, samples: CamSamples, cam_speed: float, angle
     start = np.linalg.solve(np.eye(n2) - carried[-1, :, :n2], carried[-1, :, n2:])
     begin[:, :n2] = carried[:-1, :, :n2] @ start + carried[:-1, :, n2:]
     scale = np.repeat([1.0, velocity_scale(train)], n2 // 2)
-    turned = carried[-1, :, :n2] * scale[:, None] / scale
-    return PeriodicResponse(train, cam_speed, samples, kind, begin, powers, turned, angles.tangents)
+    monodromy = carried[-1, :, :n2] * scale[:, None] / scale
+    return PeriodicResponse(train, cam_speed, samples, kind, begin, powers, monodromy, angles.tangents)
 
 
 @lru_cache(maxsize=64)
@@ -230,8 +230,8 @@ def _generator(
     `scaled` are the train's incidence and omega, its velocity scale. With the `stiffness` (e) of tangents, n further
     states follow: the constant forces on the masses [N], which then include the preloads and all other loads.
     """
-    (every, omega), n, further = scaled, len(train.mass), stiffness is not None
-    d = every[closed]
+    (incidence, omega), n, further = scaled, len(train.mass), stiffness is not None
+    d = incidence[closed]
     k, c = (train.stiffness if stiffness is None else stiffness)[closed], train.damping[closed]
     drive = train.cam_driven[closed].astype(float)
     per_mass = 1.0 / train.mass[:, None]
@@ -263,11 +263,11 @@ class ExactSteps:
 
     def powers(self, most: int) -> np.ndarray:
         """Matrices of 0, 1, ... `most` steps of every kind, shape (most + 1, kinds, s, s)."""
-        found = np.empty((most + 1, *self.whole.shape))
-        found[0] = np.eye(self.whole.shape[-1])
+        powers = np.empty((most + 1, *self.whole.shape))
+        powers[0] = np.eye(self.whole.shape[-1])
         for j in range(most):
-            np.matmul(self.whole, found[j], out=found[j + 1])
-        return found
+            np.matmul(self.whole, powers[j], out=powers[j + 1])
+        return powers
 
 
 def exact_steps(train: Train, edges: np.ndarray, cam_speed: float, angles: Angles) -> ExactSteps:

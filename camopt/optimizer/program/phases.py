@@ -178,10 +178,10 @@ def _lift_at_touch(train: Train, closed: np.ndarray, element: int) -> float:
 def _before_top(ramp: Ramp, lift: float, side: str, contact: str) -> float:
     """Angle [rad] before the ramp top at which the ramp reaches `lift` [m]; `contact` is the element with the lash."""
     if not 0 < lift < ramp.height:
-        way, other = ("smaller", "a higher ramp_height_mm") if lift > 0 else ("larger", "a smaller preload")
+        direction, remedy = ("smaller", "a higher ramp_height_mm") if lift > 0 else ("larger", "a smaller preload")
         raise NoCamFound(
             f"the load moves from seat to cam at {lift / MM:.4g} mm of lift, which must lie on the {side} ramp, "
-            f"between 0 and {ramp.height / MM:g} mm: give {contact} a {way} gap_mm, or the scene {other}"
+            f"between 0 and {ramp.height / MM:g} mm: give {contact} a {direction} gap_mm, or the scene {remedy}"
         )
     borders, pieces = ramp.opening_pieces(0.0)
     keep = np.append(True, np.diff(borders) > 0)  # a ramp without foot has an empty piece

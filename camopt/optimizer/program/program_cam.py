@@ -89,15 +89,15 @@ def _narrowed(program_of: Callable[[FreeCam], ElasticProgram], cam: FreeCam, lif
     width, reached, missed = 0, -np.inf, np.inf
     for _ in range(MOST_NARROWINGS):
         try:
-            found = program_of(near(cam, lift, WIDTHS[width])).solve()
+            optimum = program_of(near(cam, lift, WIDTHS[width])).solve()
         except (Infeasible, ArithmeticError):  # the latter if the solver does not decide the program
             break
-        lift, short = cam.lift(found.z[:-1]), float(found.z[-1])
-        if WIDTHS[width] == WIDTHS[-1] and found.value - reached < CAM_STANDS:
+        lift, short = cam.lift(optimum.z[:-1]), float(optimum.z[-1])
+        if WIDTHS[width] == WIDTHS[-1] and optimum.value - reached < CAM_STANDS:
             break
         if short <= 0 or short > BETTER * missed:  # otherwise the same width still reduces the violation
             width = min(width + 1, len(WIDTHS) - 1)
-        reached, missed = found.value, short
+        reached, missed = optimum.value, short
     return near(cam, lift)
 
 
@@ -184,9 +184,9 @@ def _climbed(value: Callable[[Switches], float], start: Switches, marks: np.ndar
         while moving:
             moving = False
             for i in range(len(at)):
-                for way in (-step, step):
+                for shift in (-step, step):
                     trial = at.copy()
-                    trial[i] += way
+                    trial[i] += shift
                     if np.any(np.diff(np.concatenate([[0], trial, [len(marks) - 1]])) < 1):
                         continue
                     reached = value(tuple(marks[trial]))
@@ -239,15 +239,15 @@ def centres(design: Design) -> tuple[float, ...]:
             trial = [_with(best, i, x) for x in np.linspace(-1, 1, 9) * FARTHEST_DEG * DEG]
             start = max(trial, key=area)
             width = FARTHEST_DEG * DEG / 4
-            found: Any = minimize_scalar(
+            result: Any = minimize_scalar(
                 lambda x, i=i, best=best: -area(_with(best, i, x)),
                 bounds=(start[i] - width, start[i] + width),
                 method="bounded",
                 options={"xatol": RESOLUTION_DEG * DEG},
             )
-            moved = _with(best, i, float(found.x))
-            if -float(found.fun) > reached + WORTH:
-                best, reached = moved, -float(found.fun)
+            moved = _with(best, i, float(result.x))
+            if -float(result.fun) > reached + WORTH:
+                best, reached = moved, -float(result.fun)
     return best
 
 

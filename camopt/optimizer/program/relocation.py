@@ -52,12 +52,12 @@ def located_angles(response: Response) -> Angles:
 
 def _crossing(theta, value, low, high, last: bool, what: str) -> float:
     """Angle in [low, high] at which `value` goes from negative to zero or more."""
-    found = np.flatnonzero((value[:-1] < 0) & (value[1:] >= 0) & (theta[1:] >= low) & (theta[:-1] <= high))
-    if len(found) == 0:
+    crossings = np.flatnonzero((value[:-1] < 0) & (value[1:] >= 0) & (theta[1:] >= low) & (theta[:-1] <= high))
+    if len(crossings) == 0:
         raise NoLoadTransfer(f"the motion has no angle at which {what}")
-    i = found[-1 if last else 0]
-    part = value[i] / (value[i] - value[i + 1])
-    return float(np.clip(theta[i] + part * (theta[i + 1] - theta[i]), low, high))
+    i = crossings[-1 if last else 0]
+    fraction = value[i] / (value[i] - value[i + 1])
+    return float(np.clip(theta[i] + fraction * (theta[i + 1] - theta[i]), low, high))
 
 
 def settled_revolution(train: Train, lift: Lift, cam_speed: float, revolutions: int = REVOLUTIONS) -> Response:
@@ -98,10 +98,10 @@ def converge_tangents(program: NoJumpProgram, margin_N: float | None = None, qui
         return program
     area, short = -np.inf, 0
     for _ in range(MOST_SOLUTIONS):
-        found = program.solve_below(margin_N)
-        short = short + 1 if found.margins.min() < margin_N else 0
-        change = abs(found.area_ratio - area)
+        optimum = program.solve_below(margin_N)
+        short = short + 1 if optimum.margins.min() < margin_N else 0
+        change = abs(optimum.area_ratio - area)
         if change < STANDS or (quick and (change < STANDS_ROUGHLY or short == NONE_HOLDS)):
             break
-        area, program = found.area_ratio, relocate(program, found.lift)
+        area, program = optimum.area_ratio, relocate(program, optimum.lift)
     return program

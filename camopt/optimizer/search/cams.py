@@ -144,7 +144,7 @@ class Search:
                 offered.append(tried)
         del offered[CANDIDATES - 1 :]
         for tried in holding:
-            apart = min(abs(tried.area_ratio - other.area_ratio) for other in offered)
+            apart = min(abs(tried.area_ratio - larger.area_ratio) for larger in offered)
             if apart >= APART and len(offered) < CANDIDATES:
                 offered.append(tried)
         unreserved = [tried for tried in by_area if tried.judged.share.max(initial=0.0) <= 1.0]

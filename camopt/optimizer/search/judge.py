@@ -57,8 +57,8 @@ class Judged:
     @property
     def arrays(self) -> dict[str, np.ndarray]:
         """All arrays by name, for a file from which `of_arrays` restores them."""
-        own = {name: np.array(getattr(self, name)) for name in JUDGED}
-        return own | {FIGURE + name: values for name, values in self.figures.items()}
+        arrays = {name: np.array(getattr(self, name)) for name in JUDGED}
+        return arrays | {FIGURE + name: values for name, values in self.figures.items()}
 
     @classmethod
     def of_arrays(cls, arrays: Mapping[str, np.ndarray]) -> "Judged":
@@ -142,8 +142,8 @@ class Judge:
     def _beside(self, judged: Judged) -> np.ndarray:
         """Indices of the speeds beside those `judged` whose limit usage is large."""
         much = judged.share.max(axis=0, initial=0.0) > WATCHED_SHARE
-        watched, every = np.searchsorted(self.speeds_rpm, judged.speeds_rpm[much]), np.arange(len(self.speeds_rpm))
-        return every[(np.abs(every[:, None] - watched) < self.stride).any(axis=1)]
+        watched, indices = np.searchsorted(self.speeds_rpm, judged.speeds_rpm[much]), np.arange(len(self.speeds_rpm))
+        return indices[(np.abs(indices[:, None] - watched) < self.stride).any(axis=1)]
 
     def remember(self, judged: Judged) -> None:
         """Stores the states, or rest, from which the next motions start; a resumed search settles as an uninterrupted
@@ -165,7 +165,7 @@ class Judge:
         """Metrics, settled state and whether the motion is periodic, at the speeds with the indices `at`."""
         names = dict.fromkeys(("bounce_mm", *(n for n, _ in motion_limits(self.scene.design).values())))
         speeds = [self.scene.cam_speed(s) for s in self.speeds_rpm[at]]
-        found = settled_metrics(
+        metrics = settled_metrics(
             [self._train],
             [lift],
             speeds,
@@ -175,7 +175,7 @@ class Judge:
             measured=MEASURES,
             workers=self._workers,
         )
-        worst = {name: found.worst(name)[0, 0] for name in names}
+        worst = {name: metrics.worst(name)[0, 0] for name in names}
         rows = [{n: float(worst[n][k]) for n in names} for k in range(len(at))]
-        each = zip(rows, found.states[0, 0], found.periodic[0, 0], strict=True)
+        each = zip(rows, metrics.states[0, 0], metrics.periodic[0, 0], strict=True)
         return {int(i): one for i, one in zip(at, each, strict=True)}

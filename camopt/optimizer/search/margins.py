@@ -52,8 +52,8 @@ SEATINGS = ("bounce_mm", "seating_velocity_m_per_s", "impact_velocity_m_per_s")
 def first_margins(design: Design, speeds: int, unit: float) -> np.ndarray:
     """Initial margins (3, s) [N]: FIRST_MARGINS_N times the `unit` of force (`force_unit`), but on the flanks at least
     ASKED_TIMES the least contact force of the design."""
-    asked = ASKED_TIMES * (design.contact_force_min_N or 0.0)
-    return np.tile(np.maximum(unit * FIRST_MARGINS_N, [asked, asked, 0.0])[:, None], speeds)
+    on_flanks = ASKED_TIMES * (design.contact_force_min_N or 0.0)
+    return np.tile(np.maximum(unit * FIRST_MARGINS_N, [on_flanks, on_flanks, 0.0])[:, None], speeds)
 
 
 @dataclass
@@ -78,8 +78,8 @@ class FedBack:
         self.unit *= 2.0 if grows else 1.0
         error = np.clip((used - AIM) / AIM, -1.0, MOST_ERROR)
         sign = np.sign(error)
-        turned, short = self.sign * sign < 0, (self.sign > 0) & (used > 1.0)
-        factor = np.where(turned, 0.5, np.where(short, GROWTH, 1.0))
+        reversed_sign, short = self.sign * sign < 0, (self.sign > 0) & (used > 1.0)
+        factor = np.where(reversed_sign, 0.5, np.where(short, GROWTH, 1.0))
         self.step, self.sign = np.clip(self.step * factor, LEAST_STEP_N, LARGEST_STEP_N), sign
         self.margins = np.maximum(self.margins + self.unit * self.step * error, -self.unit * LARGEST_N)
         return grows

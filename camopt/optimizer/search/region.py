@@ -110,11 +110,11 @@ def stepped(
     """
     while True:
         program = program.within(Box(z, region.width))
-        found = solve_priced(program, margins)
-        error = float(of_speeds(source.errors_at(program, found.z)))
+        optimum = solve_priced(program, margins)
+        error = float(of_speeds(source.errors_at(program, optimum.z)))
         if not region.refuses(error):
             region.follow(error)
-            return found
+            return optimum
 
 
 def solve_priced(program: NoJumpProgram, margins: np.ndarray) -> NoJumpOptimum:

@@ -147,29 +147,29 @@ def _programs(search: Search, source: ExactRows, program: NoJumpProgram, z: np.n
     renewed, held = _due(is_linear(program.train), rounds), fed.margins
     settled, left = False, rounds
     while left or not settled:
-        found = stepped(source, program, z, region, fed.margins, np.max if settled else np.median)
+        optimum = stepped(source, program, z, region, fed.margins, np.max if settled else np.median)
         stage = "margins fed back" if settled else "path constraints"
-        tried = search.evaluate(stage, found.program.cam, found.z, found.area_ratio)
-        seats = tried.seats or not any(other.seats for other in search.seen)
-        gain = abs(found.area_ratio - float(row @ z + constant))
+        tried = search.evaluate(stage, optimum.program.cam, optimum.z, optimum.area_ratio)
+        seats = tried.seats or not any(earlier.seats for earlier in search.seen)
+        gain = abs(optimum.area_ratio - float(row @ z + constant))
         if not settled:
             search.first, due = tried, True
-            settled = search.steps >= MOST_FIRST or (gain < SETTLED_GAIN and found.margins.min() >= 0.0)
+            settled = search.steps >= MOST_FIRST or (gain < SETTLED_GAIN and optimum.margins.min() >= 0.0)
         else:
             due = renewed[rounds - left]
             left -= 1
         if search.best is tried:
-            held = found.margins
+            held = optimum.margins
         if settled and search.best and FLOWN < tried.judged.used < np.inf:
             fed.go_back(held)
         elif settled:
             used = used_by_kind(program.train, tried.lift, tried.judged, program.speeds)
             due |= fed.follow(used)
         if seats:
-            z = found.z
-            program = source.about(found.program, z) if due else found.program
+            z = optimum.z
+            program = source.about(optimum.program, z) if due else optimum.program
         elif not settled:
-            program, z = _between(source, found.program, z, found.z)
+            program, z = _between(source, optimum.program, z, optimum.z)
 
 
 def _between(
@@ -177,8 +177,8 @@ def _between(
 ) -> tuple[NoJumpProgram, np.ndarray]:
     """The program about a cam on the way from that of z (m) to a cam `beyond`, whose valve does not seat, and the cam's
     coefficients; the present ones where the motions of all cams that are tried have infinite errors."""
-    for part in PARTS:
-        between = z + part * (beyond - z)  # it keeps the limits on the shape, as both cams do
+    for fraction in PARTS:
+        between = z + fraction * (beyond - z)  # it keeps the limits on the shape, as both cams do
         if np.all(np.isfinite(source.errors_at(program, between))):
             return source.about(program, between), between
     return program, z
@@ -210,7 +210,7 @@ def _blend(search: Search) -> None:
 
 def why_none_holds(judged: Sequence[Judged], program: NoJumpProgram) -> str:
     """A sentence on the `judged` cams of a program, none of which keeps the limits."""
-    nearest = min(judged, key=lambda one: float(one.share.max()))
+    nearest = min(judged, key=lambda tried: float(tried.share.max()))
     row, column = np.unravel_index(np.argmax(nearest.share), nearest.share.shape)
     metric = nearest.limited[row]
     key = next(key for key, limited in MOTION_LIMITS.items() if limited == metric)
@@ -219,26 +219,26 @@ def why_none_holds(judged: Sequence[Judged], program: NoJumpProgram) -> str:
     if np.isfinite(value):  # the usage may be that of a neighbouring speed
         value += (nearest.share[row, column] - limit.share(value)) / limit.share_slope
     reached = f"{metric} of {value:.3g}" if np.isfinite(value) else f"no {metric}"
-    said = (
+    sentence = (
         f"no cam of the no-jump program holds the scene's limits on the motion at the judged speeds: the nearest one "
         f"has {reached} at {speed:.4g} r/min against {key} = {nearest.limit[row]:g}"
     )
     broken = nearest.speeds_rpm[nearest.share.max(axis=0) > 1.0]
     below = nearest.speeds_rpm[nearest.speeds_rpm < broken.min()]
     if below.size:
-        said += f", and it holds every limit up to {below.max():.4g} r/min"
-    return f"{said}{_most_force(program, program.design)}; {REMEDY}"
+        sentence += f", and it holds every limit up to {below.max():.4g} r/min"
+    return f"{sentence}{_most_force(program, program.design)}; {REMEDY}"
 
 
 def _most_force(program: NoJumpProgram, design: Design) -> str:
     """A clause with the largest least contact force that a cam of the program can keep, if it is below the design's."""
-    asked = design.contact_force_min_N
-    if asked is None:
+    required = design.contact_force_min_N
+    if required is None:
         return ""
     try:
-        program.solve((asked, asked, -asked))  # the design's limit does not concern the seat
+        program.solve((required, required, -required))  # the design's limit does not concern the seat
     except NoCamHoldsContact as short:
-        most = asked - short.shortfall_N
+        most = required - short.shortfall_N
         if not np.isfinite(most):
             return ""
         return f"; while closed, no cam of the program keeps more than {most:.3g} N on its contacts at all these speeds"

@@ -66,7 +66,7 @@ class SmoothRows(ExactRows):
         self._unit = force_unit(train)
         self._tied_in = -float(cam.breaks[-1]), end_of_contact(train, cam)
         self._motions = TiedMotions(train, program.speeds, self._tied_in, smoothing)
-        self._known: _Known | None = None  # the linearisation of the rows
+        self._model: _LinearModel | None = None  # the linearisation of the rows
         self._paths: TiedPaths | None = None  # those of the cam that `errors_at` evaluated last
         self._missed = np.inf
         super().__init__()
@@ -89,17 +89,17 @@ class SmoothRows(ExactRows):
         They are infinite if the motion is not finite, or if at some speed the valve is off its seat at the end of the
         revolution, held up by a pumped-up adjuster, and was not with the cam of the linearisation.
         """
-        known = self._known
+        model = self._model
         rest = self._motions.rest
-        settled = self._settled(z, known.start(z) if known else rest) or self._settled(z, rest)
+        settled = self._settled(z, model.start(z) if model else rest) or self._settled(z, rest)
         self._paths = settled and settled[1]
-        if self._paths is None or known is None or bool((_open_ends(self._paths) & ~_open_ends(known.paths)).any()):
+        if self._paths is None or model is None or bool((_open_ends(self._paths) & ~_open_ends(model.paths)).any()):
             return np.full(len(program.speeds), np.inf)
         event = self._event(program)
-        before = known.paths.force[event]
-        foretold = before + jnp.asarray(known.slopes.force @ (z - known.at))
+        before = model.paths.force[event]
+        predicted = before + jnp.asarray(model.slopes.force @ (z - model.at))
         size = _largest(before)
-        missed, moved = (_largest(self._paths.force[event] - force) for force in (foretold, before))
+        missed, moved = (_largest(self._paths.force[event] - force) for force in (predicted, before))
         self._missed = float((missed / size).max())
         return np.asarray(missed / (moved + TOLERATED * size))
 
@@ -108,10 +108,10 @@ class SmoothRows(ExactRows):
         predicted its forces well are kept."""
         if self._paths is None:
             raise NoCamFound("the smoothed motion with tied contacts grows without bound at one of the speeds searched")
-        known = self._known
-        slopes = known.slopes if known and self._missed < KEPT else self._slopes(program, z, self._paths)
-        self._known = _Known(self._paths, slopes, z)
-        program = replace(program, blocks=self._blocks(program, self._known))
+        model = self._model
+        slopes = model.slopes if model and self._missed < KEPT else self._slopes(program, z, self._paths)
+        self._model = _LinearModel(self._paths, slopes, z)
+        program = replace(program, blocks=self._blocks(program, self._model))
         return (
             program if program.cam.about.near is None else replace(program, cam=near(program.cam, program.cam.lift(z)))
         )
@@ -122,7 +122,7 @@ class SmoothRows(ExactRows):
 
     def _slopes(self, program: NoJumpProgram, z: np.ndarray, paths: TiedPaths) -> PeriodicSlopes:
         """The derivatives by z (m) of the motion with these paths; those of the forces are restricted to the event."""
-        self._known = None  # two Jacobians at once would take most of the memory of a search
+        self._model = None  # two Jacobians at once would take most of the memory of a search
         self.jacobians += 1
         slopes = self._motions.slopes(self._samples(z), paths, Directions(self._basis), gaps=False)
         force, seat_gap = slopes.force[self._event(program)], slopes.seat_gap.copy()  # copies release the large array
@@ -154,10 +154,10 @@ class SmoothRows(ExactRows):
             return False
         return not memory or float(jnp.abs(paths.end - start)[0].max()) < REPEATS
 
-    def _blocks(self, program: NoJumpProgram, known: "_Known") -> tuple[SpeedRows, ...]:
-        design, train, theta, z = program.design, program.train, self._theta, known.at
-        force, gap = np.asarray(known.paths.force), np.asarray(known.paths.seat_gap)
-        of_force, of_gap = known.slopes.force, known.slopes.seat_gap
+    def _blocks(self, program: NoJumpProgram, model: "_LinearModel") -> tuple[SpeedRows, ...]:
+        design, train, theta, z = program.design, program.train, self._theta, model.at
+        force, gap = np.asarray(model.paths.force), np.asarray(model.paths.seat_gap)
+        of_force, of_gap = model.slopes.force, model.slopes.seat_gap
         inside = self._event(program)
         bounce = (design.bounce_max_mm or BOUNCE / MM) * MM
         to_newtons = NEWTONS_PER_LIMIT * self._unit / bounce
@@ -226,7 +226,7 @@ def _largest(force: jax.Array) -> jax.Array:
     return jnp.abs(force).max(axis=(0, 1))
 
 
-class _Known(NamedTuple):
+class _LinearModel(NamedTuple):
     """A linearisation: the settled paths of the cam `at` z (m), and their derivatives."""
 
     paths: TiedPaths

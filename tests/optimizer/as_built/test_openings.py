@@ -86,13 +86,13 @@ def test_the_smoothed_motion_has_the_same_forces(kodama):
         assert np.median(apart) < 0.02 * np.ptp(of_exact[:, 0, c])
 
 
-def test_rows_to_begin_with_decide_the_time_alone(kodama, monkeypatch):
+def test_rows_first_working_decide_the_time_alone(kodama, monkeypatch):
     plain, z, speeds, _, source = kodama
     found = []
     for _ in range(2):
         program = OpeningsProgram(plain, source.theta, speeds, source.about(z))
         found.append(program.largest(z, np.full(program.cam_speeds.shape, 4e-5), 3))
-        monkeypatch.setattr(OpeningsProgram, "_to_begin_with", lambda *_: None)
+        monkeypatch.setattr(OpeningsProgram, "_first_working", lambda *_: None)
     assert found[0].area_ratio == pytest.approx(found[1].area_ratio, abs=1e-9)
     assert found[0].lift.coefficients == pytest.approx(found[1].lift.coefficients, rel=1e-5, abs=1e-9)
 
@@ -104,7 +104,7 @@ def test_no_train_that_is_kept_opens_more_than_its_limit(kodama):
         program = OpeningsProgram(plain, source.theta, speeds, source.about(z))
         found = program.largest(z, np.full(program.cam_speeds.shape, limit), lost)
         cases = np.argwhere(np.ones((len(trains), 2), dtype=bool))
-        worst = program.foretold(found.z, cases).max(axis=(1, 2)).reshape(-1, 2).max(axis=1)
+        worst = program.predicted_openings(found.z, cases).max(axis=(1, 2)).reshape(-1, 2).max(axis=1)
         assert np.sum(~program.kept) == lost
         assert worst[program.kept].max() == pytest.approx(limit, abs=BROKEN + 1e-9)
         assert np.all(worst[~program.kept] > limit)

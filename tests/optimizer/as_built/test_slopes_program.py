@@ -10,7 +10,7 @@ from camopt.cam.polynomials import recentred
 from camopt.exact.settled import settled_metrics
 from camopt.optimizer.as_built import slopes_program
 from camopt.optimizer.as_built.drawn import TrainEnsemble
-from camopt.optimizer.as_built.measured import used_limits
+from camopt.optimizer.as_built.measured import limit_usage
 from camopt.optimizer.as_built.search import free_program
 from camopt.optimizer.as_built.slopes_program import SHAPING, SlopesProgram, _by_pieces
 from camopt.optimizer.program.kinematic import lift_to_reach
@@ -32,8 +32,8 @@ def begun() -> SlopesProgram:
     plain, _ = free_program(SCENE)
     cam = plain.solve_below(np.full((3, len(plain.blocks)), KEPT_N))
     program = SlopesProgram(plain, TrainEnsemble(SCENE, 5), 24, StepFiles(None, SHAPING))
-    assert program.about(cam, 1.0 - WANTED) > 2.0
-    program.begin(1.0 - WANTED)
+    assert program.move_to(cam.z, 1.0 - WANTED) > 2.0
+    program.set_targets(1.0 - WANTED)
     return program
 
 
@@ -50,7 +50,7 @@ def test_the_slopes_are_those_of_settled_motions():
             lift = one.cam(program.plain.cam.lift(program.cam.z + sign * step * direction))
             start = drawn.states[t, [s]]
             found = settled_metrics([one.train], [lift], [drawn.speeds(t)[s]], starts=start, measured=1, workers=1)
-            sides.append((used_limits(drawn.limits, found)[limit, 0], bool(found.periodic.all())))
+            sides.append((limit_usage(drawn.limits, found)[limit, 0], bool(found.periodic.all())))
         if not all(periodic for _, periodic in sides):
             continue
         measured = (sides[0][0] - sides[1][0]) / (2 * step)
@@ -111,7 +111,7 @@ def test_another_cam_is_followed_anew():
     plain, _ = free_program(SCENE)
     large, small = (plain.solve_below(np.full((3, len(plain.blocks)), force)) for force in (-60.0, 30.0))
     program = SlopesProgram(plain, TrainEnsemble(SCENE, 5), 24, StepFiles(None, SHAPING))
-    shares = [program.about(cam, 1.0 - WANTED) for cam in (large, small, large)]
+    shares = [program.move_to(cam.z, 1.0 - WANTED) for cam in (large, small, large)]
     assert shares[0] > 5.0 and shares[1] < 1.0 and shares[2] > 5.0
 
 
