@@ -15,8 +15,7 @@ from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
 from camopt.measure.as_built import TrainAsBuilt
 from camopt.optimizer.as_built.openings_program import STEP
-from camopt.optimizer.program.force_rows import AFTER_TOP
-from camopt.optimizer.search.smooth_rows import MOST_TURNS, SETTLED, end_of_contact
+from camopt.optimizer.search.smooth_rows import MOST_TURNS, SETTLED, end_of_contact, in_event
 from camopt.scene.errors import NoCamFound
 from camopt.scene.smoothing import Smoothing
 from camopt.scene.train import Train
@@ -49,8 +48,7 @@ class SmoothForces:
         self._trains, self._nominal, self._cam, self._speeds = trains, nominal, cam, cam_speeds
         self._event = float(cam.breaks[0]), end_of_contact(nominal, cam)
         theta, stride = path_angles(), round(STEP * STEPS / (2 * np.pi))
-        inside = (theta >= self._event[0] + AFTER_TOP) & (theta <= self._event[1] - 1e-9)
-        self._at = np.flatnonzero(inside)[::stride]
+        self._at = np.flatnonzero(in_event(theta, self._event))[::stride]
         self.theta = theta[self._at]
         self._systems = [tied_system(built.train) for built in trains]
         systems = tied_system(nominal), *self._systems

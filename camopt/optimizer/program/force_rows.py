@@ -1,5 +1,6 @@
 """Forces of the closed contacts at one speed, affine in a free cam's coefficients, in the windows with a constraint."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -83,13 +84,29 @@ def speed_rows(train: Train, design: Design, samples: CamSamples, cam_speed: flo
     closed = (theta >= angles.seat_closes + AFTER_SEAT) | (theta <= angles.lash_closes - BEFORE_LASH)
     seated = np.flatnonzero(closed & (angles.phase(theta) == SEATED))
     lifted = lifted[angles.phase(theta[lifted]) == LIFTED]
-    parts = []
-    for e in train.cam_side:
-        force, own = response.force(e, lifted), (np.full(len(lifted), e), theta[lifted])
-        parts.append((force, np.where(theta[lifted] < 0, OPENING, CLOSING), *own))
-        if design.contact_force_max_N is not None:
-            parts.append((force, np.full(len(lifted), PEAK), *own))
-    own = np.full(len(seated), train.seat), theta[seated]
-    parts.append((response.force(train.seat, seated), np.full(len(seated), SEAT), *own))
-    force, kind, element, angle = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return SpeedRows(cam_speed, angles, np.ascontiguousarray(force[:, 1:]), force[:, 0], kind, element, angle)
+    on_cam_side = {e: response.force(e, lifted) for e in train.cam_side}
+    on_seat = response.force(train.seat, seated)
+    return joined_rows(train, design, (cam_speed, angles), (theta[lifted], on_cam_side), (theta[seated], on_seat))
+
+
+def joined_rows(
+    train: Train,
+    design: Design,
+    speed: tuple[float, Angles],
+    cam_side: tuple[np.ndarray, Mapping[int, np.ndarray]],
+    seat: tuple[np.ndarray, np.ndarray],
+) -> SpeedRows:
+    """The force rows of one `speed`, a cam speed [rad/s] and its switching angles.
+
+    `cam_side` are angles (k) [rad] and the forces (k, 1 + m) [N] of each contact between cam and valve there, affine in
+    z; `seat` are the angles and forces of the seat.
+    """
+    theta, forces = cam_side
+    kinds = [np.where(theta < 0, OPENING, CLOSING)]
+    if design.contact_force_max_N is not None:
+        kinds.append(np.full(len(theta), PEAK))
+    parts = [(force, kind, np.full(len(theta), e), theta) for e, force in forces.items() for kind in kinds]
+    seated, on_seat = seat
+    parts.append((on_seat, np.full(len(seated), SEAT), np.full(len(seated), train.seat), seated))
+    force, kind, element, angle = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return SpeedRows(*speed, np.ascontiguousarray(force[:, 1:]), force[:, 0], kind, element, angle)

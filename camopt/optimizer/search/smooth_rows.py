@@ -13,7 +13,7 @@ import numpy as np
 
 from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
-from camopt.optimizer.program.force_rows import AFTER_TOP, BEFORE_SEAT, CLOSING, OPENING, PEAK, SEAT, SpeedRows
+from camopt.optimizer.program.force_rows import AFTER_TOP, BEFORE_SEAT, SpeedRows, joined_rows
 from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.optimizer.program.phases import force_unit, static_angles, usual_margin
 from camopt.optimizer.program.program_cam import near, with_radii, with_switches
@@ -64,8 +64,9 @@ class SmoothRows(ExactRows):
         self._theta = path_angles(smoothing.steps)
         self._basis, self._offset = cam.samples(equal_grid(smoothing.steps))
         self._unit = force_unit(train)
-        self._tied_in = -float(cam.breaks[-1]), end_of_contact(train, cam)
-        self._motions = TiedMotions(train, program.speeds, self._tied_in, smoothing)
+        event = -float(cam.breaks[-1]), end_of_contact(train, cam)
+        self._event = np.flatnonzero(in_event(self._theta, event))  # of the angles at which these contacts must push
+        self._motions = TiedMotions(train, program.speeds, event, smoothing)
         self._model: _LinearModel | None = None  # the linearisation of the rows
         self._paths: TiedPaths | None = None  # those of the cam that `errors_at` evaluated last
         self._missed = np.inf
@@ -95,11 +96,10 @@ class SmoothRows(ExactRows):
         self._paths = settled and settled[1]
         if self._paths is None or model is None or bool((_open_ends(self._paths) & ~_open_ends(model.paths)).any()):
             return np.full(len(program.speeds), np.inf)
-        event = self._event(program)
-        before = model.paths.force[event]
+        before = model.paths.force[self._event]
         predicted = before + jnp.asarray(model.slopes.force @ (z - model.at))
         size = _largest(before)
-        missed, moved = (_largest(self._paths.force[event] - force) for force in (predicted, before))
+        missed, moved = (_largest(self._paths.force[self._event] - force) for force in (predicted, before))
         self._missed = float((missed / size).max())
         return np.asarray(missed / (moved + TOLERATED * size))
 
@@ -109,7 +109,7 @@ class SmoothRows(ExactRows):
         if self._paths is None:
             raise NoCamFound("the smoothed motion with tied contacts grows without bound at one of the speeds searched")
         model = self._model
-        slopes = model.slopes if model and self._missed < KEPT else self._slopes(program, z, self._paths)
+        slopes = model.slopes if model and self._missed < KEPT else self._slopes(z, self._paths)
         self._model = _LinearModel(self._paths, slopes, z)
         program = replace(program, blocks=self._blocks(program, self._model))
         return (
@@ -120,12 +120,12 @@ class SmoothRows(ExactRows):
         """Lift and slope of the cam of z (m) at the ends of the steps (k + 1, 2)."""
         return jnp.asarray(self._offset + self._basis @ z)
 
-    def _slopes(self, program: NoJumpProgram, z: np.ndarray, paths: TiedPaths) -> PeriodicSlopes:
+    def _slopes(self, z: np.ndarray, paths: TiedPaths) -> PeriodicSlopes:
         """The derivatives by z (m) of the motion with these paths; those of the forces are restricted to the event."""
         self._model = None  # two Jacobians at once would take most of the memory of a search
         self.jacobians += 1
         slopes = self._motions.slopes(self._samples(z), paths, Directions(self._basis), gaps=False)
-        force, seat_gap = slopes.force[self._event(program)], slopes.seat_gap.copy()  # copies release the large array
+        force, seat_gap = slopes.force[self._event], slopes.seat_gap.copy()  # copies release the large array
         return slopes._replace(force=force, gap=slopes.gap.copy(), seat_gap=seat_gap)
 
     def _settled(self, z: np.ndarray, start: jax.Array) -> tuple[jax.Array, TiedPaths] | None:
@@ -158,36 +158,20 @@ class SmoothRows(ExactRows):
         design, train, theta, z = program.design, program.train, self._theta, model.at
         force, gap = np.asarray(model.paths.force), np.asarray(model.paths.seat_gap)
         of_force, of_gap = model.slopes.force, model.slopes.seat_gap
-        inside = self._event(program)
         bounce = (design.bounce_max_mm or BOUNCE / MM) * MM
         to_newtons = NEWTONS_PER_LIMIT * self._unit / bounce
-        kind = np.where(theta[inside] < 0, OPENING, CLOSING)
-        blocks = []
-        for s, cam_speed in enumerate(program.speeds):
-            seated = self._seated(program, z, gap[:, s])
-            parts = []
-            for c, element in enumerate(train.cam_side):
-                rows = force[inside, c, s], of_force[:, c, s]
-                parts.append((*rows, kind, element, theta[inside]))
-                if design.contact_force_max_N is not None:
-                    parts.append((*rows, np.full(len(inside), PEAK), element, theta[inside]))
+        lift, blocks = program.cam.lift(z), []
+        for s, block in enumerate(program.blocks):
+            cam_side = {
+                e: np.column_stack([force[self._event, c, s], of_force[:, c, s]]) for c, e in enumerate(train.cam_side)
+            }
+            seated = np.flatnonzero(on_seat(lift, train.lash, gap[:, s]))[::SEAT_EVERY]
             room = (SEAT_SHARE * bounce - gap[seated, s]) * to_newtons
-            seat = np.full(len(seated), SEAT)
-            parts.append((room, -to_newtons * of_gap[seated, s], seat, train.seat, theta[seated]))
-            value, matrix = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
-            element = np.concatenate([np.full(len(part[0]), part[3]) for part in parts])
-            kinds, angle = (np.concatenate([part[i] for part in parts]) for i in (2, 4))
-            angles = program.blocks[s].angles
-            blocks.append(SpeedRows(float(cam_speed), angles, matrix, value - matrix @ z, kinds, element, angle))
+            seat = np.column_stack([room, -to_newtons * of_gap[seated, s]])
+            speed = block.cam_speed, block.angles
+            rows = joined_rows(train, design, speed, (theta[self._event], cam_side), (theta[seated], seat))
+            blocks.append(replace(rows, offset=rows.offset - rows.matrix @ z))  # the values are those at z
         return tuple(blocks)
-
-    def _event(self, program: NoJumpProgram) -> np.ndarray:
-        """Indices of the angles at which the contacts between cam and valve must push."""
-        return np.flatnonzero(in_event(self._theta, self._tied_in))
-
-    def _seated(self, program: NoJumpProgram, z: np.ndarray, gap: np.ndarray) -> np.ndarray:
-        """Indices of the angles of the seat's rows, at which the valve must be on its seat."""
-        return np.flatnonzero(on_seat(program.cam.lift(z), program.train.lash, gap))[::SEAT_EVERY]
 
 
 def in_event(theta: Any, event: Any) -> Any:
