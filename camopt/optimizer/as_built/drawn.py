@@ -19,8 +19,8 @@ from camopt.exact import with_chords
 from camopt.exact.settled import settled_metrics
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.measure.limits import MotionLimit, motion_limits
-from camopt.optimizer.as_built.measured import WORKERS, limit_usage, short_motions, staged_usage
-from camopt.optimizer.search.judge import MEASURES, most_to_settle, next_starts
+from camopt.optimizer.as_built.measured import WORKERS, short_motions, staged_usage
+from camopt.optimizer.search.judge import MEASURES, limit_usage, most_to_settle, next_starts
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
 from camopt.scene.train import build_train

@@ -16,10 +16,9 @@ from camopt.cam.lift import Lift
 from camopt.exact.settled import ERRORS, settled_metrics
 from camopt.measure.as_built import TrainAsBuilt, trains_as_built
 from camopt.measure.limits import MotionLimit, motion_limits
-from camopt.optimizer.search.judge import IRREGULAR, MEASURES, SETTLES
+from camopt.optimizer.search.judge import IRREGULAR, MEASURES, SETTLES, limit_usage
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
-from camopt.scene.settled import SettledMetrics
 from camopt.scene.train import Train, build_train
 from camopt.storage.journal import Records
 
@@ -37,11 +36,6 @@ def short_motions(limits: Iterable[MotionLimit]) -> dict[str, Any]:
     """Settings of the short motions by which a train is judged first, as arguments of `settled_metrics`."""
     room = min((limit.value / ERRORS[limit.metric] for limit in limits), default=np.inf)
     return {"most": SETTLES, "measured": MEASURES, "tolerance": float(np.clip(PART * room, 1.0, ROUGH))}
-
-
-def limit_usage(limits: Iterable[MotionLimit], metrics: SettledMetrics) -> np.ndarray:
-    """Limit usage (l, s) of the settled motions of one train and cam, from the worst of the measured revolutions."""
-    return np.array([limit.share(metrics.worst(limit.metric)[0, 0]) for limit in limits])
 
 
 def staged_usage(

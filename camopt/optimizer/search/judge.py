@@ -1,6 +1,6 @@
 """The judge of a search: event-exact settled motion at many speeds, and the usage of every limit on the motion."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -8,12 +8,12 @@ import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.exact.settled import settled_metrics
-from camopt.measure.limits import motion_limits
+from camopt.measure.limits import MotionLimit, limited_metrics, motion_limits
 from camopt.measure.settling import decay_per_revolution
 from camopt.scene.quantities import LESS_IS_WORSE
 from camopt.scene.rest import state_at_rest
 from camopt.scene.schema import Scene
-from camopt.scene.settled import PLAIN_REVOLUTIONS, revolutions_needed
+from camopt.scene.settled import PLAIN_REVOLUTIONS, SettledMetrics, revolutions_needed
 from camopt.scene.train import Train, build_train
 
 WATCHED_SHARE = 0.4
@@ -67,9 +67,31 @@ class Judged:
         figures = {name.removeprefix(FIGURE): values for name, values in arrays.items() if name.startswith(FIGURE)}
         return cls(figures=figures, **own)
 
+    def joined(self, more: "Judged") -> "Judged":
+        """The judged motions of both, in the order of their speeds."""
+        order = np.argsort(np.concatenate([self.speeds_rpm, more.speeds_rpm]))
+
+        def join(first: np.ndarray, second: np.ndarray, axis: int = 0) -> np.ndarray:
+            return np.take(np.concatenate([first, second], axis), order, axis)
+
+        return replace(
+            self,
+            speeds_rpm=join(self.speeds_rpm, more.speeds_rpm),
+            figures={name: join(values, more.figures[name]) for name, values in self.figures.items()},
+            share=join(self.share, more.share, axis=1),
+            states=join(self.states, more.states),
+            spread=join(self.spread, more.spread),
+        )
+
     def worst(self, name: str) -> float:
         """Worst value of a metric over the speeds."""
         return float((np.min if name in LESS_IS_WORSE else np.max)(self.figures[name]))
+
+
+def limit_usage(limits: Iterable[MotionLimit], metrics: SettledMetrics) -> np.ndarray:
+    """Limit usage (l, s) of the settled motions of one train and cam, from the worst of the measured revolutions."""
+    used = [limit.share(metrics.worst(limit.metric)[0, 0]) for limit in limits]
+    return np.array(used).reshape(-1, len(metrics.cam_speeds))
 
 
 def with_speeds_between(judged: Judged, band: Judged) -> Judged:
@@ -122,20 +144,15 @@ class Judge:
 
     def __call__(self, lift: Lift) -> Judged:
         self.calls += 1
-        critical = np.sort(np.argsort(-self._used)[:CRITICAL]) if self.stride > 1 else []
-        found: dict[int, tuple[dict[str, float], np.ndarray, bool]] = {}
-        judged = None
-        for group in (critical, np.arange(0, len(self.speeds_rpm), self.stride), None):
-            if group is None:
-                assert judged is not None, "there are speeds"
-                group = self._beside(judged)
-            at = np.setdiff1d(group, [*found])
+        regular = np.arange(0, len(self.speeds_rpm), self.stride)
+        done = np.sort(np.argsort(-self._used)[:CRITICAL]) if self.stride > 1 else regular
+        judged = self._judged_at(lift, done)
+        for beside in (False, True):
+            if judged.used > self._usable:
+                break
+            at = np.setdiff1d(self._beside(judged) if beside else regular, done)
             if len(at):
-                found |= self._found(lift, at)
-                judged = self._judged(found)
-                if judged.used > self._usable:
-                    break
-        assert judged is not None, "there are speeds"
+                judged, done = judged.joined(self._judged_at(lift, at)), np.union1d(done, at)
         self.remember(judged)
         return judged
 
@@ -152,18 +169,9 @@ class Judge:
         self._used[at] = judged.share.max(axis=0, initial=0.0)
         self._states[at] = next_starts(judged.states, judged.share, self._start)
 
-    def _judged(self, found: Mapping[int, tuple[dict[str, float], np.ndarray, bool]]) -> Judged:
-        at = sorted(found)
-        limits = motion_limits(self.scene.design).values()
-        names, values = tuple(m.metric for m in limits), np.array([m.value for m in limits])
-        figures = {name: np.array([found[i][0][name] for i in at]) for name in found[at[0]][0]}
-        share = np.array([m.share(figures[m.metric]) for m in limits]).reshape(-1, len(at))
-        states, spread = np.array([found[i][1] for i in at]), np.array([1.0 if found[i][2] else IRREGULAR for i in at])
-        return Judged(self.speeds_rpm[at], figures, names, values, share, states, spread)
-
-    def _found(self, lift: Lift, at: np.ndarray) -> dict[int, tuple[dict[str, float], np.ndarray, bool]]:
-        """Metrics, settled state and whether the motion is periodic, at the speeds with the indices `at`."""
-        names = dict.fromkeys(("bounce_mm", *(n for n, _ in motion_limits(self.scene.design).values())))
+    def _judged_at(self, lift: Lift, at: np.ndarray) -> Judged:
+        """The judged motions at the speeds with the ascending indices `at`."""
+        limits = tuple(motion_limits(self.scene.design).values())
         speeds = [self.scene.cam_speed(s) for s in self.speeds_rpm[at]]
         metrics = settled_metrics(
             [self._train],
@@ -175,7 +183,12 @@ class Judge:
             measured=MEASURES,
             workers=self._workers,
         )
-        worst = {name: metrics.worst(name)[0, 0] for name in names}
-        rows = [{n: float(worst[n][k]) for n in names} for k in range(len(at))]
-        each = zip(rows, metrics.states[0, 0], metrics.periodic[0, 0], strict=True)
-        return {int(i): one for i, one in zip(at, each, strict=True)}
+        return Judged(
+            self.speeds_rpm[at],
+            {name: metrics.worst(name)[0, 0] for name in limited_metrics(self.scene.design)},
+            tuple(limit.metric for limit in limits),
+            np.array([limit.value for limit in limits]),
+            limit_usage(limits, metrics),
+            metrics.states[0, 0],
+            np.where(metrics.periodic[0, 0], 1.0, IRREGULAR),
+        )

@@ -10,10 +10,10 @@ from camopt.cam.polynomials import recentred
 from camopt.exact.settled import settled_metrics
 from camopt.optimizer.as_built import slopes_program
 from camopt.optimizer.as_built.drawn import TrainEnsemble
-from camopt.optimizer.as_built.measured import limit_usage
 from camopt.optimizer.as_built.search import free_program
 from camopt.optimizer.as_built.slopes_program import SHAPING, SlopesProgram, _by_pieces
 from camopt.optimizer.program.kinematic import lift_to_reach
+from camopt.optimizer.search.judge import limit_usage
 from camopt.scene import load_scene
 from camopt.storage.journal import StepFiles
 from tests.optimizer.as_built.test_yield_search import SCENE
