@@ -196,6 +196,6 @@ def _about_its_own_cam(
         missed, moved = (
             np.abs(program.tied_forces(optimum.z) - forces).max(axis=(2, 3)) for forces in (predicted, before)
         )
-        region.follow(float(np.median(missed / np.maximum(moved, 1.0))))
+        region.update(float(np.median(missed / np.maximum(moved, 1.0))))
         z = optimum.z
     return z, None if fills else Box(z, region.width)

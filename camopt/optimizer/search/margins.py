@@ -25,7 +25,7 @@ FIRST_MARGINS_N = np.array([10.0, 0.0, 15.0])
 """Initial margins [N] on the opening flank, on the closing flank and at the seat. Contact on the opening flank reduces
 the vibration on the closing flank. The margin at the seat is a quarter of the limit on the bounce, with which an
 adjuster does not fill with oil."""
-ASKED_TIMES = 1.25
+FORCE_RESERVE = 1.25
 """Factor on the design's own least contact force in the initial margins, as a reserve for other speeds."""
 ALIKE = 0.045
 """Relative difference up to which the feedback treats speeds alike."""
@@ -51,13 +51,13 @@ SEATINGS = ("bounce_mm", "seating_velocity_m_per_s", "impact_velocity_m_per_s")
 
 def first_margins(design: Design, speeds: int, unit: float) -> np.ndarray:
     """Initial margins (3, s) [N]: FIRST_MARGINS_N times the `unit` of force (`force_unit`), but on the flanks at least
-    ASKED_TIMES the least contact force of the design."""
-    on_flanks = ASKED_TIMES * (design.contact_force_min_N or 0.0)
+    FORCE_RESERVE the least contact force of the design."""
+    on_flanks = FORCE_RESERVE * (design.contact_force_min_N or 0.0)
     return np.tile(np.maximum(unit * FIRST_MARGINS_N, [on_flanks, on_flanks, 0.0])[:, None], speeds)
 
 
 @dataclass
-class FedBack:
+class Feedback:
     """The margins (3, s) [N] of a search on the opening flank, on the closing flank and at the seat, by speed, and
     their last steps, which are multiples of `unit` newtons."""
 
@@ -71,7 +71,7 @@ class FedBack:
         self.step = np.full(self.margins.shape, FIRST_STEP_N)
         self.sign = np.zeros(self.margins.shape)
 
-    def follow(self, used: np.ndarray) -> bool:
+    def update(self, used: np.ndarray) -> bool:
         """Updates the margins from the limit usage `used` (3, s), and returns whether the unit has grown."""
         self.idle = self.idle + 1 if 0.0 < used.max() < IDLE else 0  # the usage is zero where nothing is limited
         grows = self.idle in IDLE_ROUNDS
@@ -84,9 +84,9 @@ class FedBack:
         self.margins = np.maximum(self.margins + self.unit * self.step * error, -self.unit * LARGEST_N)
         return grows
 
-    def go_back(self, held: np.ndarray) -> None:
-        """Moves the margins half way back to those of a feasible cam, `held` (3, s) [N], and halves the steps."""
-        self.margins, self.step = 0.5 * (self.margins + held), np.maximum(0.5 * self.step, LEAST_STEP_N)
+    def go_back(self, margins: np.ndarray) -> None:
+        """Moves the margins half way back to those of a feasible cam, `margins` (3, s) [N], and halves the steps."""
+        self.margins, self.step = 0.5 * (self.margins + margins), np.maximum(0.5 * self.step, LEAST_STEP_N)
 
 
 def used_by_kind(train: Train, lift: Lift, judged: Judged, cam_speeds: np.ndarray) -> np.ndarray:

@@ -72,7 +72,7 @@ class Region:
     def __post_init__(self) -> None:
         self.width = self.first
 
-    def refuses(self, error: float) -> bool:
+    def rejects(self, error: float) -> bool:
         """Whether a cam is rejected because its forces were predicted with this error; the box is narrowed then."""
         if error <= BADLY or self.width <= NARROWEST * self.first:
             return False
@@ -80,7 +80,7 @@ class Region:
         self.width = max(factor * self.width, NARROWEST * self.first)
         return True
 
-    def follow(self, error: float) -> None:
+    def update(self, error: float) -> None:
         """Sets the width for the next program after an accepted cam whose forces were predicted with this error."""
         factor = float(np.clip(AIMED / max(error, EXACT), 1 / CHANGE, CHANGE))
         self.width = float(np.clip(factor * self.width, NARROWEST * self.first, WIDEST * self.first))
@@ -96,7 +96,7 @@ def first_region(design: Design) -> Region:
     return Region(FIRST * largest_acceleration(design) / USUAL_ACCELERATION)
 
 
-def stepped(
+def solve_step(
     source: ExactRows,
     program: NoJumpProgram,
     z: np.ndarray,
@@ -110,14 +110,14 @@ def stepped(
     """
     while True:
         program = program.within(Box(z, region.width))
-        optimum = solve_priced(program, margins)
+        optimum = solve_elastic(program, margins)
         error = float(of_speeds(source.errors_at(program, optimum.z)))
-        if not region.refuses(error):
-            region.follow(error)
+        if not region.rejects(error):
+            region.update(error)
             return optimum
 
 
-def solve_priced(program: NoJumpProgram, margins: np.ndarray) -> NoJumpOptimum:
+def solve_elastic(program: NoJumpProgram, margins: np.ndarray) -> NoJumpOptimum:
     """The cam of largest area with the margins (3, s) [N]. Where no cam keeps these, all of them are reduced by one
     amount, whose penalty is weighed against the area (elastic mode), since the least reduction may leave hardly any.
 
@@ -135,5 +135,5 @@ def solve_priced(program: NoJumpProgram, margins: np.ndarray) -> NoJumpOptimum:
     except Infeasible:
         return program.solve(margins)  # raises the error that explains why
     if fall > RINGS * force_unit(program.train) and program.averaged < MOST_AVERAGED:
-        return solve_priced(replace(program, averaged=max(1, 2 * program.averaged)), margins)
+        return solve_elastic(replace(program, averaged=max(1, 2 * program.averaged)), margins)
     return program.solve(margins - fall)

@@ -24,8 +24,8 @@ from camopt.optimizer.program.phases import Angles, force_unit
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.search.cams import BETWEEN_SHARE, FOLDER, RESOLUTION, Search, Tried
 from camopt.optimizer.search.judge import Judge, Judged
-from camopt.optimizer.search.margins import FedBack, first_margins, used_by_kind
-from camopt.optimizer.search.region import ExactRows, first_region, stepped
+from camopt.optimizer.search.margins import Feedback, first_margins, used_by_kind
+from camopt.optimizer.search.region import ExactRows, first_region, solve_step
 from camopt.optimizer.stage_clock import StageClock
 from camopt.scene.design import Design
 from camopt.scene.errors import NoCamFound
@@ -50,7 +50,7 @@ FLOWN = 2.0
 PARTS = (0.5, 0.25, 0.125)
 """Fractions of the way to a cam whose valve does not seat, tried in turn for the centre of the next program."""
 REMEDY = "allow more bounce and jump, raise the spring's preload, or lower the top speed"
-BLENDS = 5
+BISECTIONS = 5
 """Number of bisections between the largest feasible cam and a larger infeasible one."""
 
 
@@ -96,16 +96,16 @@ def find_cam(
     with clock.stage("search"):
         program = without_rows(build_train(scene), design, cam, [scene.cam_speed(speed) for speed in searched])
         source = _source(smooth, program, smoothing)
-        began = start.family if start else "calmest"
-        search = Search(Judge(scene, searched), between, source, began, journal, show, clock)
+        family = start.family if start else "calmest"
+        search = Search(Judge(scene, searched), between, source, family, journal, show, clock)
         limits = ShapeLimits(cam, design)
         nearest = limits.nearest_to(start) if start else limits.nearest(np.zeros(cam.Z.shape[1]))
         program, z = source.first(program, nearest)
-        _programs(search, source, program, z, 0 if gradient == "none" else effort.feedback_rounds)
+        _solve_programs(search, source, program, z, 0 if gradient == "none" else effort.feedback_rounds)
         if none_holds := search.best is None:  # a cam between the start and those of the programs may be feasible
             row, constant = area_ratio_row(design, cam)
             search.evaluate("start", cam, z, float(row @ z + constant))
-        _blend(search)
+        _bisect(search)
         search.confirm(none_holds)
     if not search.confirmed:
         raise NoCamFound(why_none_holds([tried.judged for tried in search.seen], program))
@@ -130,7 +130,7 @@ def _source(smooth: bool, program: NoJumpProgram, smoothing: Smoothing) -> Exact
     return SmoothRows(program, smoothing)
 
 
-def _programs(search: Search, source: ExactRows, program: NoJumpProgram, z: np.ndarray, rounds: int) -> None:
+def _solve_programs(search: Search, source: ExactRows, program: NoJumpProgram, z: np.ndarray, rounds: int) -> None:
     """Solves programs from the cam of z (m) on: with the first margins until the predicted gain of area is small, then
     for a number of `rounds` in which the margins are adapted to the limit usage of the judged motion.
 
@@ -142,32 +142,31 @@ def _programs(search: Search, source: ExactRows, program: NoJumpProgram, z: np.n
     also renewed when the margins' unit grows.
     """
     row, constant = area_ratio_row(program.design, program.cam)
-    region, unit = first_region(program.design), force_unit(program.train)
-    fed = FedBack(first_margins(program.design, len(program.blocks), unit), unit)
-    renewed, held = _due(is_linear(program.train), rounds), fed.margins
-    settled, left = False, rounds
-    while left or not settled:
-        optimum = stepped(source, program, z, region, fed.margins, np.max if settled else np.median)
+    region, unit, linear = first_region(program.design), force_unit(program.train), is_linear(program.train)
+    feedback = Feedback(first_margins(program.design, len(program.blocks), unit), unit)
+    settled, number, feasible_margins = False, 0, feedback.margins
+    while not settled or number < rounds:
+        optimum = solve_step(source, program, z, region, feedback.margins, np.max if settled else np.median)
         stage = "margins fed back" if settled else "path constraints"
         tried = search.evaluate(stage, optimum.program.cam, optimum.z, optimum.area_ratio)
         seats = tried.seats or not any(earlier.seats for earlier in search.seen)
-        gain = abs(optimum.area_ratio - float(row @ z + constant))
-        if not settled:
-            search.first, due = tried, True
-            settled = search.steps >= MOST_FIRST or (gain < SETTLED_GAIN and optimum.margins.min() >= 0.0)
+        renew = not settled or number in RENEWED or (not linear and number % RENEWED_EVERY == 0)
+        if settled:
+            number += 1
         else:
-            due = renewed[rounds - left]
-            left -= 1
+            gain = abs(optimum.area_ratio - float(row @ z + constant))
+            search.first = tried
+            settled = search.steps >= MOST_FIRST or (gain < SETTLED_GAIN and optimum.margins.min() >= 0.0)
         if search.best is tried:
-            held = optimum.margins
+            feasible_margins = optimum.margins
         if settled and search.best and FLOWN < tried.judged.used < np.inf:
-            fed.go_back(held)
+            feedback.go_back(feasible_margins)
         elif settled:
             used = used_by_kind(program.train, tried.lift, tried.judged, program.speeds)
-            due |= fed.follow(used)
+            renew |= feedback.update(used)
         if seats:
             z = optimum.z
-            program = source.about(optimum.program, z) if due else optimum.program
+            program = source.about(optimum.program, z) if renew else optimum.program
         elif not settled:
             program, z = _between(source, optimum.program, z, optimum.z)
 
@@ -184,13 +183,7 @@ def _between(
     return program, z
 
 
-def _due(straight: bool, rounds: int) -> np.ndarray:
-    """Whether the rows are renewed after each round of the feedback (rounds)."""
-    numbers = np.arange(rounds)
-    return np.isin(numbers, RENEWED) | ((not straight) & (numbers % RENEWED_EVERY == 0))
-
-
-def _blend(search: Search) -> None:
+def _bisect(search: Search) -> None:
     """Judges cams between the largest feasible one and a larger infeasible one. The larger one is that which gives the
     largest area within the limits if their usage grows in proportion to the area."""
     if search.best is None:
@@ -202,7 +195,7 @@ def _blend(search: Search) -> None:
         return within * (tried.area_ratio - best.area_ratio)
 
     beyond, low, high = max(search.seen, key=promised), 0.0, 1.0
-    for _ in range(BLENDS if beyond.area_ratio > best.area_ratio + RESOLUTION else 0):
+    for _ in range(BISECTIONS if beyond.area_ratio > best.area_ratio + RESOLUTION else 0):
         share = 0.5 * (low + high)
         tried = search.between(best, beyond, share)
         low, high = (share, high) if search.best is tried else (low, share)
