@@ -55,11 +55,11 @@ def averaged(block: SpeedRows, beside: int) -> SpeedRows:
     """The block with each force replaced by its mean with the forces at `beside` angles on either side, reflected where
     the rows of a contact begin and end. The rows of kind PEAK stay as they are."""
     peak = block.kind == PEAK
-    ends = (np.diff(block.element) != 0) | np.diff(peak) | (np.abs(np.diff(block.angle)) > NEXT)
+    last = (np.diff(block.element) != 0) | np.diff(peak) | (np.abs(np.diff(block.angle)) > NEXT)
     rows = np.column_stack([block.matrix, block.offset])
-    for run in np.split(np.arange(len(rows)), np.flatnonzero(ends) + 1):
-        if len(run) and not peak[run[0]]:
-            rows[run] = uniform_filter1d(rows[run], 2 * beside + 1, axis=0, mode="reflect")
+    for indices in np.split(np.arange(len(rows)), np.flatnonzero(last) + 1):
+        if len(indices) and not peak[indices[0]]:
+            rows[indices] = uniform_filter1d(rows[indices], 2 * beside + 1, axis=0, mode="reflect")
     return replace(block, matrix=np.ascontiguousarray(rows[:, :-1]), offset=rows[:, -1])
 
 

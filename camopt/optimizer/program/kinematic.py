@@ -126,7 +126,7 @@ def sensitivities(limits: Limits, duals: np.ndarray, reaching: np.ndarray, area_
     lift to be reached, if there is one. The values are first-order, for the present spline. Limits on a sign, such as
     the nose, are left out.
     """
-    worth = {}
+    sensitivity = {}
     for g, name in enumerate(limits.names):
         if name in SIGNS or name == NEAR:
             continue
@@ -134,8 +134,8 @@ def sensitivities(limits: Limits, duals: np.ndarray, reaching: np.ndarray, area_
         gain = float(duals[rows] @ limits.slope[rows] * limits.size[g])
         if name == "max_lift_mm":  # area itself, not the ratio to a maximum lift that grows with it
             gain -= float(reaching.sum()) * limits.size[g]
-        worth[name] = float(gain / area_ratio)
-    return worth
+        sensitivity[name] = float(gain / area_ratio)
+    return sensitivity
 
 
 def conflict(design: Design, cam: FreeCam) -> str:
@@ -145,9 +145,7 @@ def conflict(design: Design, cam: FreeCam) -> str:
     event += " to be reached" if design.reach_max_lift else ""
     lasting = {at_least(least): least for _, least, _ in design.duration_at}
     remedies = []
-    matrix, bound = with_lift_reached(cam, design, limits.matrix, limits.bound)
-    spline = spline_rows(matrix)
-    working = np.union1d(first_working(limits), np.arange(len(limits.bound), len(bound)))
+    shape, bound, working = _shape_program(cam, design, limits)
     for g, name in enumerate(limits.names):
         if name == NEAR:
             continue
@@ -160,7 +158,7 @@ def conflict(design: Design, cam: FreeCam) -> str:
             give[-1] = limits.unit[g]
         else:
             give[rows] = limits.unit[g] * np.abs(limits.slope[rows])
-        relaxed = least_relaxation(spline, bound, give, size, working)
+        relaxed = least_relaxation(shape, bound, give, size, working)
         if relaxed is None:
             continue
         if name in SIGNS:
@@ -246,12 +244,19 @@ def elastic_shape(design: Design, cam: FreeCam, names: Iterable[str], cost: floa
     A maximum lift that must be reached is reached in the middle.
     """
     limits, (row, _) = cam.limits(design), area_ratio_row(design, cam)
-    matrix, bound = with_lift_reached(cam, design, limits.matrix, limits.bound)
+    rows, bound, working = _shape_program(cam, design, limits)
     give = np.zeros(len(bound))
     for name in names:
         give[limits.rows(name)] = 1.0
+    return ElasticProgram(rows, bound, give, row, cost, size, working)
+
+
+def _shape_program(cam: FreeCam, design: Design, limits: Limits) -> tuple[Rows, np.ndarray, np.ndarray]:
+    """Rows and right-hand sides (r) of the limits on the shape, and the first working set; a maximum lift that must be
+    reached is reached in the middle."""
+    matrix, bound = with_lift_reached(cam, design, limits.matrix, limits.bound)
     working = np.union1d(first_working(limits), np.arange(len(limits.bound), len(bound)))
-    return ElasticProgram(spline_rows(matrix), bound, give, row, cost, size, working)
+    return spline_rows(matrix), bound, working
 
 
 def _rounded(value: float, up: bool) -> str:

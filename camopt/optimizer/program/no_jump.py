@@ -66,46 +66,46 @@ class NoJumpOptimum:
     @property
     def margin_prices(self) -> np.ndarray:
         """d area ratio / d margin [1/N] by kind and speed, shape (3, speeds): zero or negative."""
-        p, first = self.program, len(self.program.limits.bound)
+        program, first = self.program, len(self.program.limits.bound)
         prices = np.zeros(self.margins.shape)
-        rows = np.flatnonzero(p.kind != PEAK)
-        np.add.at(prices, (p.kind[rows], p.speed[rows]), -self.optimum.duals[first + rows])
+        rows = np.flatnonzero(program.kind != PEAK)
+        np.add.at(prices, (program.kind[rows], program.speed[rows]), -self.optimum.duals[first + rows])
         return prices
 
-    def value_in(self, other: "NoJumpProgram") -> float | None:
+    def value_in(self, similar: "NoJumpProgram") -> float | None:
         """The largest area ratio of a similar program, with another train or other ramps, to first order.
 
         It is computed from this cam and its duals (the envelope theorem; Gal 1995, Postoptimal Analyses). It is None if
         an active row has no matching row in the other program.
         """
         duals, first = self.optimum.duals, len(self.program.limits.bound)
-        if len(other.limits.bound) != first:
+        if len(similar.limits.bound) != first:
             return None
-        row, constant = area_ratio_row(other.design, other.cam)
-        value = row @ self.z + constant + duals[:first] @ (other.limits.bound - other.limits.matrix @ self.z)
+        row, constant = area_ratio_row(similar.design, similar.cam)
+        value = row @ self.z + constant + duals[:first] @ (similar.limits.bound - similar.limits.matrix @ self.z)
         count = len(self.program.kind)
         for r in np.flatnonzero(duals[first:][:count] > 0):
-            slack = self._slack_in(other, int(r))
+            slack = self._slack_in(similar, int(r))
             if slack is None:
                 return None
             value += duals[first + r] * slack
         for dual in duals[first + count :]:  # of the row that requires the maximum lift to be reached
-            value += dual * (other.cam.lift(self.z).max_lift - self.lift.max_lift)
+            value += dual * (similar.cam.lift(self.z).max_lift - self.lift.max_lift)
         return float(value)
 
-    def _slack_in(self, other: "NoJumpProgram", r: int) -> float | None:
+    def _slack_in(self, similar: "NoJumpProgram", r: int) -> float | None:
         """Slack [N] of this cam's force of row r in the other program, at the row that matches it; None without one."""
-        p, speed = self.program, self.program.speed[r]
-        mine, its, at = p.held[speed], other.held[speed], r - int(np.searchsorted(p.speed, speed))
-        alike = np.flatnonzero((its.kind == mine.kind[at]) & (its.element == mine.element[at]))
-        off = np.abs(its.angle[alike] - mine.angle[at])
-        if not len(alike) or off.min() > BESIDE * p.step:
+        program, speed = self.program, self.program.speed[r]
+        block, matching, at = program.held[speed], similar.held[speed], r - int(np.searchsorted(program.speed, speed))
+        candidates = np.flatnonzero((matching.kind == block.kind[at]) & (matching.element == block.element[at]))
+        distance = np.abs(matching.angle[candidates] - block.angle[at])
+        if not len(candidates) or distance.min() > BESIDE * program.step:
             return None
-        beside = alike[np.argmin(off)]
-        force = float(its.offset[beside] + its.matrix[beside] @ self.z)
-        if mine.kind[at] == PEAK:
-            return (other.design.contact_force_max_N or np.inf) - force
-        return force - float(self.margins[mine.kind[at], speed])
+        nearest = candidates[np.argmin(distance)]
+        force = float(matching.offset[nearest] + matching.matrix[nearest] @ self.z)
+        if block.kind[at] == PEAK:
+            return (similar.design.contact_force_max_N or np.inf) - force
+        return force - float(self.margins[block.kind[at], speed])
 
 
 @dataclass(frozen=True)
@@ -173,10 +173,15 @@ class NoJumpProgram:
         sides = [] if box is None else [box.width + box.centre, box.width - box.centre]
         return np.concatenate([self.limits.bound, force, *sides])
 
+    def with_rows(self, blocks: tuple[SpeedRows, ...], box: Box | None) -> "NoJumpProgram":
+        """This program with other force rows and another box."""
+        program = replace(self, blocks=blocks, box=box)
+        vars(program)["limits"] = self.limits  # these depend on neither
+        return program
+
     def within(self, box: Box) -> "NoJumpProgram":
         """This program with another box; the solver keeps its basis if this program has a box too."""
-        program = replace(self, box=box)
-        vars(program)["limits"] = self.limits
+        program = self.with_rows(self.blocks, box)
         if self.box is not None:
             vars(program)["rows"] = self.rows
         return program

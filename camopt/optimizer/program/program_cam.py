@@ -42,11 +42,11 @@ from camopt.scene.units import DEG, MM_PER_DEG2, MM_PER_DEG3
 WIDTHS = (1 / 4, 1 / 8, 1 / 16)
 """Widths of the neighbourhood: relative change of lift and velocity from the last cam. With the smallest width the
 linear limits are stricter than the radii by less than a thousandth of these."""
-CAM_STANDS = 1e-5
+CAM_CONVERGED = 1e-5
 """Change of the area ratio below which the cam has converged."""
 MOST_NARROWINGS = 20
 """Largest number of programs for the radii."""
-BETTER = 0.9
+PROGRESS = 0.9
 """Largest ratio of one program's violation to that of the previous one for which the width is kept: a program that
 reduces the violation by more makes progress at this width."""
 SHORT_OF_RADIUS = 10.0 / (1e-3 * MM_PER_DEG2)
@@ -61,7 +61,7 @@ def near(cam: FreeCam, lift: Lift, share: float = WIDTHS[-1]) -> FreeCam:
     return replace(cam, about=replace(cam.about, near=Neighbourhood(lift, share)))
 
 
-def near_its_best(design: Design, cam: FreeCam) -> FreeCam:
+def linearised_at_best(design: Design, cam: FreeCam) -> FreeCam:
     """The free cam with its radii linearised near the cam of largest area that keeps them, or violates them least. It
     is unchanged for a design without such radii, and where the limits contradict each other even without the radii."""
     if not radii_held_near(design):
@@ -71,7 +71,12 @@ def near_its_best(design: Design, cam: FreeCam) -> FreeCam:
     except Infeasible:
         return cam
     keys = radii_held_near(design)
-    return _narrowed(lambda held: elastic_shape(design, held, keys, SHORT_OF_RADIUS, TYPICAL_SHORT), cam, lift)
+    return _converged_radii(lambda held: elastic_shape(design, held, keys, SHORT_OF_RADIUS, TYPICAL_SHORT), cam, lift)
+
+
+def with_radii_near(program: NoJumpProgram, lift: Lift) -> NoJumpProgram:
+    """The program with its radii, if it limits any, linearised near a cam."""
+    return program if program.cam.about.near is None else replace(program, cam=near(program.cam, lift))
 
 
 def with_radii(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
@@ -80,24 +85,24 @@ def with_radii(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
     held = program.cam.about.near
     if held is None:
         return program
-    cam = _narrowed(lambda cam: replace(program, cam=cam).elastic(margin_N), program.cam, held.lift)
+    cam = _converged_radii(lambda cam: replace(program, cam=cam).elastic(margin_N), program.cam, held.lift)
     return replace(program, cam=cam)
 
 
-def _narrowed(program_of: Callable[[FreeCam], ElasticProgram], cam: FreeCam, lift: Lift) -> FreeCam:
+def _converged_radii(program_of: Callable[[FreeCam], ElasticProgram], cam: FreeCam, lift: Lift) -> FreeCam:
     """The free cam with its radii linearised near the cam to which successive programs converge from `lift`."""
-    width, reached, missed = 0, -np.inf, np.inf
+    width, reached, last_violation = 0, -np.inf, np.inf
     for _ in range(MOST_NARROWINGS):
         try:
             optimum = program_of(near(cam, lift, WIDTHS[width])).solve()
         except (Infeasible, ArithmeticError):  # the latter if the solver does not decide the program
             break
-        lift, short = cam.lift(optimum.z[:-1]), float(optimum.z[-1])
-        if WIDTHS[width] == WIDTHS[-1] and optimum.value - reached < CAM_STANDS:
+        lift, violation = cam.lift(optimum.z[:-1]), float(optimum.z[-1])
+        if WIDTHS[width] == WIDTHS[-1] and optimum.value - reached < CAM_CONVERGED:
             break
-        if short <= 0 or short > BETTER * missed:  # otherwise the same width still reduces the violation
+        if violation <= 0 or violation > PROGRESS * last_violation:
             width = min(width + 1, len(WIDTHS) - 1)
-        reached, missed = optimum.value, short
+        reached, last_violation = optimum.value, violation
     return near(cam, lift)
 
 
@@ -106,7 +111,7 @@ FEW = 5
 with many changes it may end at a smaller area."""
 STEPS = (6, 3, 1)
 """Successive step sizes, in cells, by which the angles are moved."""
-WORTH = 1e-6
+LEAST_GAIN = 1e-6
 """Gain in area ratio below which an angle or a centre is not moved."""
 SHORT_OF_JERK = 10.0 / (1e-3 * MM_PER_DEG3)
 """Penalty in area ratio on a jerk of the wrong sign during the search [1/(m/rad^3)]: more than any cam gains by it."""
@@ -122,12 +127,12 @@ def kinematic_switches(design: Design, cam: FreeCam) -> Switches:
         unlimited = kinematic_optimum(design, _with_switches(cam, ()), explain=False).lift
     except Infeasible:
         return ()
-    starts = {_fewer(unlimited, cam, most) for most in (design.waves_max, min(design.waves_max, FEW))}
+    starts = {_without_ripples(unlimited, cam, most) for most in (design.waves_max, min(design.waves_max, FEW))}
     first = _with_switches(cam, next(iter(starts)))
     jerk = (design.jerk_max_mm_per_deg3 or 1e-3) * MM_PER_DEG3
     program = elastic_shape(design, first, ["waves_max"], SHORT_OF_JERK, jerk)
     value = _value(program, cam, first.limits(design).rows("waves_max"))
-    return max((_climbed(value, start, cells(cam)) for start in sorted(starts)), key=value)
+    return max((_pattern_search(value, start, cells(cam)) for start in sorted(starts)), key=value)
 
 
 def with_switches(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
@@ -140,10 +145,10 @@ def with_switches(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
     starts = [cam.about.switches]
     try:
         unlimited = replace(program, cam=_with_switches(cam, ())).solve(margin_N, explain=False)
-        starts.append(_fewer(unlimited.lift, cam, design.waves_max))
+        starts.append(_without_ripples(unlimited.lift, cam, design.waves_max))
     except Infeasible:
         pass
-    return replace(program, cam=_with_switches(cam, _climbed(value, max(starts, key=value), cells(cam))))
+    return replace(program, cam=_with_switches(cam, _pattern_search(value, max(starts, key=value), cells(cam))))
 
 
 def _value(program: ElasticProgram, cam: FreeCam, signed: np.ndarray) -> Callable[[Switches], float]:
@@ -164,7 +169,7 @@ def _with_switches(cam: FreeCam, switches: Switches) -> FreeCam:
     return replace(cam, about=replace(cam.about, switches=switches))
 
 
-def _fewer(lift: Lift, cam: FreeCam, most: int) -> Switches:
+def _without_ripples(lift: Lift, cam: FreeCam, most: int) -> Switches:
     """The angles of a cam's sign changes of the jerk, moved to the nearest cell borders, at most `most` of them: the
     smallest ripples are removed."""
     marks, angles = cells(cam), sign_changes(lift)
@@ -176,23 +181,23 @@ def _fewer(lift: Lift, cam: FreeCam, most: int) -> Switches:
     return tuple(float(marks[i]) for i in np.unique(nearest))
 
 
-def _climbed(value: Callable[[Switches], float], start: Switches, marks: np.ndarray) -> Switches:
+def _pattern_search(value: Callable[[Switches], float], start: Switches, marks: np.ndarray) -> Switches:
     """The angles reached from `start` by steps along `marks` that increase the value, until none does."""
-    best, at = value(start), np.searchsorted(marks, np.array(start) - 1e-9)
+    best, indices = value(start), np.searchsorted(marks, np.array(start) - 1e-9)
     for step in STEPS:
         moving = True
         while moving:
             moving = False
-            for i in range(len(at)):
+            for i in range(len(indices)):
                 for shift in (-step, step):
-                    trial = at.copy()
+                    trial = indices.copy()
                     trial[i] += shift
                     if np.any(np.diff(np.concatenate([[0], trial, [len(marks) - 1]])) < 1):
                         continue
                     reached = value(tuple(marks[trial]))
-                    if reached > best + WORTH:
-                        at, best, moving = trial, reached, True
-    return tuple(float(x) for x in marks[at])
+                    if reached > best + LEAST_GAIN:
+                        indices, best, moving = trial, reached, True
+    return tuple(float(x) for x in marks[indices])
 
 
 COARSE_DEG = 4.0
@@ -219,7 +224,7 @@ def _about(design: Design) -> LinearisationPoint:
     cam = replace(free_cam(design, COARSE_DEG), about=about)
     if design.waves_max is not None:
         cam = replace(cam, about=replace(about, switches=kinematic_switches(design, cam)))
-    return near_its_best(design, cam).about
+    return linearised_at_best(design, cam).about
 
 
 def centres(design: Design) -> tuple[float, ...]:
@@ -246,7 +251,7 @@ def centres(design: Design) -> tuple[float, ...]:
                 options={"xatol": RESOLUTION_DEG * DEG},
             )
             moved = _with(best, i, float(result.x))
-            if -float(result.fun) > reached + WORTH:
+            if -float(result.fun) > reached + LEAST_GAIN:
                 best, reached = moved, -float(result.fun)
     return best
 

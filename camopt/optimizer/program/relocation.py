@@ -1,21 +1,19 @@
 """Relinearisation of the no-jump program about the event-exact motion of its own cam, at the switching angles of it."""
 
-from dataclasses import replace
-
 import numpy as np
 
 from camopt.cam.lift import Lift
 from camopt.exact.engine import prepare
 from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.optimizer.program.phases import Angles, tangents_along, usual_margin
-from camopt.optimizer.program.program_cam import near, with_radii, with_switches
+from camopt.optimizer.program.program_cam import with_radii, with_radii_near, with_switches
 from camopt.scene.response import Response, end_state
 from camopt.scene.rest import is_linear, state_at_rest
 from camopt.scene.train import Train
 
 REVOLUTIONS = 8
 """Number of revolutions from rest to the one whose angles are used: surge decays by half or more in each."""
-STANDS, STANDS_ROUGHLY = 1e-5, 5e-5
+CONVERGED, ROUGHLY_CONVERGED = 1e-5, 5e-5
 """Changes of the area ratio below which the tangents count as converged, and as roughly converged: a fifth of the
 search's resolution, and half a unit of the fourth digit."""
 MOST_SOLUTIONS = 8
@@ -80,8 +78,7 @@ def relocate(program: NoJumpProgram, lift: Lift) -> NoJumpProgram:
             angles.append(located_angles(settled_revolution(program.train, lift, block.cam_speed)))
         except NoLoadTransfer:
             angles.append(block.angles)
-    moved = program.relocated(angles)
-    return moved if moved.cam.about.near is None else replace(moved, cam=near(moved.cam, lift))
+    return with_radii_near(program.relocated(angles), lift)
 
 
 def converge_tangents(program: NoJumpProgram, margin_N: float | None = None, quick: bool = False) -> NoJumpProgram:
@@ -96,12 +93,12 @@ def converge_tangents(program: NoJumpProgram, margin_N: float | None = None, qui
     program = with_radii(with_switches(program, margin_N), margin_N)
     if is_linear(program.train):
         return program
-    area, short = -np.inf, 0
+    area, failures = -np.inf, 0
     for _ in range(MOST_SOLUTIONS):
         optimum = program.solve_below(margin_N)
-        short = short + 1 if optimum.margins.min() < margin_N else 0
+        failures = failures + 1 if optimum.margins.min() < margin_N else 0
         change = abs(optimum.area_ratio - area)
-        if change < STANDS or (quick and (change < STANDS_ROUGHLY or short == NONE_HOLDS)):
+        if change < CONVERGED or (quick and (change < ROUGHLY_CONVERGED or failures == NONE_HOLDS)):
             break
         area, program = optimum.area_ratio, relocate(program, optimum.lift)
     return program

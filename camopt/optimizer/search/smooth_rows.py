@@ -16,7 +16,7 @@ from camopt.cam.lift import Lift
 from camopt.optimizer.program.force_rows import AFTER_TOP, BEFORE_SEAT, SpeedRows, joined_rows
 from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.optimizer.program.phases import force_unit, static_angles, usual_margin
-from camopt.optimizer.program.program_cam import near, with_radii, with_switches
+from camopt.optimizer.program.program_cam import with_radii, with_radii_near, with_switches
 from camopt.optimizer.search.region import ExactRows
 from camopt.scene.errors import NoCamFound
 from camopt.scene.smoothing import Smoothing
@@ -112,9 +112,7 @@ class SmoothRows(ExactRows):
         slopes = model.slopes if model and self._missed < KEPT else self._slopes(z, self._paths)
         self._model = _LinearModel(self._paths, slopes, z)
         program = replace(program, blocks=self._blocks(program, self._model))
-        return (
-            program if program.cam.about.near is None else replace(program, cam=near(program.cam, program.cam.lift(z)))
-        )
+        return with_radii_near(program, program.cam.lift(z))
 
     def _samples(self, z: np.ndarray) -> jax.Array:
         """Lift and slope of the cam of z (m) at the ends of the steps (k + 1, 2)."""
