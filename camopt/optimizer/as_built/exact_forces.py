@@ -31,40 +31,40 @@ class ExactForces:
 
     def __init__(self, trains: Sequence[TrainAsBuilt], nominal: Train, cam: FreeCam, cam_speeds: np.ndarray):
         top = float(cam.breaks[0])
-        self._usual = static_angles(nominal, cam)
-        last = self._usual.seat_closes - BEFORE_SEAT - top
+        self._nominal_angles = static_angles(nominal, cam)
+        last = self._nominal_angles.seat_closes - BEFORE_SEAT - top
         self.theta = top + STEP * np.arange(np.ceil(AFTER_TOP / STEP - 1e-9), np.floor(last / STEP) + 1)
         shape = len(trains), cam_speeds.shape[1], len(nominal.cam_side), len(self.theta), 1 + cam.Z.shape[1]
         self._forces = np.empty(shape, dtype=np.float32)
         for t, built in enumerate(trains):
-            self._put(self._forces[t], built, cam, cam_speeds[t % len(cam_speeds)])
+            self._write_forces(self._forces[t], built, cam, cam_speeds[t % len(cam_speeds)])
 
     def about(self, z: np.ndarray) -> np.ndarray:
         """Forces (t, s, c, k, 1 + m) [N] at z = 0 and per coefficient, in single precision; valid for every z (m)."""
         return self._forces
 
-    def _put(self, forces: np.ndarray, built: TrainAsBuilt, cam: FreeCam, cam_speeds: np.ndarray) -> None:
+    def _write_forces(self, forces: np.ndarray, built: TrainAsBuilt, cam: FreeCam, cam_speeds: np.ndarray) -> None:
         """Writes the forces of one train into its part (s, c, k, 1 + m) of the array."""
         try:
             angles = static_angles(built.train, cam)
         except NoCamFound:  # the lash exceeds the ramp height; event-exact evaluates the impact later
-            angles = self._usual
+            angles = self._nominal_angles
         samples = sample_cam(cam, angles, EDGES)
         error = _error_samples(built, cam, samples)
         at = np.searchsorted(samples.edges, self.theta)
-        before = (samples.edges[at] - self.theta) / (samples.edges[at] - samples.edges[at - 1])
+        weight = (samples.edges[at] - self.theta) / (samples.edges[at] - samples.edges[at - 1])
 
         def read(response: PeriodicResponse, element: int) -> np.ndarray:
             low, high = response.force(element, at - 1), response.force(element, at)
-            return high + before[:, None] * (low - high)
+            return high + weight[:, None] * (low - high)
 
         for s, cam_speed in enumerate(cam_speeds):
             plain = periodic_response(built.train, samples, cam_speed, angles)
-            ground = plain.to_error(error) if error else None
+            change = plain.to_error(error) if error else None
             for c, element in enumerate(built.train.cam_side):
                 force = read(plain, element)
-                if ground:
-                    force[:, 0] += read(ground, element)[:, 0]
+                if change:
+                    force[:, 0] += read(change, element)[:, 0]
                 forces[s, c] = force
 
 

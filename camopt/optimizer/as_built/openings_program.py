@@ -12,7 +12,7 @@ opening over all a and b is close to the real jump where the contacts separate o
 jump better than the least contact force: a contact that pulls only for a moment opens next to nothing.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg import expm
@@ -44,11 +44,11 @@ def opening_after_impulse(train: Train, contact: int, step: float, count: int) -
     rate[:n, n:] = np.eye(n)
     rate[n:, :n] = -(d.T * k @ d) / train.mass[:, None]
     rate[n:, n:] = -((d.T * c @ d) + np.diag(train.mass_damping)) / train.mass[:, None]
-    state, whole = np.concatenate([np.zeros(n), d[contact] / train.mass]), expm(rate * step)
+    state, transition = np.concatenate([np.zeros(n), d[contact] / train.mass]), expm(rate * step)
     opening = np.empty(count)
     for i in range(count):
         opening[i] = d[contact] @ state[:n]
-        state = whole @ state
+        state = transition @ state
     return opening
 
 
@@ -60,11 +60,11 @@ def opening_rows(train: Train, contact: int, cam_speed: float, count: int) -> np
     """
     after = opening_after_impulse(train, contact, STEP / cam_speed, LONG[-1] + 1)
     ends, at = np.arange(count)[:, None], np.arange(count)
-    past = ends - at
-    weight = np.where((past >= 0) & (past <= LONG[-1]), after[np.clip(past, 0, LONG[-1])], 0.0)
+    lag = ends - at
+    weight = np.where((lag >= 0) & (lag <= LONG[-1]), after[np.clip(lag, 0, LONG[-1])], 0.0)
     rows = np.empty((len(LONG), count, count))
-    for w, long in enumerate(LONG):
-        first = np.maximum(ends - long, 0)
+    for w, steps in enumerate(LONG):
+        first = np.maximum(ends - steps, 0)
         rows[w] = np.where(at < first, 0.0, weight) * np.where((at == first) | (at == ends), 0.5, 1.0)
     return -STEP / cam_speed * rows
 
@@ -156,15 +156,15 @@ class OpeningsProgram:
     def _generate_rows(self, z: np.ndarray, limits: np.ndarray, box: Box | None) -> tuple[NoJumpOptimum, np.ndarray]:
         """The optimum for the trains that are kept, and the sum of the multipliers of each train's rows (t)."""
         all_cases = np.argwhere(np.broadcast_to(self.kept[:, None], self.forces.shape[:2]))
-        more, near = self._violated_rows(z, limits, all_cases, begin=not self._work)
+        new_rows, near = self._violated_rows(z, limits, all_cases, begin=not self._work)
         for _ in range(MOST_SOLUTIONS):
-            self._work |= more
-            optimum, multipliers, beyond = self._optimum(limits, box)
-            allowed = limits + beyond
-            more, near = self._violated_rows(optimum.z, allowed, near)
-            if not more - self._work:
-                more, near = self._violated_rows(optimum.z, allowed, all_cases)
-            if not more - self._work:
+            self._work |= new_rows
+            optimum, multipliers, raised = self._optimum(limits, box)
+            allowed = limits + raised
+            new_rows, near = self._violated_rows(optimum.z, allowed, near)
+            if not new_rows - self._work:
+                new_rows, near = self._violated_rows(optimum.z, allowed, all_cases)
+            if not new_rows - self._work:
                 break
         return optimum, multipliers
 
@@ -174,12 +174,12 @@ class OpeningsProgram:
         """The rows of `cases` (i, 2) that the cam of z (m) violates most, or with `begin` those closest to their
         limits; and the cases close to their limits, which the next cam may violate."""
         limit = limits[cases[:, 0] % len(limits), cases[:, 1]].astype(np.float32)
-        beyond = self.predicted_openings(z, cases)
-        beyond -= limit[:, None, None]
-        worst, length = beyond.max(axis=(1, 2)), len(self.theta)
+        excess = self.predicted_openings(z, cases)
+        excess -= limit[:, None, None]
+        worst, length = excess.max(axis=(1, 2)), len(self.theta)
         order = np.argsort(-worst, kind="stable")[: FIRST if begin else AT_ONCE]
         order = order[worst[order] > (-np.inf if begin else BROKEN)]
-        by_length = beyond[order].reshape(len(order), beyond.shape[1], len(LONG), length)
+        by_length = excess[order].reshape(len(order), excess.shape[1], len(LONG), length)
         last = by_length.argmax(axis=3)
         near = np.take_along_axis(by_length, last[..., None], axis=3)[..., 0] > (-np.inf if begin else -NEARLY)
         violated = set()
@@ -205,10 +205,9 @@ class OpeningsProgram:
             if self.kept[key[0]]:
                 cases.setdefault(key[:2], []).append(key)
         blocks = tuple(self._block(keys) for keys in cases.values())
-        program = replace(self.plain, blocks=blocks, box=box)
-        vars(program)["limits"] = self.plain.limits
-        at = np.array([(t % len(limits), s) for t, s in cases])
-        margins = np.tile(-limits[at[:, 0], at[:, 1]] / UM, (3, 1))
+        program = self.plain.with_rows(blocks, box)
+        case_index = np.array([(t % len(limits), s) for t, s in cases])
+        margins = np.tile(-limits[case_index[:, 0], case_index[:, 1]] / UM, (3, 1))
         first, keys = len(self.plain.limits.bound), [key for block in cases.values() for key in block]
         solution = program.solve_below(margins, self._first_working(first, keys))
         tight = solution.optimum.working

@@ -191,21 +191,21 @@ class SlopesProgram:
             self.drawn.reset_state(t, s)
             return []
         values = motion.values([limit.metric for limit in limits], REVOLUTIONS - 2)
-        use = np.array([float(limit.share(value)) for limit, value in zip(limits, values, strict=True)])
-        self.drawn.used[t, :, s] = use
+        usage = np.array([float(limit.share(value)) for limit, value in zip(limits, values, strict=True)])
+        self.drawn.used[t, :, s] = usage
         self.drawn.states[t, s] = motion.end
-        if use.max() >= (1.0 if built.train.memory else FARTHEST):
+        if usage.max() >= (1.0 if built.train.memory else FARTHEST):
             self.drawn.reset_state(t, s)
-        if use.max() >= FARTHEST:
+        if usage.max() >= FARTHEST:
             return []
-        near = np.flatnonzero(use > self.targets - NEAR).tolist()
+        near = np.flatnonzero(usage > self.targets - NEAR).tolist()
         if not near:
             return []
         gradients = motion.gradient([limits[i].metric for i in near], REVOLUTIONS - 2).by_coefficients
         by_pieces = [_by_pieces(rows, cam.borders, plain)[:, : self._basis.shape[1]] for rows in gradients]
         by_free = [np.einsum("pq,pqm->m", pieces, self._basis) for pieces in by_pieces]
         slopes = [limits[i].share_slope * slope for i, slope in zip(near, by_free, strict=True)]
-        return [(t, i, use[i], slope) for i, slope in zip(near, slopes, strict=True) if np.isfinite(slope).all()]
+        return [(t, i, usage[i], slope) for i, slope in zip(near, slopes, strict=True) if np.isfinite(slope).all()]
 
     @cached_property
     def _basis(self) -> np.ndarray:

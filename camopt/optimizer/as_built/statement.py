@@ -183,12 +183,14 @@ def yield_statement(
         share_of(usage.max(axis=(1, 2)) <= 1.0, interim),
     )
     blame = rank_correlation_shares(draws_of_trains(scene, len(usage), seed=seed), used.worst)
-    few = trains_as_built(scene, min(len(usage), BASELINE_TRAINS), seed=seed) if baselines else []
-    others = {name: _baseline(scene, cam, speeds_rpm, few) for name, cam in (baselines or {}).items()}
+    baseline_trains = trains_as_built(scene, min(len(usage), BASELINE_TRAINS), seed=seed) if baselines else []
+    baseline_shares = {
+        name: _baseline(scene, cam, speeds_rpm, baseline_trains) for name, cam in (baselines or {}).items()
+    }
     sample_trains = {t: trains_as_built(scene, 1, seed=seed, first=t)[0] for t in sampled(used.worst, sample)}
     judged = tuple(by_independent_methods(built, lift, used, t) for t, built in sample_trains.items())
     forget_propagators()
-    return YieldStatement(wanted, seed, used, share, blame, judged, others)
+    return YieldStatement(wanted, seed, used, share, blame, judged, baseline_shares)
 
 
 def _judged(
@@ -214,19 +216,19 @@ def sampled(worst: np.ndarray, count: int = SAMPLE) -> list[int]:
 
 
 def _baseline(
-    scene: Scene, cam: Lift | str, speeds_rpm: Sequence[float] | np.ndarray, few: Sequence[TrainAsBuilt]
+    scene: Scene, cam: Lift | str, speeds_rpm: Sequence[float] | np.ndarray, trains: Sequence[TrainAsBuilt]
 ) -> Share | str:
     if isinstance(cam, str):
         return cam
     top_speed: Track = track(
         scene, cam, speeds_rpm[-1:]
     )  # most trains fail at the top speed; only the rest need all speeds
-    holds = top_speed.used(few).max(axis=(1, 2)) <= 1.0
+    holds = top_speed.used(trains).max(axis=(1, 2)) <= 1.0
     if holds.any() and len(speeds_rpm) > 1:
-        others = track(scene, cam, speeds_rpm[:-1]).used(
-            [train for train, good in zip(few, holds, strict=True) if good]
+        everywhere = track(scene, cam, speeds_rpm[:-1]).used(
+            [train for train, good in zip(trains, holds, strict=True) if good]
         )
-        holds[holds] = others.max(axis=(1, 2)) <= 1.0
+        holds[holds] = everywhere.max(axis=(1, 2)) <= 1.0
     return share_of(holds)
 
 

@@ -204,10 +204,10 @@ class YieldSearch:
             judged |= selected
             if self._failing(begin) > may_fail:
                 break
-            short = (scouts & selected & (drawn.used.max(axis=1) > NEAR)).any(axis=0)
-            others = short & ~(watched | scouts)
-            drawn.judge(lift, others)
-            judged |= others
+            near = (scouts & selected & (drawn.used.max(axis=1) > NEAR)).any(axis=0)
+            remaining = near & ~(watched | scouts)
+            drawn.judge(lift, remaining)
+            judged |= remaining
             if self._failing(begin) > may_fail:
                 break
         return judged
