@@ -15,7 +15,7 @@ from camopt.optimizer.program.periodic import (
     periodic_response,
     sample_cam,
 )
-from camopt.optimizer.program.phases import static_angles
+from camopt.optimizer.program.phases import Angles, static_angles
 from camopt.scene.errors import NoCamFound
 from camopt.scene.train import Train
 
@@ -24,48 +24,49 @@ EDGES = STEP / 2
 linearly between two edges."""
 
 
-class ExactForces:
-    """The forces of drawn trains (t); train t has the cam speeds `cam_speeds[t % classes]` (classes, s) [rad/s]."""
+def exact_forces(
+    trains: Sequence[TrainAsBuilt], nominal: Train, cam: FreeCam, cam_speeds: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Angles (k) [rad], and the forces (t, s, c, k, 1 + m) [N] of drawn trains there, in single precision.
 
-    for_every_cam = True
+    The forces are those at z = 0 and per coefficient, and are valid for every cam. Train t has the cam speeds
+    `cam_speeds[t % classes]` (classes, s) [rad/s].
+    """
+    top, angles = float(cam.breaks[0]), static_angles(nominal, cam)
+    last = angles.seat_closes - BEFORE_SEAT - top
+    theta = top + STEP * np.arange(np.ceil(AFTER_TOP / STEP - 1e-9), np.floor(last / STEP) + 1)
+    shape = len(trains), cam_speeds.shape[1], len(nominal.cam_side), len(theta), 1 + cam.Z.shape[1]
+    forces = np.empty(shape, dtype=np.float32)
+    for t, built in enumerate(trains):
+        _write_forces(forces[t], theta, built, cam, cam_speeds[t % len(cam_speeds)], angles)
+    return theta, forces
 
-    def __init__(self, trains: Sequence[TrainAsBuilt], nominal: Train, cam: FreeCam, cam_speeds: np.ndarray):
-        top = float(cam.breaks[0])
-        self._nominal_angles = static_angles(nominal, cam)
-        last = self._nominal_angles.seat_closes - BEFORE_SEAT - top
-        self.theta = top + STEP * np.arange(np.ceil(AFTER_TOP / STEP - 1e-9), np.floor(last / STEP) + 1)
-        shape = len(trains), cam_speeds.shape[1], len(nominal.cam_side), len(self.theta), 1 + cam.Z.shape[1]
-        self._forces = np.empty(shape, dtype=np.float32)
-        for t, built in enumerate(trains):
-            self._write_forces(self._forces[t], built, cam, cam_speeds[t % len(cam_speeds)])
 
-    def about(self, z: np.ndarray) -> np.ndarray:
-        """Forces (t, s, c, k, 1 + m) [N] at z = 0 and per coefficient, in single precision; valid for every z (m)."""
-        return self._forces
+def _write_forces(
+    forces: np.ndarray, theta: np.ndarray, built: TrainAsBuilt, cam: FreeCam, cam_speeds: np.ndarray, nominal: Angles
+) -> None:
+    """Writes the forces of one train into its part (s, c, k, 1 + m) of the array."""
+    try:
+        angles = static_angles(built.train, cam)
+    except NoCamFound:  # the lash exceeds the ramp height; event-exact evaluates the impact later
+        angles = nominal
+    samples = sample_cam(cam, angles, EDGES)
+    error = _error_samples(built, cam, samples)
+    at = np.searchsorted(samples.edges, theta)
+    weight = (samples.edges[at] - theta) / (samples.edges[at] - samples.edges[at - 1])
 
-    def _write_forces(self, forces: np.ndarray, built: TrainAsBuilt, cam: FreeCam, cam_speeds: np.ndarray) -> None:
-        """Writes the forces of one train into its part (s, c, k, 1 + m) of the array."""
-        try:
-            angles = static_angles(built.train, cam)
-        except NoCamFound:  # the lash exceeds the ramp height; event-exact evaluates the impact later
-            angles = self._nominal_angles
-        samples = sample_cam(cam, angles, EDGES)
-        error = _error_samples(built, cam, samples)
-        at = np.searchsorted(samples.edges, self.theta)
-        weight = (samples.edges[at] - self.theta) / (samples.edges[at] - samples.edges[at - 1])
+    def read(response: PeriodicResponse, element: int) -> np.ndarray:
+        low, high = response.force(element, at - 1), response.force(element, at)
+        return high + weight[:, None] * (low - high)
 
-        def read(response: PeriodicResponse, element: int) -> np.ndarray:
-            low, high = response.force(element, at - 1), response.force(element, at)
-            return high + weight[:, None] * (low - high)
-
-        for s, cam_speed in enumerate(cam_speeds):
-            plain = periodic_response(built.train, samples, cam_speed, angles)
-            change = plain.to_error(error) if error else None
-            for c, element in enumerate(built.train.cam_side):
-                force = read(plain, element)
-                if change:
-                    force[:, 0] += read(change, element)[:, 0]
-                forces[s, c] = force
+    for s, cam_speed in enumerate(cam_speeds):
+        plain = periodic_response(built.train, samples, cam_speed, angles)
+        change = plain.to_error(error) if error else None
+        for c, element in enumerate(built.train.cam_side):
+            force = read(plain, element)
+            if change:
+                force[:, 0] += read(change, element)[:, 0]
+            forces[s, c] = force
 
 
 def _error_samples(built: TrainAsBuilt, cam: FreeCam, samples: CamSamples) -> CamSamples | None:

@@ -49,8 +49,8 @@ def staged_usage(
     """Limit usage (l, s) of a train with its cam at the cam speeds (s) [rad/s], and the states (s, 2n + r) in which the
     motions that begin in `starts` end.
 
-    Each of the `looks` is a set of arguments of `settled_metrics`. It continues the motions at those speeds where the
-    previous looks do not decide whether the train keeps its limits.
+    Each of the `stages` is a set of arguments of `settled_metrics`. It continues the motions at those speeds where the
+    previous stages do not decide whether the train keeps its limits.
     """
     used, states, at = np.zeros((len(limits), len(cam_speeds))), starts.copy(), np.arange(len(cam_speeds))
     for settings in stages:

@@ -139,7 +139,7 @@ class OpeningsProgram:
 
     def largest(self, z: np.ndarray, limits: np.ndarray, dropped: int, box: Box | None = None) -> NoJumpOptimum:
         """The cam of largest area whose predicted openings are at most the `limits` (classes, s) [m] of each speed in
-        all but `given_up` trains.
+        all but `dropped` trains.
 
         Row generation starts from the cam of z (m), with the rows and dropped trains of the previous call. As long as
         no cam keeps the limits in all remaining trains, all limits are raised by the smallest common amount that makes

@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from camopt.measure.as_built import trains_as_built
 from camopt.optimizer.as_built.checks import check_scatter
-from camopt.optimizer.as_built.exact_forces import ExactForces
+from camopt.optimizer.as_built.exact_forces import exact_forces
 from camopt.optimizer.as_built.openings_program import OpeningsProgram
 from camopt.optimizer.as_built.search import DRAWS_SEED, band_speeds, free_program, opening_limits
 from camopt.optimizer.as_built.steps import FIRST_LEVEL
@@ -142,8 +142,8 @@ class _LargestArea:
     def draw(self, scene: Scene, seed: int, first: int = 0) -> None:
         """Draws the trains as built of a scene from number `first` on and builds their program."""
         drawn = trains_as_built(scene, self._trains, seed=seed + DRAWS_SEED, first=first)
-        source = ExactForces(drawn, self._plain.train, self._plain.cam, self._cam_speeds)
-        self._program = OpeningsProgram(self._plain, source.theta, self._cam_speeds, source.about(self._z))
+        theta, forces = exact_forces(drawn, self._plain.train, self._plain.cam, self._cam_speeds)
+        self._program = OpeningsProgram(self._plain, theta, self._cam_speeds, forces)
 
     def __call__(self, level: float) -> float:
         return self._program.largest(self._z, level * self._limits, self._lost).area_ratio

@@ -9,18 +9,17 @@ program's last cams, since each of these suits only the trains of its own rows. 
 trains. The draws are the same for every cam (common random numbers).
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from functools import partial
-from typing import Protocol
 
 import numpy as np
 from threadpoolctl import threadpool_limits
 
 from camopt.exact.kernel.propagators import forget_propagators
-from camopt.measure.as_built import TrainAsBuilt, trains_as_built
+from camopt.measure.as_built import trains_as_built
 from camopt.optimizer.accuracy import Accuracy
 from camopt.optimizer.as_built.drawn import FOLDER, TrainEnsemble
-from camopt.optimizer.as_built.exact_forces import ExactForces
+from camopt.optimizer.as_built.exact_forces import exact_forces
 from camopt.optimizer.as_built.openings_program import OpeningsProgram
 from camopt.optimizer.as_built.slopes_program import SHAPING, SlopesProgram
 from camopt.optimizer.as_built.steps import (
@@ -69,17 +68,6 @@ DRAWS_SEED, UNSEEN_SEED = 1_000_003, 2_000_003
 the final statement are drawn with the seed itself and belong to neither set."""
 
 
-class ForceSource(Protocol):
-    """Source of the tied contact forces of drawn trains."""
-
-    theta: np.ndarray  # (k) rad, the angles of the forces
-    for_every_cam: bool
-
-    def about(self, z: np.ndarray) -> np.ndarray:
-        """Forces (t, s, c, k, 1 + m) [N], affine in z (m) and exact for the cam of this z; in single precision."""
-        ...
-
-
 @threadpool_limits.wrap(limits=1, user_api="blas")  # the matrices are small, and trains are judged in threads
 def yield_search(
     scene: Scene,
@@ -100,12 +88,12 @@ def yield_search(
     plain, z = free_program(scene)
     journal = journal or StepFiles(None, FOLDER)
     shaping, unseen = (TrainEnsemble(scene, seed + of) for of in (DRAWS_SEED, UNSEEN_SEED))
-    slopes = SlopesProgram(plain, shaping, effort.shaping_trains, journal.beside(SHAPING))
+    slopes = SlopesProgram(plain, shaping, effort.shaping_trains, 1.0 - wanted, journal.beside(SHAPING))
     search = YieldSearch(wanted, slopes, unseen, effort.unseen_trains, journal, show)
 
     start_openings = partial(_openings_search, scene, plain, z, wanted, effort.foretold_trains, gradient, seed)
     level = first_level(search, *start_openings())  # the forces, 0.3 GB, are released afterwards
-    slopes.set_targets(1.0 - wanted)
+    slopes.set_targets()
     search.follow_gradients()
     if not search.held:
         largest, z = start_openings()
@@ -122,13 +110,18 @@ def _openings_search(
 ) -> tuple[LargestCam, np.ndarray]:
     """The function that finds the largest cam for a level of the limits on predicted openings of drawn trains, and the
     coefficients (m) from which it starts. `plain` has the limits on the shape, z (m) is a first cam."""
-    count = min(trains, FILLING_TRAINS) if plain.train.memory else trains
+    count, unit = min(trains, FILLING_TRAINS) if plain.train.memory else trains, force_unit(plain.train)
     cam_speeds, drawn = band_speeds(scene), trains_as_built(scene, count, seed=seed + DRAWS_SEED)
-    source = _source(gradient, drawn, plain, cam_speeds)
-    program = OpeningsProgram(plain, source.theta, cam_speeds, source.about(z))
     limits, lost = opening_limits(scene, cam_speeds), int((1.0 - wanted) * count + 1e-9)
-    z, box = _about_its_own_cam(program, source, z, FIRST_LEVEL * limits, lost)
-    unit = force_unit(plain.train)
+    if gradient != "smooth" and is_linear(plain.train):
+        theta, forces = exact_forces(drawn, plain.train, plain.cam, cam_speeds)
+        program, box = OpeningsProgram(plain, theta, cam_speeds, forces), None
+    else:
+        from camopt.optimizer.as_built.smooth_forces import SmoothForces  # loads JAX
+
+        source = SmoothForces(drawn, plain.train, plain.cam, cam_speeds)
+        program = OpeningsProgram(plain, source.theta, cam_speeds, source.about(z))
+        z, box = _about_its_own_cam(program, source.about, z, FIRST_LEVEL * limits, lost)
 
     def largest(level: float, z: np.ndarray) -> np.ndarray:
         program.require_force(max(-level, 0.0) * NEWTONS * unit)
@@ -167,32 +160,25 @@ def opening_limits(scene: Scene, cam_speeds: np.ndarray) -> np.ndarray:
     return limits
 
 
-def _source(gradient: str, trains: Sequence[TrainAsBuilt], plain: NoJumpProgram, cam_speeds: np.ndarray) -> ForceSource:
-    """The source of the forces; JAX is loaded only for the smoothed motion."""
-    if gradient != "smooth" and is_linear(plain.train):
-        return ExactForces(trains, plain.train, plain.cam, cam_speeds)
-    from camopt.optimizer.as_built.smooth_forces import SmoothForces
-
-    return SmoothForces(trains, plain.train, plain.cam, cam_speeds)
-
-
 def _about_its_own_cam(
-    program: OpeningsProgram, source: ForceSource, z: np.ndarray, limits: np.ndarray, lost: int
+    program: OpeningsProgram,
+    forces_about: Callable[[np.ndarray], np.ndarray],
+    z: np.ndarray,
+    limits: np.ndarray,
+    lost: int,
 ) -> tuple[np.ndarray, Box | None]:
     """The coefficients (m) of the program's cam under limits (classes, s) [m], with its forces linearised about this
-    cam, and the trust region (a box) of the linearisation; z itself and no box where the forces suit every cam.
+    cam, and the trust region (a box) of the linearisation.
 
     Where an adjuster may fill, this is a cam with which all contacts keep a force. There is no box then: larger cams,
     with which some adjusters fill, would lie outside it.
     """
-    if source.for_every_cam:
-        return z, None
     region, fills = first_region(program.plain.design), bool(program.plain.train.memory)
     program.require_force(KEPT_N * force_unit(program.plain.train) if fills else 0.0)
     for _ in range(FILLING_ROUNDS if fills else ROUNDS):
         optimum = program.largest(z, 0.0 * limits if fills else limits, lost, Box(z, region.width))
         before, predicted = program.tied_forces(z), program.tied_forces(optimum.z)
-        program.replace_forces(source.about(optimum.z))
+        program.replace_forces(forces_about(optimum.z))
         missed, moved = (
             np.abs(program.tied_forces(optimum.z) - forces).max(axis=(2, 3)) for forces in (predicted, before)
         )

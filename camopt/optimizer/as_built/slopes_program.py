@@ -90,6 +90,7 @@ class SlopesProgram:
     plain: NoJumpProgram
     drawn: TrainEnsemble
     count: int
+    lost: float  # fraction of the trains that may fail
     journal: StepFiles
     targets: np.ndarray = field(init=False)  # (l) by limit
     cam: CandidateCam = field(init=False)  # the present cam, about which the usages are linearised
@@ -105,27 +106,27 @@ class SlopesProgram:
         """The mean of the program's last cams."""
         return self.cam_of(np.mean(self._last, axis=0))
 
-    def move_to(self, z: np.ndarray, lost: float) -> float:
+    def move_to(self, z: np.ndarray) -> float:
         """Moves to the cam of z (m), and returns the number of the first trains that fail with it, divided by the
-        number that may fail, a fraction `lost`. With the first cam these trains are traced at all speeds, afterwards at
-        those that matter."""
+        number that may fail. With the first cam these trains are traced at all speeds, afterwards at the critical
+        ones."""
         drawn, self.cam = self.drawn, self.cam_of(z)
         if not drawn.trains:
             drawn.settle(self.cam.lift)
             drawn.draw(min(FIRST, self.count))
         else:
-            drawn.mark_unjudged(drawn.critical_speeds(lost))
+            drawn.mark_unjudged(drawn.critical_speeds(self.lost))
         self._trace()
-        return drawn.failing / max(lost * len(drawn.trains), 1.0)
+        return drawn.failing / max(self.lost * len(drawn.trains), 1.0)
 
-    def set_targets(self, lost: float) -> None:
-        """Draws all trains, a fraction of which may be `lost`, and sets the targets from their usage with the present
-        cam. The trains are traced twice, since their first motions start in the states of the train as designed."""
+    def set_targets(self) -> None:
+        """Draws all trains, and sets the targets from their usage with the present cam. The trains are traced twice,
+        since their first motions start in the states of the train as designed."""
         if self.count > len(self.drawn.trains):
-            self.drawn.draw(self.count, self.drawn.critical_speeds(lost))
+            self.drawn.draw(self.count, self.drawn.critical_speeds(self.lost))
         self._trace()
         worst = np.sort(np.minimum(self.drawn.used.max(axis=2), FARTHEST), axis=0)  # (t, l)
-        last = (np.array([TAIL, 1]) * lost * len(worst) + 1e-9).astype(int)
+        last = (np.array([TAIL, 1]) * self.lost * len(worst) + 1e-9).astype(int)
         tail, most = worst[-1 - np.clip(last, 0, len(worst) - 1)]
         apart = np.maximum(1.0 - SPREADS * (most - tail), np.median(worst, axis=0))
         self.targets = np.clip(apart, *TARGETS)

@@ -42,8 +42,6 @@ the margin of a search's first cam. A few of a hundred trains with clashing spri
 class SmoothForces:
     """The forces of drawn trains (t); train t has the cam speeds `cam_speeds[t % classes]` (classes, s) [rad/s]."""
 
-    for_every_cam = False
-
     def __init__(self, trains: Sequence[TrainAsBuilt], nominal: Train, cam: FreeCam, cam_speeds: np.ndarray):
         self._trains, self._nominal, self._cam, self._speeds = trains, nominal, cam, cam_speeds
         self._event = float(cam.breaks[0]), end_of_contact(nominal, cam)

@@ -216,14 +216,6 @@ class YieldSearch:
         """Number of trains that break a limit at the speeds from index `begin` on."""
         return int(np.sum(self.unseen.used[:, :, begin:].max(axis=(1, 2)) > 1.0))
 
-    def none_holds(self, failing: int) -> NoCamFound:
-        """The error for the case that not even the smallest cam is accepted; `failing` trains fail with it."""
-        return NoCamFound(
-            f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: of {len(self.unseen.trains)} "
-            f"trains {failing} fail with the smallest one. Ask for a smaller yield, relax the limits on the motion or "
-            f"make the tolerances narrower; `camopt yield` says which is to blame"
-        )
-
 
 def first_level(search: YieldSearch, largest: LargestCam, z: np.ndarray) -> float:
     """The level of predicted openings from whose cam the gradient steps start.
@@ -231,14 +223,14 @@ def first_level(search: YieldSearch, largest: LargestCam, z: np.ndarray) -> floa
     The failing trains among the first ones number FEWEST_FAILING to MOST_FAILING times the permitted failures with this
     cam. They may be fewer if the level had to be lowered, or if the limits on the openings no longer bind.
     """
-    level, calm, lowered, lost, slopes = FIRST_LEVEL, None, False, 1.0 - search.wanted, search.slopes
+    level, calm, lowered, slopes = FIRST_LEVEL, None, False, search.slopes
     while True:
         z = largest(level, z)
-        times = slopes.move_to(z, lost)
+        times = slopes.move_to(z)
         search.report(slopes.cam, OPENINGS, slopes.drawn, slopes.drawn.failing)
         if times > MOST_FAILING and level > LEAST_LEVEL:
             if calm is not None:
-                slopes.move_to(calm.z, lost)
+                slopes.move_to(calm.z)
                 return level / LEVEL_FACTOR
             level, lowered = level / LEVEL_FACTOR, True
         elif lowered or times >= FEWEST_FAILING or (calm and slopes.cam.area_ratio < calm.area_ratio + RESOLUTION):
@@ -259,7 +251,11 @@ def smaller_cams(search: YieldSearch, largest: LargestCam, level: float, z: np.n
         if search.held:
             return
         if level <= LOWEST_LEVEL:
-            raise search.none_holds(failing)
+            raise NoCamFound(
+                f"{100 * search.wanted:g} % of the drawn trains hold no cam that was tried: of "
+                f"{len(search.unseen.trains)} trains {failing} fail with the smallest one. Ask for a smaller yield, "
+                f"relax the limits on the motion or make the tolerances narrower; `camopt yield` says which is to blame"
+            )
         if level > 0.0:
             level = level / LEVEL_FACTOR if level > LEAST_LEVEL else 0.0
         else:

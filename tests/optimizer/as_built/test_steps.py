@@ -152,10 +152,8 @@ def test_the_way_leads_to_the_cam_with_which_fewest_trains_fail(monkeypatch):
 
 def test_where_slopes_lead_to_no_cam_smaller_openings_do(monkeypatch):
     def judged(most: float) -> list[float]:
-        search, areas = (
-            YieldSearch(0.9, SimpleNamespace(cam_of=lambda z: SimpleNamespace(area_ratio=z)), Failing(100), 100),
-            [],
-        )
+        slopes, areas = SimpleNamespace(cam_of=lambda z: SimpleNamespace(area_ratio=z)), []
+        search = YieldSearch(0.9, slopes, Failing(100), 100)
 
         def evaluate(cam, stage):
             areas.append(cam.area_ratio)
@@ -191,12 +189,12 @@ def test_slopes_begin_where_some_more_trains_fail_than_may(fails, levels, ends):
     """From a level of 1.6 on the limits bind no more."""
     tried, slopes = [], SimpleNamespace(drawn=Failing(10))
 
-    def move_to(z, lost):
+    def move_to(z):
         tried.append(z)
         slopes.cam = SimpleNamespace(area_ratio=min(z, 1.6), z=z)
         return fails[z]
 
     slopes.move_to = move_to
-    search = SimpleNamespace(wanted=0.9, slopes=slopes, report=lambda *_: None)
+    search = SimpleNamespace(slopes=slopes, report=lambda *_: None)
     level = first_level(search, lambda level, z: level, None)
     assert tried == levels and tried[-1] == level == ends
