@@ -110,7 +110,7 @@ def price_list(
             areas[name][k] = program(level)
             done += 1
             advance(done / sets / len(scenes))
-    return _priced(wanted, areas)
+    return _summary(wanted, areas)
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
@@ -171,12 +171,12 @@ def _variants(scene: Scene) -> dict[tuple[str, str], Scene]:
     return variants
 
 
-def _priced(wanted: float, areas: Mapping[tuple[str, str], np.ndarray]) -> PriceList:
+def _summary(wanted: float, areas: Mapping[tuple[str, str], np.ndarray]) -> PriceList:
     """The price list from the area ratios (sets) of all variants."""
     changes = {name: area - areas["as given", ""] for name, area in areas.items() if name[0] != "as given"}
 
     def of(kind: str, unit: float = 1.0) -> dict[str, float]:
-        return {label: float(change.mean()) / unit for (one, label), change in changes.items() if one == kind}
+        return {name[1]: float(change.mean()) / unit for name, change in changes.items() if name[0] == kind}
 
     def noise(*kinds: str) -> float:
         apart = [np.ptp(change) for (kind, _), change in changes.items() if kind in kinds]

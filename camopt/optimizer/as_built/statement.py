@@ -176,12 +176,11 @@ def yield_statement(
     speeds_rpm = (
         np.linspace(*scene.required_operation.band_rpm, speeds) if isinstance(speeds, int) else np.array(speeds)
     )
-    conditions, interim = track(scene, lift, speeds_rpm), Looks((*looks, trains), ADVISED if wanted is None else wanted)
-    usage = _judged(scene, conditions, interim, trains_journal(journal), seed, advance)
-    used, share = (
-        UsedLimits(tuple(conditions.limits), speeds_rpm, usage),
-        share_of(usage.max(axis=(1, 2)) <= 1.0, interim),
-    )
+    conditions = track(scene, lift, speeds_rpm)
+    interim = Looks((*looks, trains), ADVISED if wanted is None else wanted)
+    usage = _measured(scene, conditions, interim, trains_journal(journal), seed, advance)
+    used = UsedLimits(tuple(conditions.limits), speeds_rpm, usage)
+    share = share_of(usage.max(axis=(1, 2)) <= 1.0, interim)
     blame = rank_correlation_shares(draws_of_trains(scene, len(usage), seed=seed), used.worst)
     baseline_trains = trains_as_built(scene, min(len(usage), BASELINE_TRAINS), seed=seed) if baselines else []
     baseline_shares = {
@@ -193,7 +192,7 @@ def yield_statement(
     return YieldStatement(wanted, seed, used, share, blame, judged, baseline_shares)
 
 
-def _judged(
+def _measured(
     scene: Scene, conditions: Track, looks: Looks, journal: Records, seed: int, advance: Callable[[float], None]
 ) -> np.ndarray:
     """Limit usage (t, l, s) of the trains up to the look after which measuring ends."""
@@ -218,18 +217,16 @@ def sampled(worst: np.ndarray, count: int = SAMPLE) -> list[int]:
 def _baseline(
     scene: Scene, cam: Lift | str, speeds_rpm: Sequence[float] | np.ndarray, trains: Sequence[TrainAsBuilt]
 ) -> Share | str:
+    """The share of trains that pass with a baseline's cam, or the sentence in place of a cam."""
     if isinstance(cam, str):
         return cam
-    top_speed: Track = track(
-        scene, cam, speeds_rpm[-1:]
-    )  # most trains fail at the top speed; only the rest need all speeds
-    holds = top_speed.used(trains).max(axis=(1, 2)) <= 1.0
-    if holds.any() and len(speeds_rpm) > 1:
-        everywhere = track(scene, cam, speeds_rpm[:-1]).used(
-            [train for train, good in zip(trains, holds, strict=True) if good]
-        )
-        holds[holds] = everywhere.max(axis=(1, 2)) <= 1.0
-    return share_of(holds)
+    # most trains fail at the top speed, and only the others are measured at all speeds
+    passes = track(scene, cam, speeds_rpm[-1:]).used(trains).max(axis=(1, 2)) <= 1.0
+    if passes.any() and len(speeds_rpm) > 1:
+        passing = [train for train, good in zip(trains, passes, strict=True) if good]
+        usage = track(scene, cam, speeds_rpm[:-1]).used(passing)
+        passes[passes] = usage.max(axis=(1, 2)) <= 1.0
+    return share_of(passes)
 
 
 def by_independent_methods(built: TrainAsBuilt, lift: Lift, used: UsedLimits, t: int) -> dict:
@@ -239,12 +236,11 @@ def by_independent_methods(built: TrainAsBuilt, lift: Lift, used: UsedLimits, t:
     train within a twentieth of its limit, and the verdicts "sensitive" and "not converged" agree with both.
     """
     speed = float(used.speeds_rpm[int(np.argmax(used.used[t].max(axis=0)))])
-    verdict = verdict_on(built.scene, built.cam(lift), (speed,), band_step_rpm=None)
+    verdict = verdict_on(built.scene, built.cam(lift), (speed,), band_step_rpm=None).speeds[0].verdict
     worst = float(used.worst[t])
-    name = verdict.speeds[0].verdict
-    near = abs(worst - 1.0) < 0.05 or name in ("sensitive", "not converged")
-    agrees = bool(near or (name == "confirmed") == (worst <= 1.0))
-    return {"train": t, "speed_rpm": speed, "used": worst, "verdict": name, "agrees": agrees}
+    near = abs(worst - 1.0) < 0.05 or verdict in ("sensitive", "not converged")
+    agrees = bool(near or (verdict == "confirmed") == (worst <= 1.0))
+    return {"train": t, "speed_rpm": speed, "used": worst, "verdict": verdict, "agrees": agrees}
 
 
 def beside(
