@@ -27,7 +27,7 @@ def test_where_forces_ring_with_what_no_cam_can_help_their_means_are_held(ringin
     assert held.program.blocks is ringing.blocks and held.program.averaged == 16
     np.testing.assert_array_equal(held.margins, MARGINS)
     of_neither = [averaged(block, 16).offset for block in program().blocks]
-    left = np.concatenate([block.offset for block in held.program.held]) - np.concatenate(of_neither)
+    left = np.concatenate([block.offset for block in held.program.constrained]) - np.concatenate(of_neither)
     np.testing.assert_allclose(np.abs(left), 3e3 / 33, rtol=1e-9)  # the mean of 33 that alternate
     assert solve_elastic(program(), MARGINS).program.averaged == 0
 

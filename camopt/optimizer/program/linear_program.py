@@ -66,7 +66,7 @@ class WarmModel:
     """
 
     def __init__(self, matrix: np.ndarray):
-        self.matrix, self.held = matrix, np.zeros(0, dtype=int)  # indices of the rows in the model
+        self.matrix, self.indices = matrix, np.zeros(0, dtype=int)  # indices of the rows in the model
         self.solver, self.reach = Solver(), FARTHEST
         self._highs, self._columns = self.solver.highs, np.arange(matrix.shape[1], dtype=np.int32)
         edge = np.full(len(self._columns), FARTHEST)
@@ -74,21 +74,21 @@ class WarmModel:
 
     def add(self, rows: np.ndarray, level: np.ndarray) -> None:
         """Adds `rows` to the model, with right-hand sides from `level` (r)."""
-        rows = np.setdiff1d(rows, self.held)
+        rows = np.setdiff1d(rows, self.indices)
         starts, columns, entries = entries_of(self.matrix[rows])
         lowest = np.full(len(rows), -np.inf)
         succeeds(self._highs.addRows(len(rows), lowest, level[rows], len(entries), starts[:-1], columns, entries))
-        self.held = np.concatenate([self.held, rows])
+        self.indices = np.concatenate([self.indices, rows])
 
     def keep(self, rows: np.ndarray) -> None:
         """Removes the slack rows that are not among `rows`; the basis remains valid without them."""
-        out = np.flatnonzero(self._slack() & ~np.isin(self.held, rows)).astype(np.int32)
+        out = np.flatnonzero(self._slack() & ~np.isin(self.indices, rows)).astype(np.int32)
         succeeds(self._highs.deleteRows(len(out), out))
-        self.held = np.delete(self.held, out)
+        self.indices = np.delete(self.indices, out)
 
     def basis(self) -> np.ndarray:
         """Indices of the rows that determine the last solution: the nonbasic ones, as many as columns at a vertex."""
-        return self.held[~self._slack()]
+        return self.indices[~self._slack()]
 
     def _slack(self) -> np.ndarray:
         """Whether each row of the model is slack in the last solution."""
@@ -97,10 +97,10 @@ class WarmModel:
     def pose(self, cost: np.ndarray, level: np.ndarray) -> None:
         """Sets the objective (m) and the right-hand sides (r) of the rows in the model."""
         succeeds(self._highs.changeColsCost(len(cost), self._columns, -cost))
-        count = len(self.held)
+        count = len(self.indices)
         rows, lowest = np.arange(count, dtype=np.int32), np.full(count, -np.inf)
         change = self._highs.changeRowsBounds  # pyright: ignore[reportAttributeAccessIssue]  # its stubs leave it out
-        succeeds(change(count, rows, lowest, level[self.held]))
+        succeeds(change(count, rows, lowest, level[self.indices]))
 
     def within(self, reach: float) -> None:
         """Restricts every column to `reach` on either side of zero."""
@@ -127,13 +127,13 @@ def maximise(objective: np.ndarray, rows: Rows, bound: np.ndarray, working: np.n
     cost_scale = np.abs(cost).max() or 1.0
     model.within(FARTHEST)
     model.pose(cost / cost_scale, level)
-    if len(model.held) == 0:
+    if len(model.indices) == 0:
         model.add(working, level)
     for _ in range(MAX_ROUNDS):
         u, multipliers = model.solve()
         excess = rows.scaled @ u - level
         broken = excess > FEASIBILITY
-        broken[model.held] = False  # these are satisfied to the solver's tolerance
+        broken[model.indices] = False  # these are satisfied to the solver's tolerance
         worst = np.flatnonzero(broken)
         if len(worst):
             model.add(worst[np.argsort(excess[worst])[-ADDED_PER_ROUND:]], level)
@@ -147,10 +147,10 @@ def maximise(objective: np.ndarray, rows: Rows, bound: np.ndarray, working: np.n
 def _optimum(objective, rows: Rows, model: WarmModel, u, multipliers, excess) -> Optimum:
     """The optimum at the scaled point u (m), which violates no row; the slackest rows are removed from the model."""
     duals = np.zeros(len(excess))
-    duals[model.held] = multipliers / rows.norm[model.held]
+    duals[model.indices] = multipliers / rows.norm[model.indices]
     z = u * rows.column
     tightest = np.argsort(-excess)[: KEPT_PER_COLUMN * len(z)]
-    if len(model.held) > 2 * len(tightest):
+    if len(model.indices) > 2 * len(tightest):
         model.keep(tightest)
     return Optimum(z, float(objective @ z), duals, tightest)
 

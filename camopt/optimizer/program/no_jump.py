@@ -96,7 +96,8 @@ class NoJumpOptimum:
     def _slack_in(self, similar: "NoJumpProgram", r: int) -> float | None:
         """Slack [N] of this cam's force of row r in the other program, at the row that matches it; None without one."""
         program, speed = self.program, self.program.speed[r]
-        block, matching, at = program.held[speed], similar.held[speed], r - int(np.searchsorted(program.speed, speed))
+        block, matching = program.constrained[speed], similar.constrained[speed]
+        at = r - int(np.searchsorted(program.speed, speed))
         candidates = np.flatnonzero((matching.kind == block.kind[at]) & (matching.element == block.element[at]))
         distance = np.abs(matching.angle[candidates] - block.angle[at])
         if not len(candidates) or distance.min() > BESIDE * program.step:
@@ -136,7 +137,7 @@ class NoJumpProgram:
         return self.cam.limits(self.design)
 
     @cached_property
-    def held(self) -> tuple[SpeedRows, ...]:
+    def constrained(self) -> tuple[SpeedRows, ...]:
         """The blocks with the averaged forces, which the rows constrain."""
         return tuple(averaged(b, self.averaged) for b in self.blocks) if self.averaged else self.blocks
 
@@ -153,7 +154,7 @@ class NoJumpProgram:
     @cached_property
     def rows(self) -> Rows:
         """Kinematic rows, then force rows, then those of the box: matrix @ z <= bound."""
-        force = np.concatenate([b.matrix for b in self.held])
+        force = np.concatenate([b.matrix for b in self.constrained])
         force *= np.where(self.kind == PEAK, 1.0, -1.0)[:, None]
         sides = [] if self.box is None else [np.eye(force.shape[1]), -np.eye(force.shape[1])]
         return spline_rows(np.concatenate([self.limits.matrix, force, *sides]))
@@ -165,7 +166,7 @@ class NoJumpProgram:
 
     def bound(self, margins: ArrayLike) -> np.ndarray:
         """Right-hand sides (r) of the program for margins."""
-        offset = np.concatenate([b.offset for b in self.held])
+        offset = np.concatenate([b.offset for b in self.constrained])
         least = self.margin_table(margins)[np.minimum(self.kind, SEAT), self.speed]
         peak = self.design.contact_force_max_N or np.inf
         force = np.where(self.kind == PEAK, peak - offset, offset - least)

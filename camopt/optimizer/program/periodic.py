@@ -123,9 +123,8 @@ class PeriodicResponse:
     @cached_property
     def state(self) -> np.ndarray:
         """Positions [m] and velocities [m/s] at the samples' edges, shape (k + 1, 2n, 1 + m)."""
-        n, edges = len(self.train.mass), np.arange(len(self.samples.edges))
-        scale = np.repeat([1.0, velocity_scale(self.train)], n)
-        readings = scale[:, None] * np.eye(2 * n, self.begin.shape[1])
+        scale, edges = state_scale(self.train), np.arange(len(self.samples.edges))
+        readings = scale[:, None] * np.eye(len(scale), self.begin.shape[1])
         return np.stack([self._read(reading, edges) for reading in readings], axis=1)
 
     def to_error(self, error: CamSamples) -> "PeriodicResponse":
@@ -137,7 +136,7 @@ class PeriodicResponse:
         first, n2 = error.first, 2 * len(self.train.mass)
         kind = self.kind[np.searchsorted(self.samples.first, first, side="right") - 1]
         count = np.diff(np.append(first, len(error.edges) - 1))
-        scale = np.repeat([1.0, velocity_scale(self.train)], n2 // 2)
+        scale = state_scale(self.train)
         state, left = np.zeros(n2), np.eye(n2) - self.map / scale[:, None] * scale
         begin = np.zeros((len(first), n2 + LIFT_DERIVATIVES + 1))
         begin[:, n2:] = error.begin[..., 0]
@@ -209,7 +208,7 @@ def periodic_response(train: Train, samples: CamSamples, cam_speed: float, angle
         carried[j + 1, :, n2:] += push[j]
     start = np.linalg.solve(np.eye(n2) - carried[-1, :, :n2], carried[-1, :, n2:])
     begin[:, :n2] = carried[:-1, :, :n2] @ start + carried[:-1, :, n2:]
-    scale = np.repeat([1.0, velocity_scale(train)], n2 // 2)
+    scale = state_scale(train)
     monodromy = carried[-1, :, :n2] * scale[:, None] / scale
     return PeriodicResponse(train, cam_speed, samples, kind, begin, powers, monodromy, angles.tangents)
 
@@ -220,6 +219,11 @@ def velocity_scale(train: Train) -> float:
     exponentials are accurate."""
     d = train.incidence
     return float(np.sqrt(np.max(np.einsum("e,en,en->n", train.stiffness, d, d) / train.mass)))
+
+
+def state_scale(train: Train) -> np.ndarray:
+    """Factors (2n) that turn a step's positions and scaled velocities into positions [m] and velocities [m/s]."""
+    return np.repeat([1.0, velocity_scale(train)], len(train.mass))
 
 
 def _generator(

@@ -33,7 +33,7 @@ RESOLUTION = 5e-5
 are ignored."""
 
 
-@dataclass(frozen=True, eq=False)  # as its arrays have no one answer
+@dataclass(frozen=True, eq=False)  # arrays have no single truth value
 class Tried:
     """A cam that a search judged: its free coefficients z (m), its area ratio and its judged motions."""
 
