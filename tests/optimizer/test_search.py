@@ -171,14 +171,14 @@ def tried(area_ratio, used, share=None, **further):
 def test_a_cam_that_holds_is_offered_although_a_larger_one_was_found_before_it():
     cams = (0.60, 0.85), (0.59, 0.5), (0.58, 0.49), (0.61, 1.2), (0.57, 0.4), (0.55, 0.3), (0.54, 0.2)
     largest, unlike, alike, broken, small, smaller, smallest = (tried(*cam) for cam in cams)
-    search = Search(None, None, None, None, "calmest", seen=[largest, unlike, alike, broken, small, smaller, smallest])
+    search = Search(None, None, None, "calmest", seen=[largest, unlike, alike, broken, small, smaller, smallest])
     search.confirm()
     assert search.confirmed == [smaller, small, alike, unlike, largest]
 
 
 def test_places_that_are_left_go_to_cams_that_differ_in_area():
     cams = [tried(area, 0.8) for area in (0.6, 0.5996, 0.599, 0.598)]
-    search = Search(None, None, None, None, "calmest", seen=cams)
+    search = Search(None, None, None, "calmest", seen=cams)
     search.confirm()
     assert [cam.area_ratio for cam in search.confirmed] == [0.598, 0.599, 0.6]
 

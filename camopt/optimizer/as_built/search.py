@@ -89,7 +89,7 @@ def yield_search(
     journal = journal or StepFiles(None, FOLDER)
     shaping, unseen = (TrainEnsemble(scene, seed + of) for of in (DRAWS_SEED, UNSEEN_SEED))
     slopes = SlopesProgram(plain, shaping, effort.shaping_trains, 1.0 - wanted, journal.beside(SHAPING))
-    search = YieldSearch(wanted, slopes, unseen, effort.unseen_trains, journal, show)
+    search = YieldSearch(wanted, slopes, unseen, effort.unseen_trains, journal=journal, show=show)
 
     start_openings = partial(_openings_search, scene, plain, z, wanted, effort.foretold_trains, gradient, seed)
     level = first_level(search, *start_openings())  # the forces, 0.3 GB, are released afterwards

@@ -14,11 +14,10 @@ from scipy.special import bdtr
 
 from camopt.cam.lift import Lift
 from camopt.highs import Infeasible
-from camopt.optimizer.as_built.drawn import FOLDER, STORED, TrainEnsemble
+from camopt.optimizer.as_built.drawn import STORED, TrainEnsemble
 from camopt.optimizer.as_built.slopes_program import CandidateCam, SlopesProgram
+from camopt.optimizer.search.cams import CamSearch
 from camopt.scene.errors import NoCamFound
-from camopt.scene.units import DEG, MM
-from camopt.storage.journal import StepFiles
 
 FIRST_LEVEL, LEVEL_FACTOR, LEAST_LEVEL = 0.4, 2.0, 0.02
 """First level of the limit on predicted openings, as a fraction of the limit on the jump; factor between two levels;
@@ -70,7 +69,7 @@ for the coefficients z (m) of the previous cam."""
 
 
 @dataclass
-class YieldSearch:
+class YieldSearch(CamSearch[CandidateCam]):
     """The state of a search: the unseen trains that limit the size of the cam, and the accepted cams, with which enough
     of them pass."""
 
@@ -78,16 +77,7 @@ class YieldSearch:
     slopes: SlopesProgram
     unseen: TrainEnsemble
     unseen_count: int  # drawn for the first cam to be judged
-    journal: StepFiles = field(default_factory=lambda: StepFiles(None, FOLDER))
-    show: Callable[[dict], None] = lambda line: None
-    held: list[CandidateCam] = field(default_factory=list)  # each larger than the one before
     rejected: list[tuple[int, CandidateCam]] = field(default_factory=list)  # number failing, cam
-    steps: int = 0
-
-    @property
-    def best(self) -> CandidateCam | None:
-        """The largest accepted cam."""
-        return self.held[-1] if self.held else None
 
     @property
     def nearest_rejected(self) -> CandidateCam | None:
@@ -170,18 +160,7 @@ class YieldSearch:
     def report(self, cam: CandidateCam, stage: str, drawn: TrainEnsemble, failing: int) -> None:
         """Reports a step: its cam, and how many of the trains `drawn` fail."""
         self.steps += 1
-        line = {
-            "iteration": self.steps,
-            "stage": stage,
-            "area_ratio": cam.area_ratio,
-            "area_mm_deg": cam.lift.area / MM / DEG,
-            "trains": len(drawn.trains),
-            "failing": failing,
-            "confirmed": self.best is cam,
-            "best_area_ratio": self.best.area_ratio if self.best else None,
-        }
-        self.journal.note(line)
-        self.show(line)
+        self.note_step(cam, stage, {"trains": len(drawn.trains), "failing": failing})
 
     def _judge(self, lift: Lift) -> np.ndarray:
         """Judges a cam with the watched trains and with scouts, and with all trains at a speed where a scout comes near

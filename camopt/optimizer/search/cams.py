@@ -3,9 +3,10 @@
 A cam is called feasible if its limit usage is at most BETWEEN_SHARE at all judged speeds.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
@@ -17,7 +18,11 @@ from camopt.optimizer.stage_clock import StageClock
 from camopt.scene.units import DEG, MM
 from camopt.storage.journal import StepFiles
 
+if TYPE_CHECKING:
+    from camopt.optimizer.candidates import KnownCam
+
 FOLDER = "judged"
+"""Folder of a run in which the judged motions of each step are stored."""
 CANDIDATES = 5
 """Largest number of cams that a search offers to the full verdict: the largest feasible ones."""
 USES_LESS, APART = 0.02, 5e-4
@@ -31,6 +36,8 @@ BETWEEN_SHARE = 0.9
 RESOLUTION = 5e-5
 """Resolution of the area ratio in a search, half a unit of the fourth digit, to which areas are stated: smaller gains
 are ignored."""
+
+Cam = TypeVar("Cam", bound="KnownCam")
 
 
 @dataclass(frozen=True, eq=False)  # arrays have no single truth value
@@ -53,27 +60,47 @@ class Tried:
         return bool(np.all(np.isfinite(self.judged.share)))
 
 
+@dataclass(kw_only=True)
+class CamSearch(Generic[Cam]):
+    """The cams that a search accepts, each larger than the one before, and the reports of its steps."""
+
+    journal: StepFiles = field(default_factory=lambda: StepFiles(None, FOLDER))
+    show: Callable[[dict], None] = lambda line: None  # receives the journal's line of every step
+    held: list[Cam] = field(default_factory=list)
+    steps: int = 0
+
+    @property
+    def best(self) -> Cam | None:
+        """The largest accepted cam."""
+        return self.held[-1] if self.held else None
+
+    def note_step(self, cam: Cam, stage: str, details: Mapping[str, object]) -> None:
+        """Writes a line on the present step and its cam into the journal, and shows it."""
+        line = {
+            "iteration": self.steps,
+            "stage": stage,
+            "area_ratio": cam.area_ratio,
+            "area_mm_deg": cam.lift.area / MM / DEG,
+            **details,
+            "confirmed": self.best is cam,
+            "best_area_ratio": self.best.area_ratio if self.best else None,
+        }
+        self.journal.note(line)
+        self.show(line)
+
+
 @dataclass
-class Search:
-    """The state of a search: the judged cams, the feasible ones, and the journal of the steps."""
+class Search(CamSearch[Tried]):
+    """The state of a search: the judged cams, and the feasible ones, which it accepts."""
 
     judge: Judge  # at the program's speeds
     band: Judge | None  # at the program's speeds and between them, in a search for a band
     source: ExactRows
     start: str  # family of the cam from which the search started, or "calmest"
-    journal: StepFiles = field(default_factory=lambda: StepFiles(None, FOLDER))
-    show: Callable[[dict], None] = lambda line: None  # receives the journal's line of every step
     clock: StageClock = field(default_factory=StageClock)
     seen: list[Tried] = field(default_factory=list)  # all cams that were judged
-    held: list[Tried] = field(default_factory=list)  # feasible cams, each larger than the one before
     confirmed: list[Tried] = field(default_factory=list)  # the cams that are offered to the verdict
-    steps: int = 0
     first: Tried | None = None  # the cam of the last program before margins are fed back
-
-    @property
-    def best(self) -> Tried | None:
-        """The largest feasible cam."""
-        return self.held[-1] if self.held else None
 
     @property
     def course(self) -> dict:
@@ -104,20 +131,8 @@ class Search:
         self.seen.append(tried)
         if larger and judged.used <= BETWEEN_SHARE:
             self.held.append(tried)
-        line = {
-            "iteration": self.steps,
-            "stage": stage,
-            "area_ratio": area_ratio,
-            "area_mm_deg": lift.area / MM / DEG,
-            "worst_bounce_mm": judged.worst("bounce_mm"),
-            **{f"worst_{name}": judged.worst(name) for name in judged.limited if name != "bounce_mm"},
-            "worst_share": judged.used,
-            "worst_speed_rpm": judged.worst_speed_rpm,
-            "confirmed": self.best is tried,
-            "best_area_ratio": self.best.area_ratio if self.best else None,
-        }
-        self.journal.note(line)
-        self.show(line)
+        worst = {f"worst_{name}": judged.worst(name) for name in dict.fromkeys(("bounce_mm", *judged.limited))}
+        self.note_step(tried, stage, worst | {"worst_share": judged.used, "worst_speed_rpm": judged.worst_speed_rpm})
         return tried
 
     def between(self, smaller: Tried, larger: Tried, share: float) -> Tried:

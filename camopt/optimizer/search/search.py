@@ -97,7 +97,7 @@ def find_cam(
         program = without_rows(build_train(scene), design, cam, [scene.cam_speed(speed) for speed in searched])
         source = _source(smooth, program, smoothing)
         family = start.family if start else "calmest"
-        search = Search(Judge(scene, searched), between, source, family, journal, show, clock)
+        search = Search(Judge(scene, searched), between, source, family, clock, journal=journal, show=show)
         limits = ShapeLimits(cam, design)
         nearest = limits.nearest_to(start) if start else limits.nearest(np.zeros(cam.Z.shape[1]))
         program, z = source.first(program, nearest)
