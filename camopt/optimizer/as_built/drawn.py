@@ -26,8 +26,7 @@ from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 
 FOLDER, STORED = "drawn", ("at", "used", "states")
-"""Folder of a run in which the results of the drawn trains at each step of a search are stored, and the names of the
-stored arrays."""
+"""Folder of a run in which a search stores the results of its trains at each step, and the names of the arrays."""
 SPEEDS, STAGGER = 11, 4
 """Number of speeds at which each train is judged, and number of trains after which the same speeds recur."""
 CHORDS = 8
@@ -112,8 +111,7 @@ class TrainEnsemble:
     def draw(self, count: int, unjudged: np.ndarray | None = None) -> None:
         """Draws trains until the ensemble has `count` of them.
 
-        At the speeds `unjudged` (s: bool), by default at all speeds, the new trains count as near their limits until
-        they are judged there.
+        The new trains count as near their limits at the speeds `unjudged` (s: bool), by default at all of them.
         """
         first = len(self.trains)
         drawn = trains_as_built(self.scene, count - first, seed=self.seed, first=first)
@@ -124,8 +122,7 @@ class TrainEnsemble:
         self.used[first:, :, slice(None) if unjudged is None else unjudged] = UNJUDGED
 
     def mark_unjudged(self, unjudged: np.ndarray) -> None:
-        """Marks all trains as near their limits at the speeds `unjudged` (s: bool), until they are judged there with
-        another cam."""
+        """Marks all trains as near their limits at the speeds `unjudged` (s: bool), so that they are judged again."""
         self.used[:, :, unjudged] = UNJUDGED
 
     def reset_state(self, train: int, speed: int) -> None:

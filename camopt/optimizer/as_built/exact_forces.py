@@ -20,8 +20,7 @@ from camopt.scene.errors import NoCamFound
 from camopt.scene.train import Train
 
 EDGES = STEP / 2
-"""Longest step of the response [rad]. The edges of the steps include the cam's knots, and forces are interpolated
-linearly between two edges."""
+"""Longest step of the response [rad]. The cam's knots are edges, and forces are interpolated linearly between edges."""
 
 
 def exact_forces(

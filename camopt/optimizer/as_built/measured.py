@@ -76,8 +76,8 @@ class Track:
     limits: Mapping[str, MotionLimit]
 
     def used(self, trains: Sequence[TrainAsBuilt]) -> np.ndarray:
-        """Limit usage (t, l, s) of the trains, from the worst of the measured revolutions: by short motions and, where
-        these do not decide, by full ones."""
+        """Limit usage (t, l, s) of the trains, from the worst measured revolutions: of short motions or, if these do
+        not decide, of full ones."""
         limits, speeds = tuple(self.limits.values()), np.array(self.cam_speeds)
         stages = short_motions(limits), {}
 

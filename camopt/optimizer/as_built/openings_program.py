@@ -55,8 +55,7 @@ def opening_after_impulse(train: Train, contact: int, step: float, count: int) -
 def opening_rows(train: Train, contact: int, cam_speed: float, count: int) -> np.ndarray:
     """Rows (w, k, k) with gap = rows @ f [m] for forces f (k) [N] at `count` angles STEP apart.
 
-    The first axis is the interval's length in steps (w), the second the angle (k) at which it ends. The integral is
-    approximated by the trapezoidal rule.
+    The first axis is the interval's length in steps (w), the second the angle (k) at which it ends; trapezoidal rule.
     """
     after = opening_after_impulse(train, contact, STEP / cam_speed, LONG[-1] + 1)
     ends, at = np.arange(count)[:, None], np.arange(count)
@@ -72,8 +71,7 @@ def opening_rows(train: Train, contact: int, cam_speed: float, count: int) -> np
 BROKEN = 1.0 * UM
 """Excess of an opening over its limit that is ignored [m]."""
 NEARLY = 10.0 * UM
-"""A case (a train at a speed) that violates its limit gets a row for every angle interval whose opening comes within
-this distance of the limit [m]."""
+"""Distance from the limit [m] within which openings of a violating case, a train at a speed, get rows."""
 WATCHED = 25.0 * UM
 """Cases that stay farther than this from their limit [m] are checked again only when no other case violates it."""
 FIRST, AT_ONCE = 100, 400
@@ -91,8 +89,7 @@ class OpeningsProgram:
     """The program for trains (t), each at its own speeds (s), with the contacts c between cam and valve.
 
     `forces` (t, s, c, k, 1 + m) are the forces of the tied contacts [N] at the angles `theta` (k) [rad], affine in z.
-    Train t has the cam speeds `cam_speeds[t % classes]` (classes, s) [rad/s]. `plain` is the program with the limits on
-    the shape alone, without rows on forces.
+    Train t has the cam speeds `cam_speeds[t % classes]` (classes, s) [rad/s]. `plain` limits the shape alone.
     """
 
     plain: NoJumpProgram
@@ -138,8 +135,7 @@ class OpeningsProgram:
         return openings
 
     def largest(self, z: np.ndarray, limits: np.ndarray, dropped: int, box: Box | None = None) -> NoJumpOptimum:
-        """The cam of largest area whose predicted openings are at most the `limits` (classes, s) [m] of each speed in
-        all but `dropped` trains.
+        """The cam of largest area whose predicted openings keep `limits` (classes, s) [m] in all but `dropped` trains.
 
         Row generation starts from the cam of z (m), with the rows and dropped trains of the previous call. As long as
         no cam keeps the limits in all remaining trains, all limits are raised by the smallest common amount that makes

@@ -29,8 +29,7 @@ from camopt.scene.train import build_train
 SETS, TRAINS = 2, 150
 """Number of sets of trains, and number of trains in each set."""
 LOW_SPEEDS, HIGH_SPEEDS = 1, 2
-"""Number of speeds of a train below and above `NEAR_TOP` of the band's top, the top included: half as many as in the
-search."""
+"""Number of speeds of a train below and above `NEAR_TOP` of the band's top: half as many as in the search."""
 CHANGE = 0.02
 """Relative amount by which a number of the scene is raised to find the sensitivity of the area."""
 LEVELS = 0.05, 4.0
@@ -128,10 +127,8 @@ def estimated_area_ratio(scene: Scene, wanted: float, seed: int = 0) -> float | 
 
 
 class _LargestArea:
-    """The largest area ratio of a scene as a function of the level of the limits on predicted openings.
-
-    It is computed for `trains` drawn trains, of which as many are dropped as the share `wanted` allows.
-    """
+    """The largest area ratio of a scene by the level of the limits on predicted openings, for `trains` drawn trains, of
+    which as many are dropped as the share `wanted` allows."""
 
     def __init__(self, scene: Scene, wanted: float, trains: int):
         self._plain, self._z = free_program(scene)
@@ -150,8 +147,7 @@ class _LargestArea:
 
 
 def _level(area_at: Callable[[float], float], area_ratio: float | None) -> float:
-    """The level of the limits at which the program's cam has this area ratio; FIRST_LEVEL where there is none between
-    the LEVELS."""
+    """The level at which the program's cam has this area ratio; FIRST_LEVEL if there is none between the LEVELS."""
     low, high = LEVELS
     if area_ratio is None or not area_at(low) < area_ratio < area_at(high):
         return FIRST_LEVEL

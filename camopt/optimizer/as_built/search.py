@@ -43,8 +43,7 @@ from camopt.scene.units import MM
 from camopt.storage.journal import StepFiles
 
 KNOT_DEG = 2.5
-"""Knot interval of the free cam [deg]. With 3 degrees the first openings program of `kodama` ends at an area ratio of
-0.464 instead of 0.469."""
+"""Knot interval of the free cam [deg]. With 3 the first openings program of `kodama` reaches 0.464, not 0.469."""
 LOW_SPEEDS, HIGH_SPEEDS, NEAR_TOP, CLASSES = 2, 4, 0.93, 4
 """Number of speeds of a train below and above the fraction NEAR_TOP of the band's top, and number of trains after which
 the same speeds recur. Most trains fail near the top; all trains have the top speed. The speeds differ between trains

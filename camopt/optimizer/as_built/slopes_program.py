@@ -11,7 +11,6 @@ to the few worst trains alone.
 from collections import deque
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import cached_property
 from math import comb
 from typing import NamedTuple
 
@@ -40,8 +39,7 @@ NEAR, SOON = 0.06, 0.06
 """A train has a row where its usage exceeds the target minus NEAR, and it is traced with every cam at the speeds where
 its last usage exceeded the target minus NEAR minus SOON."""
 TOP_SCOUTS, OTHER_SCOUTS = 10, 100
-"""Of the other trains, one in TOP_SCOUTS is traced with each cam at the top of the band, and one in OTHER_SCOUTS at all
-speeds."""
+"""One in TOP_SCOUTS of the other trains is traced with each cam at the top speed, one in OTHER_SCOUTS at all."""
 FARTHEST = 10.0
 """Limit usage from which on the motion differs too much for its gradient to be useful."""
 STEEP = 10.0
@@ -52,13 +50,12 @@ FIRST_WIDTH, NARROWER = 0.1, 0.93
 """First width of the box about the cam, as a fraction of the first width for the programs on forces, and the factor on
 it from one program to the next. The width is divided by this factor where the cams must move farther."""
 FIRST = 200
-"""Number of trains that are traced at all speeds with the first cam. The other trains are traced at those speeds where
-these come close to their limits."""
+"""Number of trains that are traced at all speeds with the first cam. The others are traced only where these come close
+to their limits."""
 CAMS, MEAN = 2, 4
 """Number of successive cams whose rows are in the program, and number of cams that are averaged. Rows about more than
 one cam are needed because a train's largest opening moves from one cam to the next, and because a contact that stays
-closed with one cam has no gradient until it opens with the next. The mean cam suits more trains than each single cam,
-which suits only the trains of its own rows."""
+closed with one cam has no gradient until it opens with the next. Their mean suits more trains than each."""
 SHAPING, TRACED = "shaping", (*STORED, "train", "offset", "slope", "target")
 """Folder of a run in which the results of the trains with each cam are stored, and the names of the arrays: those of
 the ensemble and those of the program's rows."""
@@ -73,8 +70,7 @@ class CandidateCam(NamedTuple):
 
 
 class UseRows(NamedTuple):
-    """Linearised limit usages (r): `offset` (r) + `slope` (r, m) @ z, with the number of the `train` (r) and the
-    `target` (r) of the limit."""
+    """Linearised usages (r): `offset` (r) + `slope` (r, m) @ z, by `train` (r), with the limit's `target` (r)."""
 
     train: np.ndarray
     offset: np.ndarray
@@ -98,6 +94,7 @@ class SlopesProgram:
     def __post_init__(self) -> None:
         self._width = FIRST_WIDTH * first_region(self.plain.design).width
         self._area, self._area_at_zero = area_ratio_row(self.plain.design, self.plain.cam)
+        self._basis = self.plain.cam.piece_basis()[0]  # (p, q, m) the pieces' coefficients by the free ones
         self._turn, self._rows, self._last = 0, deque[UseRows](maxlen=CAMS), deque[np.ndarray](maxlen=MEAN)
         self.targets = np.full(len(self.drawn.limits), TARGETS[1])
 
@@ -108,8 +105,7 @@ class SlopesProgram:
 
     def move_to(self, z: np.ndarray) -> float:
         """Moves to the cam of z (m), and returns the number of the first trains that fail with it, divided by the
-        number that may fail. With the first cam these trains are traced at all speeds, afterwards at the critical
-        ones."""
+        number that may fail. With the first cam they are traced at all speeds, later at the critical ones."""
         drawn, self.cam = self.drawn, self.cam_of(z)
         if not drawn.trains:
             drawn.settle(self.cam.lift)
@@ -178,8 +174,7 @@ class SlopesProgram:
         return [row for s in speeds.tolist() for row in self._traced(cam, lift.borders, t, s)]
 
     def _traced(self, cam: Lift, plain: np.ndarray, t: int, s: int) -> list[tuple[int, int, float, np.ndarray]]:
-        """Evaluates train t with its ground `cam` at its speed s, in the motion that continues from the states of the
-        previous cam.
+        """Evaluates train t with its ground `cam` at its speed s, in the motion from the previous cam's state.
 
         Returns train, limit, usage and gradient for every limit that the train comes near to. The gradient is by the
         coefficients (m) of the cam as designed, whose pieces lie between the `plain` borders.
@@ -208,14 +203,8 @@ class SlopesProgram:
         slopes = [limits[i].share_slope * slope for i, slope in zip(near, by_free, strict=True)]
         return [(t, i, usage[i], slope) for i, slope in zip(near, slopes, strict=True) if np.isfinite(slope).all()]
 
-    @cached_property
-    def _basis(self) -> np.ndarray:
-        """Derivatives (p, q, m) of the coefficients of the cam's pieces by its free coefficients."""
-        return self.plain.cam.piece_basis()[0]
-
     def _optimum(self, price: float) -> np.ndarray:
-        """The coefficients (m) of the program's cam. The columns are these coefficients and, for each train with rows,
-        its excess over the target."""
+        """The coefficients (m) of the program's cam; further columns are the trains' excesses over their targets."""
         z, columns = self.cam.z, zip(*self._rows, strict=True)
         train, offset, slope, target = (np.concatenate(blocks) for blocks in columns)
         tail, column = np.unique(train, return_inverse=True)

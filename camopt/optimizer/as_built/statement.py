@@ -1,7 +1,6 @@
 """The statement of a cam's yield in a run, from trains that the search never used and an independent check of some.
 
-It is accompanied by the largest cam for the train as designed, or by an estimate of the largest cam for trains as
-built.
+The largest cam for the train as designed, or an estimate of that for trains as built, accompanies it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -38,8 +37,7 @@ SAMPLE = 3
 BASELINE_TRAINS = 60
 """Number of trains with which each baseline is measured; few are enough, since most baselines fail in all of them."""
 IDEAL_TRAINS, IDEAL_SPEEDS = 200, 11
-"""Number of new trains, and of their speeds over the band, with which the largest cam for the train as designed is
-measured."""
+"""Number of trains and of speeds over the band with which the largest cam for the train as designed is measured."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -61,11 +59,9 @@ class YieldStatement:
 
     @property
     def reasons(self) -> list[str]:
-        """Reasons why the yield is not confirmed: the share is below the wanted one, its interval allows more than
-        twice the wanted loss, or methods disagree.
+        """Reasons against the yield: too small a share, an interval that allows twice the loss, disagreeing methods.
 
-        The lower end of the interval need not reach the wanted share itself, since that would require a cam with a
-        larger share: 0.996 of 1000 trains.
+        The interval need not begin at the wanted share itself: that would require a larger share, 0.996 of 1000 trains.
         """
         reasons = []
         if self.wanted is not None:
@@ -114,8 +110,7 @@ def statement_of_run(
     baselines: Callable[[], Mapping[str, Lift | str]] = dict,
     advance: Callable[[float], None] = lambda share: None,
 ) -> YieldStatement | None:
-    """The statement on a run's cam with its `settings`; None for a scene without scatter or without limits on the
-    motion.
+    """The statement on a run's cam with its `settings`; None for a scene without scatter or limits on the motion.
 
     The results of the trains are stored in the folder, if there is one, from which an interrupted statement is resumed.
     `baselines` is called only where a yield is wanted; otherwise no train is judged by independent methods either.

@@ -24,8 +24,7 @@ FIRST_LEVEL, LEVEL_FACTOR, LEAST_LEVEL = 0.4, 2.0, 0.02
 and level from which on it is not halved any more. At the median real openings are half as large again as predicted ones
 where several masses recoil, and many times as large where a single mass does."""
 NEGATIVE_LEVEL, LOWEST_LEVEL, NEWTONS = -0.1, -0.8, 100.0
-"""First and last level below zero, and the force [N] for a level of -1: a negative level requires a least contact
-force."""
+"""First and last level below zero, which stand for a least contact force, and that force [N] for a level of -1."""
 FEWEST_FAILING, MOST_FAILING = 0.5, 3.0
 """Range of the ratio of failing trains to permitted failures for the cam from which the gradient steps start. The
 gradients of motions with cams that are far too large are useless."""
@@ -70,8 +69,7 @@ for the coefficients z (m) of the previous cam."""
 
 @dataclass
 class YieldSearch(CamSearch[CandidateCam]):
-    """The state of a search: the unseen trains that limit the size of the cam, and the accepted cams, with which enough
-    of them pass."""
+    """The state of a search, which accepts a cam if enough of the `unseen` trains pass with it."""
 
     wanted: float
     slopes: SlopesProgram

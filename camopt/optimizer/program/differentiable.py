@@ -19,8 +19,7 @@ from camopt.optimizer.program.linear_program import ADDED_PER_ROUND, Rows, maxim
 from camopt.scene.errors import InputError
 
 MOST_MODELS = 8
-"""Number of programs that are kept with their last basis: enough for a few used in turn, since a program with thousands
-of rows takes megabytes."""
+"""Number of programs that are kept with their last basis, of which one with thousands of rows takes megabytes."""
 
 
 class LinearOptimum(NamedTuple):

@@ -19,15 +19,12 @@ DAMPED = 1 - 1e-9
 """Largest factor by which a revolution may multiply a disturbance. Without damping the factor is 1 up to round-off of
 either sign; with this value a disturbance takes more than a million revolutions to lose a thousandth."""
 NEXT = 1 * DEG
-"""Largest angle [rad] between two successive rows of a contact; a wider gap is an interval in which the contact may
-open."""
+"""Largest angle [rad] between two successive rows of a contact; it may open in a wider gap."""
 AFTER_TOP, BEFORE_SEAT = 2 * DEG, 4 * DEG
-"""Window of the constraints on the cam side [rad]: from AFTER_TOP behind the opening ramp's top to BEFORE_SEAT ahead of
-the closing of the seat."""
+"""Window on the cam side [rad]: from AFTER_TOP after the opening ramp's top to BEFORE_SEAT before the seat closes."""
 AFTER_SEAT, BEFORE_LASH = 12 * DEG, 6 * DEG
-"""Window of the constraint on the seat [rad]: from AFTER_SEAT behind its closing to BEFORE_LASH ahead of the closing of
-the lash in the next revolution. Outside the windows the forces ring with the impacts that close lash and seat, which no
-cam can avoid."""
+"""Window on the seat [rad]: from AFTER_SEAT behind its closing to BEFORE_LASH ahead of the lash's next closing. Outside
+the windows the forces ring with the impacts that close lash and seat, which no cam can avoid."""
 
 
 @dataclass(frozen=True)
@@ -86,27 +83,24 @@ def speed_rows(train: Train, design: Design, samples: CamSamples, cam_speed: flo
     lifted = lifted[angles.phase(theta[lifted]) == LIFTED]
     on_cam_side = {e: response.force(e, lifted) for e in train.cam_side}
     on_seat = response.force(train.seat, seated)
-    return joined_rows(train, design, (cam_speed, angles), (theta[lifted], on_cam_side), (theta[seated], on_seat))
+    return joined_rows(train, design, (cam_speed, angles), theta[lifted], on_cam_side, theta[seated], on_seat)
 
 
 def joined_rows(
     train: Train,
     design: Design,
     speed: tuple[float, Angles],
-    cam_side: tuple[np.ndarray, Mapping[int, np.ndarray]],
-    seat: tuple[np.ndarray, np.ndarray],
+    theta: np.ndarray,
+    forces: Mapping[int, np.ndarray],
+    seated: np.ndarray,
+    on_seat: np.ndarray,
 ) -> SpeedRows:
-    """The force rows of one `speed`, a cam speed [rad/s] and its switching angles.
-
-    `cam_side` are angles (k) [rad] and the forces (k, 1 + m) [N] of each contact between cam and valve there, affine in
-    z; `seat` are the angles and forces of the seat.
-    """
-    theta, forces = cam_side
+    """The force rows of one `speed`, a cam speed [rad/s] and its switching angles: from the `forces` (k, 1 + m) [N],
+    affine in z, of each contact between cam and valve at `theta` (k) [rad], and those `on_seat` at `seated` [rad]."""
     kinds = [np.where(theta < 0, OPENING, CLOSING)]
     if design.contact_force_max_N is not None:
         kinds.append(np.full(len(theta), PEAK))
     parts = [(force, kind, np.full(len(theta), e), theta) for e, force in forces.items() for kind in kinds]
-    seated, on_seat = seat
     parts.append((on_seat, np.full(len(seated), SEAT), np.full(len(seated), train.seat), seated))
     force, kind, element, angle = (np.concatenate(column) for column in zip(*parts, strict=True))
     return SpeedRows(*speed, np.ascontiguousarray(force[:, 1:]), force[:, 0], kind, element, angle)

@@ -19,8 +19,7 @@ from camopt.scene.units import DEG, MM, MM_PER_DEG2
 TYPICAL = 0.01
 """Typical free coefficient [mm/deg^2], for the solver's scaling: the size of the acceleration limits."""
 SHORT_OF_FORCE = 1e-2
-"""Penalty in area ratio per newton by which the margins are missed: larger than the gain of most cams, except near the
-least shortfall."""
+"""Penalty in area ratio per newton of missed margins: more than cams gain, except near the least shortfall."""
 TYPICAL_FORCE = 100.0
 """A force of usual size [N], for the solver's scaling."""
 PEAK_STEP = 1.5 * DEG
@@ -58,8 +57,7 @@ class KinematicOptimum:
 def kinematic_optimum(design: Design, cam: FreeCam, explain: bool = True) -> KinematicOptimum:
     """The largest area that the design's limits allow on the free cam `cam`.
 
-    Where the limits contradict each other, it raises InputError with the changes that would resolve the conflict, or
-    Infeasible without `explain`.
+    Where these contradict each other, raises InputError with what would resolve it, or Infeasible without `explain`.
     """
     limits = cam.limits(design)
     row, constant = area_ratio_row(design, cam)
@@ -123,8 +121,7 @@ def sensitivities(limits: Limits, duals: np.ndarray, reaching: np.ndarray, area_
     """Per cent more area by one per cent more of each limit, from a program's duals, keyed by the limit's name.
 
     `duals` (r, ...) begin with those of the limits' rows; `reaching` are those of the row that requires the maximum
-    lift to be reached, if there is one. The values are first-order, for the present spline. Limits on a sign, such as
-    the nose, are left out.
+    lift to be reached, if there is one. The values are first-order, for this spline. Limits on a sign are left out.
     """
     sensitivity = {}
     for g, name in enumerate(limits.names):
@@ -252,8 +249,7 @@ def elastic_shape(design: Design, cam: FreeCam, names: Iterable[str], cost: floa
 
 
 def _shape_program(cam: FreeCam, design: Design, limits: Limits) -> tuple[Rows, np.ndarray, np.ndarray]:
-    """Rows and right-hand sides (r) of the limits on the shape, and the first working set; a maximum lift that must be
-    reached is reached in the middle."""
+    """Rows, bounds (r) and first working set of the shape's limits, with any maximum lift reached in the middle."""
     matrix, bound = with_lift_reached(cam, design, limits.matrix, limits.bound)
     working = np.union1d(first_working(limits), np.arange(len(limits.bound), len(bound)))
     return spline_rows(matrix), bound, working

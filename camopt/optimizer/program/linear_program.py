@@ -2,8 +2,7 @@
 
 Of several ten thousand rows only about as many bind as there are columns. Each round solves the program on the working
 set and adds the rows that the solution violates, until there are none. The rows keep their model and its basis, from
-which the dual simplex method continues when rows are added or right-hand sides change (Huangfu and Hall 2018, as
-implemented in HiGHS).
+which HiGHS's dual simplex method continues when rows are added or right-hand sides change (Huangfu and Hall 2018).
 """
 
 from dataclasses import dataclass
@@ -15,14 +14,12 @@ from highspy import HighsBasisStatus
 from camopt.highs import FARTHEST, FEASIBILITY, Infeasible, Solver, entries_of, succeeds
 
 NOTHING = 1e-100
-"""Size below which entries count as zero. Such entries are forces that have decayed long after the cam has passed, at
-low speeds and high damping."""
+"""Size below which entries count as zero, as those of forces that have decayed long after the cam has passed."""
 ADDED_PER_ROUND = 400
 """Largest number of rows added in one round: those with the largest violation."""
 MAX_ROUNDS = 60
 KEPT_PER_COLUMN = 4
-"""Rows per column that are kept for the next program: the tightest ones. Slack rows are removed once the model has
-twice as many rows."""
+"""Rows per column, the tightest ones, that are kept once a model has more than twice as many."""
 
 
 @dataclass(frozen=True)

@@ -73,10 +73,8 @@ class NoJumpOptimum:
         return prices
 
     def value_in(self, similar: "NoJumpProgram") -> float | None:
-        """The largest area ratio of a similar program, with another train or other ramps, to first order.
-
-        It is computed from this cam and its duals (the envelope theorem; Gal 1995, Postoptimal Analyses). It is None if
-        an active row has no matching row in the other program.
+        """The largest area ratio of a similar program, with another train or other ramps, to first order: from this cam
+        and its duals (the envelope theorem; Gal 1995, Postoptimal Analyses). None if an active row has no match there.
         """
         duals, first = self.optimum.duals, len(self.program.limits.bound)
         if len(similar.limits.bound) != first:
@@ -223,11 +221,9 @@ class NoJumpProgram:
         return np.union1d(first_working(self.limits), np.arange(first, first + len(self.kind), 40))
 
     def relaxable(self, margins: ArrayLike) -> tuple[Rows, np.ndarray, np.ndarray, np.ndarray]:
-        """The program with margins that may all be reduced: its rows and right-hand sides (r), the change of each
-        right-hand side per newton of reduction (r), and the first working set.
-
-        A maximum lift that must be reached is reached in the middle, or with a box where its central cam is highest.
-        """
+        """The rows and right-hand sides (r) for margins, the change of each right-hand side per newton of reduction of
+        all margins (r), and the first working set. A maximum lift that must be reached is reached in the middle, or
+        where the box's central cam is highest."""
         top = peak_angle(self.cam.lift(self.box.centre)) if self.box else 0.0
         matrix, bound = with_lift_reached(self.cam, self.design, self.rows.matrix, self.bound(margins), top)
         give = np.zeros(len(bound))

@@ -45,11 +45,8 @@ class CamSamples:
 
 
 def sample_cam(cam: FreeCam, angles: Angles, step: float = SAMPLE, about: Lift | None = None) -> CamSamples:
-    """Steps of at most `step` [rad] whose edges include every knot, ramp border and switching angle.
-
-    If a lift `about` is given, with pieces of degree six at most, column 0 is for that lift, and the edges include
-    every multiple of `step` from -pi on.
-    """
+    """Steps of at most `step` [rad] whose edges include every knot, ramp border and switching angle. With `about`, a
+    lift of pieces of degree six at most, column 0 is for it, and the edges include every `step` from -pi on."""
     knot = cam.breaks[1] - cam.breaks[0]
     fine, start = (knot / np.ceil(knot / step - 1e-9), cam.breaks[0]) if about is None else (step, -np.pi)
     uniform = start + fine * np.arange(np.ceil((-np.pi - start) / fine), np.floor((np.pi - start) / fine) + 1)
@@ -123,20 +120,18 @@ class PeriodicResponse:
     @cached_property
     def state(self) -> np.ndarray:
         """Positions [m] and velocities [m/s] at the samples' edges, shape (k + 1, 2n, 1 + m)."""
-        scale, edges = state_scale(self.train), np.arange(len(self.samples.edges))
-        readings = scale[:, None] * np.eye(len(scale), self.begin.shape[1])
+        n, edges = len(self.train.mass), np.arange(len(self.samples.edges))
+        scale = np.repeat([1.0, velocity_scale(self.train)], n)
+        readings = scale[:, None] * np.eye(2 * n, self.begin.shape[1])
         return np.stack([self._read(reading, edges) for reading in readings], axis=1)
 
     def to_error(self, error: CamSamples) -> "PeriodicResponse":
-        """The change of this motion by the grinding error of a cam.
-
-        The error's samples have the same edges as the motion, blocks of which each lies within one of the motion's, and
-        column 0 alone, without the constant one.
-        """
+        """The change of this motion by a cam's grinding error, whose samples have the same edges, blocks of which each
+        lies within one of this motion's, and column 0 alone, without the constant one."""
         first, n2 = error.first, 2 * len(self.train.mass)
         kind = self.kind[np.searchsorted(self.samples.first, first, side="right") - 1]
         count = np.diff(np.append(first, len(error.edges) - 1))
-        scale = state_scale(self.train)
+        scale = np.repeat([1.0, velocity_scale(self.train)], n2 // 2)
         state, left = np.zeros(n2), np.eye(n2) - self.map / scale[:, None] * scale
         begin = np.zeros((len(first), n2 + LIFT_DERIVATIVES + 1))
         begin[:, n2:] = error.begin[..., 0]
@@ -208,22 +203,16 @@ def periodic_response(train: Train, samples: CamSamples, cam_speed: float, angle
         carried[j + 1, :, n2:] += push[j]
     start = np.linalg.solve(np.eye(n2) - carried[-1, :, :n2], carried[-1, :, n2:])
     begin[:, :n2] = carried[:-1, :, :n2] @ start + carried[:-1, :, n2:]
-    scale = state_scale(train)
+    scale = np.repeat([1.0, velocity_scale(train)], n2 // 2)
     monodromy = carried[-1, :, :n2] * scale[:, None] / scale
     return PeriodicResponse(train, cam_speed, samples, kind, begin, powers, monodromy, angles.tangents)
 
 
 @lru_cache(maxsize=64)
 def velocity_scale(train: Train) -> float:
-    """A frequency [rad/s] by which velocities are divided, so that they are as large as positions and the matrix
-    exponentials are accurate."""
+    """A frequency [rad/s] by which velocities are divided to be as large as positions, for accurate exponentials."""
     d = train.incidence
     return float(np.sqrt(np.max(np.einsum("e,en,en->n", train.stiffness, d, d) / train.mass)))
-
-
-def state_scale(train: Train) -> np.ndarray:
-    """Factors (2n) that turn a step's positions and scaled velocities into positions [m] and velocities [m/s]."""
-    return np.repeat([1.0, velocity_scale(train)], len(train.mass))
 
 
 def _generator(
@@ -275,8 +264,7 @@ class ExactSteps:
 
 
 def exact_steps(train: Train, edges: np.ndarray, cam_speed: float, angles: Angles) -> ExactSteps:
-    """Steps between `edges` [rad] with the phases of `angles`; steps that are equal up to round-off share one
-    exponential."""
+    """Steps between `edges` [rad] with the phases of `angles`; steps equal up to round-off share one exponential."""
     middles, contacts = 0.5 * (edges[1:] + edges[:-1]), phase_contacts(train)
     scaled = train.incidence, velocity_scale(train)
     phases, tangents = angles.phase(middles), angles.tangents

@@ -28,8 +28,7 @@ HELD_N = 20.0
 tangent of a contact law is never softer than at this force: along a motion with separation, tangents without stiffness
 would make the motion with closed contacts grow."""
 LEVELS = 20
-"""Number of levels in each factor of e to which the tangents of curved laws are rounded, so that steps share their
-matrix exponentials."""
+"""Levels per factor of e to which tangents of curved laws are rounded, so that steps share matrix exponentials."""
 
 
 @kept_with_train
@@ -48,10 +47,8 @@ def usual_margin(train: Train) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Tangents:
-    """Tangents force = stiffness * compression + load of every element (e) at k ascending angles [rad] of a revolution.
-
-    The damping is that of the train. `push` are the forces (k, n) [N] on the masses that repeat with the cam angle.
-    """
+    """Tangents force = stiffness * compression + load of every element (e) at k ascending angles [rad] of a revolution,
+    with the train's damping. `push` are the forces (k, n) [N] on the masses that repeat with the cam angle."""
 
     angle: np.ndarray
     stiffness: np.ndarray  # (k, e) N/m
@@ -108,9 +105,7 @@ SEATED, SHARED, LIFTED = range(3)
 @dataclass(frozen=True)
 class Angles:
     """Cam angles [rad] at which the phases change: the lash closes, the seat opens, the seat closes, the lash opens.
-
-    The `tangents` replace laws that are not linear; without them these laws are linearised at rest.
-    """
+    The `tangents` replace laws that are not linear; without them these laws are linearised at rest."""
 
     lash_closes: float
     seat_opens: float

@@ -50,8 +50,7 @@ PROGRESS = 0.9
 """Largest ratio of one program's violation to that of the previous one for which the width is kept: a program that
 reduces the violation by more makes progress at this width."""
 SHORT_OF_RADIUS = 10.0 / (1e-3 * MM_PER_DEG2)
-"""Penalty in area ratio on violating a radius, per missing acceleration [1/(m/rad^2)]: more than any cam gains by a
-violation."""
+"""Penalty in area ratio per missing acceleration [1/(m/rad^2)] of a violated radius: more than any cam gains by it."""
 TYPICAL_SHORT = 0.01 * MM_PER_DEG2
 """Typical size of a missing acceleration [m/rad^2], for the solver's scaling."""
 
@@ -80,8 +79,7 @@ def with_radii_near(program: NoJumpProgram, lift: Lift) -> NoJumpProgram:
 
 
 def with_radii(program: NoJumpProgram, margin_N: float) -> NoJumpProgram:
-    """The program with its radii, if it limits any, linearised near the cam of largest area that keeps a common margin
-    or misses it least."""
+    """The program with any radii linearised near the cam of largest area that keeps a margin or misses it least."""
     held = program.cam.about.near
     if held is None:
         return program
@@ -170,8 +168,7 @@ def _with_switches(cam: FreeCam, switches: Switches) -> FreeCam:
 
 
 def _without_ripples(lift: Lift, cam: FreeCam, most: int) -> Switches:
-    """The angles of a cam's sign changes of the jerk, moved to the nearest cell borders, at most `most` of them: the
-    smallest ripples are removed."""
+    """At most `most` angles of a cam's sign changes of the jerk, at cell borders, without its smallest ripples."""
     marks, angles = cells(cam), sign_changes(lift)
     while len(angles) > most:
         ends = lift(angles, 2)

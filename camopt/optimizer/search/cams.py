@@ -29,13 +29,11 @@ USES_LESS, APART = 0.02, 5e-4
 """Least difference of limit usage between a cam offered to the verdict and the next larger one, and least difference of
 area ratio to all others for the offered cams whose usage is not lower."""
 FAR_APART = 1e-2
-"""Difference of area ratio between two offered cams above which a cam between them is offered too, if fewer than
-CANDIDATES are offered."""
+"""Difference of area ratio between two offered cams above which one between them is offered too, if places are left."""
 BETWEEN_SHARE = 0.9
 """Largest limit usage that a cam may have between the speeds at which it was searched."""
 RESOLUTION = 5e-5
-"""Resolution of the area ratio in a search, half a unit of the fourth digit, to which areas are stated: smaller gains
-are ignored."""
+"""Smallest gain of area ratio that counts in a search: half a unit of the fourth digit, to which areas are stated."""
 
 Cam = TypeVar("Cam", bound="KnownCam")
 
@@ -136,8 +134,7 @@ class Search(CamSearch[Tried]):
         return tried
 
     def between(self, smaller: Tried, larger: Tried, share: float) -> Tried:
-        """Judges the cam at this share of the way between two cams. Like both of them it keeps the limits on the shape,
-        whose rows are linear."""
+        """Judges the cam at this share of the way between two cams; it keeps the limits on the shape, as both do."""
         z = (1 - share) * smaller.z + share * larger.z
         area_ratio = (1 - share) * smaller.area_ratio + share * larger.area_ratio
         return self.evaluate("between two cams", larger.free, z, area_ratio)
@@ -148,8 +145,7 @@ class Search(CamSearch[Tried]):
         These are the largest feasible cam and smaller ones with less limit usage, since a cam that is nearly the same
         as a rejected one would be rejected too. The last place, and any that are left, go to the largest other cams
         that differ in area, and then to cams between two whose areas differ much. If `none_holds`, no cam of the
-        programs is feasible, and the largest cam that keeps the limits without the reserve of BETWEEN_SHARE is offered
-        as well.
+        programs is feasible, and the largest cam that keeps the limits without a reserve is offered too.
         """
         by_area = sorted(self.seen, key=lambda tried: -tried.area_ratio)
         holding = [tried for tried in by_area if tried.judged.used <= BETWEEN_SHARE]

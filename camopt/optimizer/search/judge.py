@@ -21,8 +21,7 @@ WATCHED_SHARE = 0.4
 SETTLES, SETTLES_SLOWLY, MEASURES = 16, 120, 1
 """Largest number of revolutions in which a motion may settle from the state of the previous cam, the same for a train
 whose slowest mode decays slowly, and number of settled revolutions that are measured: one periodic revolution suffices
-during the search, and the verdict measures four. A train with memory settles as everywhere else, since its oil leaks
-over more revolutions."""
+during the search, and the verdict measures four. With memory it settles as elsewhere: oil leaks slowly."""
 IRREGULAR = 1.5
 """Factor on the limit usage of an aperiodic motion, of whose range the measured revolutions cover only a part. In the
 verdict the metrics of such motions differ by a quarter to three quarters between neighbouring cases."""
@@ -114,10 +113,8 @@ def next_starts(states: np.ndarray, share: np.ndarray, anew: np.ndarray) -> np.n
 
 
 def most_to_settle(train: Train, cam_speed: float) -> int:
-    """Largest number of revolutions in which a motion at `cam_speed` [rad/s] may settle from the state of the previous
-    cam.
-
-    The remaining transient of that state decays with the slowest mode, and would make the motion count as aperiodic.
+    """Largest number of revolutions in which a motion at `cam_speed` [rad/s] may settle from the previous cam's state,
+    whose transient decays with the slowest mode and would otherwise make the motion count as aperiodic.
     """
     if train.memory:
         return PLAIN_REVOLUTIONS
@@ -126,8 +123,7 @@ def most_to_settle(train: Train, cam_speed: float) -> int:
 
 
 class Judge:
-    """Judges cams of one scene at fixed speeds [crankshaft r/min]; motions start from the settled states of the last
-    cam, so that they settle sooner.
+    """Judges cams of one scene at fixed speeds [crankshaft r/min]; motions start from the last cam's settled states.
 
     With a `stride` above one, the speeds at which the limits were used most so far are judged first, then one speed in
     `stride`, then the speeds beside those with a large usage. Judging ends as soon as a usage exceeds `usable`.
@@ -163,8 +159,7 @@ class Judge:
         return indices[(np.abs(indices[:, None] - watched) < self.stride).any(axis=1)]
 
     def remember(self, judged: Judged) -> None:
-        """Stores the states, or rest, from which the next motions start; a resumed search settles as an uninterrupted
-        one."""
+        """Sets the initial states of the next motions; a resumed search thus settles as an uninterrupted one."""
         at = np.searchsorted(self.speeds_rpm, judged.speeds_rpm)
         self._used[at] = judged.share.max(axis=0, initial=0.0)
         self._states[at] = next_starts(judged.states, judged.share, self._start)

@@ -19,12 +19,10 @@ from camopt.scene.train import Train
 from camopt.scene.units import MM
 
 AIM = 0.8
-"""Target of the limit usage in the feedback; the rest of the limit is a reserve for the speeds between and beside those
-of the program."""
+"""Target of the limit usage in the feedback; the rest is a reserve for speeds between and beside the program's."""
 FIRST_MARGINS_N = np.array([10.0, 0.0, 15.0])
 """Initial margins [N] on the opening flank, on the closing flank and at the seat. Contact on the opening flank reduces
-the vibration on the closing flank. The margin at the seat is a quarter of the limit on the bounce, with which an
-adjuster does not fill with oil."""
+the vibration on the closing flank. With that at the seat, a quarter of the limit on the bounce, no adjuster fills."""
 FORCE_RESERVE = 1.25
 """Factor on the design's own least contact force in the initial margins, as a reserve for other speeds."""
 ALIKE = 0.045
@@ -37,8 +35,7 @@ IDLE, IDLE_ROUNDS = 0.5 * AIM, range(4, 14)
 """Limit usage below which a motion is far from all limits, and numbers of such motions in a row after which the unit of
 force doubles. The unit may be too small, since the load on the seat does not determine the inertia forces."""
 LARGEST_N = 80.0
-"""Largest tension [N] that a margin may permit: far from a limit, more tension would only change quantities that are
-not limited."""
+"""Largest tension [N] that a margin may permit; far from a limit, more would only change what is not limited."""
 MOST_ERROR = 1.5
 """Largest relative deviation from AIM that enters a step."""
 TRACED = 0.4
@@ -115,8 +112,7 @@ def used_by_kind(train: Train, lift: Lift, judged: Judged, cam_speeds: np.ndarra
 
 
 def _openings(train: Train, lift: Lift, cam_speed: float, state: np.ndarray) -> np.ndarray:
-    """Largest separation [m] of the contacts between cam and valve on the opening and the closing flank, in the
-    revolution that starts from a settled state."""
+    """Largest separation [m] of the contacts between cam and valve on either flank, in one settled revolution."""
     motion = prepare(train, lift, cam_speed)(state)
     apart = train.touch_compression - train.compression(motion.x, motion.lift)
     apart, theta = apart[:, list(train.cam_side)].max(axis=1), motion.angle

@@ -16,16 +16,13 @@ FIRST, USUAL_ACCELERATION = 1e-2, 0.015
 """First width of the box [mm/deg^2] for a cam with the largest acceleration USUAL_ACCELERATION [mm/deg^2]; the width is
 proportional to the largest acceleration of the scene."""
 USUAL_TIMES = 33.0
-"""Largest acceleration, relative to the lift over the square of the duration, that is assumed where the design sets
-none."""
+"""Largest acceleration that is assumed where the design sets none, relative to lift over duration squared."""
 NARROWEST, WIDEST = 1 / 256, 4.0
 """Limits of the width, relative to the first width."""
 AIMED, BADLY = 0.25, 0.5
-"""Target of the error of the predicted forces, relative to their change, and largest error with which a cam is accepted
-as the centre of the next box."""
+"""Target of the predicted forces' error, relative to their change, and largest error with which a cam is accepted."""
 NARROWING, CHANGE = 0.1, 4.0
-"""Smallest factor by which the box is narrowed after a rejected cam, and largest factor by which its width changes from
-one accepted cam to the next."""
+"""Smallest factor on the width after a rejected cam, and largest change of the width after an accepted one."""
 RINGS = 200.0
 """Common reduction of all margins, in units of `force_unit` newtons, above which the rows constrain mean forces. It is
 more than twice the tension that a margin may permit, and no motion that keeps the limits has it at all angles."""

@@ -54,13 +54,6 @@ BISECTIONS = 5
 """Number of bisections between the largest feasible cam and a larger infeasible one."""
 
 
-def knot_interval_deg(effort: Accuracy, seed: int) -> float:
-    """Knot interval of the free cam [deg]: that of the accuracy for seed 0, a random one near it for other seeds."""
-    if seed == 0:
-        return effort.knot_deg
-    return effort.knot_deg * (1 + KNOT_SPREAD * float(np.random.default_rng(seed).uniform(-1, 1)))
-
-
 @threadpool_limits.wrap(limits=1, user_api="blas")  # the matrices are small, and the judge has threads of its own
 def find_cam(
     scene: Scene,
@@ -87,7 +80,8 @@ def find_cam(
     """
     design, operation = scene.required_design, scene.required_operation
     journal, clock = journal or StepFiles(None, FOLDER), clock or StageClock()
-    cam = program_cam(design, knot_interval_deg(effort, seed))
+    spread = KNOT_SPREAD * float(np.random.default_rng(seed).uniform(-1, 1)) if seed else 0.0
+    cam = program_cam(design, effort.knot_deg * (1 + spread))
     searched, band = design_speeds(operation, speeds, effort)
     between = Judge(scene, band, effort.judge_stride, BETWEEN_SHARE) if speeds == "band" else None
     smooth = gradient in ("auto", "smooth")
@@ -95,7 +89,12 @@ def find_cam(
         import jax.monitoring  # noqa: F401  the clock records JAX's compilations
     with clock.stage("search"):
         program = without_rows(build_train(scene), design, cam, [scene.cam_speed(speed) for speed in searched])
-        source = _source(smooth, program, smoothing)
+        if smooth:
+            from camopt.optimizer.search.smooth_rows import SmoothRows  # loads JAX
+
+            source: ExactRows = SmoothRows(program, smoothing)
+        else:
+            source = ExactRows()
         family = start.family if start else "calmest"
         search = Search(Judge(scene, searched), between, source, family, clock, journal=journal, show=show)
         limits = ShapeLimits(cam, design)
@@ -119,15 +118,6 @@ def without_rows(train: Train, design: Design, cam: FreeCam, speeds: Sequence[fl
     nothing = np.zeros((0, cam.Z.shape[1])), np.zeros(0), np.zeros(0, int), np.zeros(0, int), np.zeros(0)
     blocks = tuple(SpeedRows(float(speed), angles, *nothing) for speed in speeds)
     return NoJumpProgram(train, design, cam, blocks)
-
-
-def _source(smooth: bool, program: NoJumpProgram, smoothing: Smoothing) -> ExactRows:
-    """The source of the rows; JAX is loaded only for the smoothed motion."""
-    if not smooth:
-        return ExactRows()
-    from camopt.optimizer.search.smooth_rows import SmoothRows
-
-    return SmoothRows(program, smoothing)
 
 
 def _solve_programs(search: Search, source: ExactRows, program: NoJumpProgram, z: np.ndarray, rounds: int) -> None:
@@ -220,12 +210,12 @@ def why_none_holds(judged: Sequence[Judged], program: NoJumpProgram) -> str:
     below = nearest.speeds_rpm[nearest.speeds_rpm < broken.min()]
     if below.size:
         sentence += f", and it holds every limit up to {below.max():.4g} r/min"
-    return f"{sentence}{_most_force(program, program.design)}; {REMEDY}"
+    return f"{sentence}{_most_force(program)}; {REMEDY}"
 
 
-def _most_force(program: NoJumpProgram, design: Design) -> str:
+def _most_force(program: NoJumpProgram) -> str:
     """A clause with the largest least contact force that a cam of the program can keep, if it is below the design's."""
-    required = design.contact_force_min_N
+    required = program.design.contact_force_min_N
     if required is None:
         return ""
     try:

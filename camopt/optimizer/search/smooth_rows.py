@@ -38,8 +38,7 @@ periodicity the computed derivatives are not those of any motion."""
 SMALL_N = 1e-3
 """Force [N] that counts as zero."""
 SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.0)
-"""Factors on the start's coefficients, tried in turn until a linearisation describes the motion; zero is the calmest
-cam."""
+"""Factors on the start's coefficients, tried until a linearisation describes the motion; zero is the calmest cam."""
 SEAT_SHARE = 0.6
 """Gap at the seat that a margin of zero permits, as a share of the limit on the bounce."""
 NEWTONS_PER_LIMIT = 60.0
@@ -73,8 +72,7 @@ class SmoothRows(ExactRows):
         super().__init__()
 
     def first(self, program: NoJumpProgram, z: np.ndarray) -> tuple[NoJumpProgram, np.ndarray]:
-        """The program linearised about the largest multiple in SHARES of z (m) whose motion a linearisation describes
-        well, and this multiple of z."""
+        """The program about the largest multiple in SHARES of z (m) whose motion is nearly linear, and that z."""
         for share in SHARES:
             settled = self._settled(share * z, self._motions.rest)
             if settled is not None and self._tame(*settled):
@@ -104,8 +102,7 @@ class SmoothRows(ExactRows):
         return np.asarray(missed / (moved + TOLERATED * size))
 
     def about(self, program: NoJumpProgram, z: np.ndarray) -> NoJumpProgram:
-        """The program with its rows about the cam of z (m), for which `errors_at` was called last. Derivatives that
-        predicted its forces well are kept."""
+        """The program with rows about the cam of z (m), the last one of `errors_at`; accurate derivatives are kept."""
         if self._paths is None:
             raise NoCamFound("the smoothed motion with tied contacts grows without bound at one of the speeds searched")
         model = self._model
@@ -129,8 +126,8 @@ class SmoothRows(ExactRows):
     def _settled(self, z: np.ndarray, start: jax.Array) -> tuple[jax.Array, TiedPaths] | None:
         """The initial state of the settled motion's last revolution, and its paths; None if the motion is not finite.
 
-        The motion starts from `start`. At speeds where the valve is off its seat at the end it starts again from rest,
-        since a pumped-up adjuster would remain so.
+        The motion starts from `start`. It starts again from rest where the valve ends off its seat, since a pumped-up
+        adjuster stays so.
         """
         for _ in range(2):
             begin, paths = self._motions.settled(self._samples(z), start, MOST_TURNS, SETTLED)
@@ -167,7 +164,7 @@ class SmoothRows(ExactRows):
             room = (SEAT_SHARE * bounce - gap[seated, s]) * to_newtons
             seat = np.column_stack([room, -to_newtons * of_gap[seated, s]])
             speed = block.cam_speed, block.angles
-            rows = joined_rows(train, design, speed, (theta[self._event], cam_side), (theta[seated], seat))
+            rows = joined_rows(train, design, speed, theta[self._event], cam_side, theta[seated], seat)
             blocks.append(replace(rows, offset=rows.offset - rows.matrix @ z))  # the values are those at z
         return tuple(blocks)
 
