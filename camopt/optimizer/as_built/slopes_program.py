@@ -39,7 +39,7 @@ NEAR, SOON = 0.06, 0.06
 """A train has a row where its usage exceeds the target minus NEAR, and it is traced with every cam at the speeds where
 its last usage exceeded the target minus NEAR minus SOON."""
 TOP_SCOUTS, OTHER_SCOUTS = 10, 100
-"""One in TOP_SCOUTS of the other trains is traced with each cam at the top speed, one in OTHER_SCOUTS at all."""
+"""Of the other trains one in TOP_SCOUTS is traced with each cam at the top, one in OTHER_SCOUTS at all speeds."""
 FARTHEST = 10.0
 """Limit usage from which on the motion differs too much for its gradient to be useful."""
 STEEP = 10.0
@@ -55,7 +55,7 @@ to their limits."""
 CAMS, MEAN = 2, 4
 """Number of successive cams whose rows are in the program, and number of cams that are averaged. Rows about more than
 one cam are needed because a train's largest opening moves from one cam to the next, and because a contact that stays
-closed with one cam has no gradient until it opens with the next. Their mean suits more trains than each."""
+closed with one cam has no gradient until it opens with the next. The mean cam suits more trains than each."""
 SHAPING, TRACED = "shaping", (*STORED, "train", "offset", "slope", "target")
 """Folder of a run in which the results of the trains with each cam are stored, and the names of the arrays: those of
 the ensemble and those of the program's rows."""

@@ -21,7 +21,7 @@ WATCHED_SHARE = 0.4
 SETTLES, SETTLES_SLOWLY, MEASURES = 16, 120, 1
 """Largest number of revolutions in which a motion may settle from the state of the previous cam, the same for a train
 whose slowest mode decays slowly, and number of settled revolutions that are measured: one periodic revolution suffices
-during the search, and the verdict measures four. With memory it settles as elsewhere: oil leaks slowly."""
+during the search, and the verdict measures four. Trains with memory settle as elsewhere: oil leaks slowly."""
 IRREGULAR = 1.5
 """Factor on the limit usage of an aperiodic motion, of whose range the measured revolutions cover only a part. In the
 verdict the metrics of such motions differ by a quarter to three quarters between neighbouring cases."""
