@@ -41,7 +41,7 @@ def test_answers_of_a_row_of_programs_are_the_cold_ones(seed, monkeypatch):
         np.testing.assert_allclose(found.z, expected.x * rows.column, atol=1e-9)
         np.testing.assert_allclose(found.duals * rows.norm, -expected.ineqlin.marginals, atol=1e-8)
         np.testing.assert_allclose(found.duals @ rows.matrix, objective, atol=1e-8)
-        assert len(rows.model.held) <= 8 * len(found.z) + 20
+        assert len(rows.model.indices) <= 8 * len(found.z) + 20
         bound = bound + 0.2 * np.linalg.norm(rows.matrix, axis=1) * random.uniform(-1, 1, len(bound))
         objective = objective + 0.1 * random.normal(size=len(objective))
 

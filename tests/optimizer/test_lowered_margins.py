@@ -8,7 +8,7 @@ import pytest
 from camopt.optimizer.program.force_rows import averaged
 from camopt.optimizer.program.kinematic import SHORT_OF_FORCE
 from camopt.optimizer.search import region
-from camopt.optimizer.search.region import solve_priced
+from camopt.optimizer.search.region import solve_elastic
 from tests.optimizer.test_no_jump import SPEEDS, program
 
 MARGINS = np.full((3, len(SPEEDS)), 20.0)
@@ -23,24 +23,24 @@ def ringing():
 
 def test_where_forces_ring_with_what_no_cam_can_help_their_means_are_held(ringing, monkeypatch):
     monkeypatch.setattr(region, "RINGS", 5.0)
-    held = solve_priced(ringing, MARGINS)
+    held = solve_elastic(ringing, MARGINS)
     assert held.program.blocks is ringing.blocks and held.program.averaged == 16
     np.testing.assert_array_equal(held.margins, MARGINS)
     of_neither = [averaged(block, 16).offset for block in program().blocks]
-    left = np.concatenate([block.offset for block in held.program.held]) - np.concatenate(of_neither)
+    left = np.concatenate([block.offset for block in held.program.constrained]) - np.concatenate(of_neither)
     np.testing.assert_allclose(np.abs(left), 3e3 / 33, rtol=1e-9)  # the mean of 33 that alternate
-    assert solve_priced(program(), MARGINS).program.averaged == 0
+    assert solve_elastic(program(), MARGINS).program.averaged == 0
 
 
 def test_margins_fall_for_forces_that_ring_where_the_means_may_not_be_held(ringing, monkeypatch):
     monkeypatch.setattr(region, "RINGS", np.inf)
-    lower = solve_priced(ringing, MARGINS)
+    lower = solve_elastic(ringing, MARGINS)
     assert lower.program is ringing and lower.margins.max() < -1e3
 
 
 def test_margins_that_no_cam_keeps_fall_by_what_is_worth_its_price():
     """The cam that comes nearest to them has less area than one that misses a little more."""
-    least, priced = program().solve_below(10.0 * MARGINS), solve_priced(program(), 10.0 * MARGINS)
+    least, priced = program().solve_below(10.0 * MARGINS), solve_elastic(program(), 10.0 * MARGINS)
     fallen = least.margins.min() - priced.margins.min()
     assert fallen > 0.0 and priced.area_ratio - least.area_ratio > SHORT_OF_FORCE * fallen
     further = program().solve(priced.margins - 1.0)

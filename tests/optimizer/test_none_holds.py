@@ -8,7 +8,7 @@ import pytest
 
 from camopt.optimizer.program.no_jump import NoCamHoldsContact
 from camopt.optimizer.search.judge import Judged
-from camopt.optimizer.search.margins import ASKED_TIMES, FIRST_MARGINS_N, first_margins
+from camopt.optimizer.search.margins import FIRST_MARGINS_N, FORCE_RESERVE, first_margins
 from camopt.optimizer.search.search import why_none_holds
 from camopt.scene import load_scene
 
@@ -53,4 +53,5 @@ def test_the_largest_least_force_that_a_cam_of_the_program_holds(holds_N, says):
 def test_margins_begin_with_what_the_design_asks_for():
     assert first_margins(DESIGN, 2, 1.0).tolist() == [[first, first] for first in FIRST_MARGINS_N]
     asked = DESIGN.model_copy(update={"contact_force_min_N": 100.0})
-    assert first_margins(asked, 1, 1.0)[:, 0].tolist() == [100.0 * ASKED_TIMES, 100.0 * ASKED_TIMES, FIRST_MARGINS_N[2]]
+    force = 100.0 * FORCE_RESERVE
+    assert first_margins(asked, 1, 1.0)[:, 0].tolist() == [force, force, FIRST_MARGINS_N[2]]

@@ -17,9 +17,9 @@ from camopt.optimizer.program.linear_program import least_relaxation
 from camopt.optimizer.program.no_jump import NoCamHoldsContact, no_jump_program
 from camopt.optimizer.program.program_cam import (
     WIDTHS,
-    _climbed,
-    _fewer,
-    _narrowed,
+    _converged_radii,
+    _pattern_search,
+    _without_ripples,
     centres,
     kinematic_switches,
     near,
@@ -57,14 +57,16 @@ MARKS = np.linspace(0.0, 10.0, 101)
 @pytest.mark.parametrize("away", [-17, -5, -2, -1, 0, 1, 2, 5, 17])
 def test_angles_climb_to_the_top_of_a_hill_from_either_side(away):
     top = MARKS[[30, 60]]
-    found = _climbed(lambda at: -float(np.sum((np.array(at) - top) ** 2)), tuple(MARKS[[30 + away, 60 - away]]), MARKS)
+    found = _pattern_search(
+        lambda at: -float(np.sum((np.array(at) - top) ** 2)), tuple(MARKS[[30 + away, 60 - away]]), MARKS
+    )
     assert found == pytest.approx(tuple(top))
 
 
 def test_angles_that_would_meet_stay_a_cell_apart_and_within_the_marks():
-    found = _climbed(lambda at: -float(np.sum((np.array(at) - 5.0) ** 2)), (2.0, 8.0), MARKS)
+    found = _pattern_search(lambda at: -float(np.sum((np.array(at) - 5.0) ** 2)), (2.0, 8.0), MARKS)
     assert np.diff(found) == pytest.approx(0.1)
-    assert _climbed(lambda at: at[0], (8.0,), MARKS) == pytest.approx((9.9,))
+    assert _pattern_search(lambda at: at[0], (8.0,), MARKS) == pytest.approx((9.9,))
 
 
 def test_the_smallest_ripple_goes_first():
@@ -74,13 +76,13 @@ def test_the_smallest_ripple_goes_first():
     ripples = {pair: abs(float(lift(pair[1], 2) - lift(pair[0], 2))) for pair in pairwise(angles)}
     gone = min(ripples, key=lambda pair: ripples[pair])
     nearest = cells(CAM)[[np.argmin(np.abs(cells(CAM) - angle)) for angle in angles if angle not in gone]]
-    assert _fewer(lift, CAM, 3) == pytest.approx(tuple(nearest))
-    assert len(_fewer(lift, CAM, 5)) == 5
+    assert _without_ripples(lift, CAM, 3) == pytest.approx(tuple(nearest))
+    assert len(_without_ripples(lift, CAM, 5)) == 5
 
 
 def test_changes_at_the_ends_move_a_cell_inwards(monkeypatch):
     monkeypatch.setattr(module, "sign_changes", lambda lift: cells(CAM)[[0, 5, -1]])
-    assert _fewer(None, CAM, 3) == pytest.approx(tuple(cells(CAM)[[1, 5, -2]]))
+    assert _without_ripples(None, CAM, 3) == pytest.approx(tuple(cells(CAM)[[1, 5, -2]]))
 
 
 def test_no_angle_of_the_search_is_better_a_cell_away():
@@ -133,7 +135,7 @@ def test_a_cam_stands_where_the_narrowest_program_gains_no_more(values):
     """A value is below zero where limits are missed by much."""
     left, z = iter(values), np.append(np.zeros(CAM.Z.shape[1]), 3.0)
     program = SimpleNamespace(solve=lambda: SimpleNamespace(z=z, value=next(left)))
-    _narrowed(lambda cam: program, CAM, CAM.lift(z[:-1]))
+    _converged_radii(lambda cam: program, CAM, CAM.lift(z[:-1]))
     assert list(left) == []
 
 
@@ -148,7 +150,7 @@ def test_a_program_is_short_by_what_no_cam_near_holds(monkeypatch, margin_N):
         looked.append(program_of(near(cam, lift, WIDTHS[-1])))
         return near(cam, lift)
 
-    monkeypatch.setattr(module, "_narrowed", narrowed)
+    monkeypatch.setattr(module, "_converged_radii", narrowed)
     assert with_radii(program, margin_N).cam.about.near.lift(0.0) == pytest.approx(cam.about.near.lift(0.0))
     short = looked[0].solve().z[-1]
     try:

@@ -12,7 +12,7 @@ from camopt.optimizer.bound.fine_program import left_out
 from camopt.optimizer.bound.summary import no_jump_bound
 from camopt.optimizer.program.kinematic import kinematic_optimum
 from camopt.optimizer.program.no_jump import no_jump_program
-from camopt.optimizer.program.program_cam import near, near_its_best, program_cam
+from camopt.optimizer.program.program_cam import linearised_at_best, near, program_cam
 from camopt.optimizer.program.relocation import converge_tangents, relocate
 from camopt.scene import InputError, load_scene
 from camopt.scene.geometry import Geometry
@@ -147,4 +147,4 @@ def test_limits_that_contradict_each_other_leave_the_cam_as_it_is():
     short = KODAMA.design.model_copy(update={key: least, "max_lift_mm": 60.0, "reach_max_lift": True})
     design = short.within(geometry, KODAMA.operation)
     cam = free_cam(design, 8.0)
-    assert near_its_best(design, cam) is cam
+    assert linearised_at_best(design, cam) is cam

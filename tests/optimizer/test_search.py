@@ -13,7 +13,7 @@ from camopt.optimizer.program.phases import force_unit
 from camopt.optimizer.program.program_cam import program_cam
 from camopt.optimizer.search import search as module
 from camopt.optimizer.search.cams import APART, BETWEEN_SHARE, USES_LESS, Search
-from camopt.optimizer.search.margins import AIM, FIRST_STEP_N, IDLE, IDLE_ROUNDS, LARGEST_N, LEAST_STEP_N, FedBack
+from camopt.optimizer.search.margins import AIM, FIRST_STEP_N, IDLE, IDLE_ROUNDS, LARGEST_N, LEAST_STEP_N, Feedback
 from camopt.optimizer.search.region import first_region, largest_acceleration
 from camopt.optimizer.search.search import FLOWN, _between, find_cam
 from camopt.scene.load import builtin_scenes
@@ -23,35 +23,35 @@ EFFORT = replace(ACCURACIES["draft"], knot_deg=6.0, feedback_rounds=6)
 
 
 def test_a_margin_rises_where_more_than_the_aim_is_used_and_falls_where_less():
-    fed = FedBack(np.zeros((3, 2)), 1.0)
-    fed.follow(np.array([[2 * AIM, 0.0], [AIM, AIM], [0.5 * AIM, AIM]]))
+    fed = Feedback(np.zeros((3, 2)), 1.0)
+    fed.update(np.array([[2 * AIM, 0.0], [AIM, AIM], [0.5 * AIM, AIM]]))
     assert fed.margins == pytest.approx(FIRST_STEP_N * np.array([[1.0, -1.0], [0.0, 0.0], [-0.5, 0.0]]))
 
 
 def test_a_step_is_halved_where_its_sign_changes_and_tension_has_an_end():
-    fed = FedBack(np.zeros((3, 1)), 1.0)
+    fed = Feedback(np.zeros((3, 1)), 1.0)
     for used in (0.0, 2.0, 0.0, 2.0, 0.0, 2.0):
-        fed.follow(np.full((3, 1), used))
+        fed.update(np.full((3, 1), used))
     assert fed.step == pytest.approx(np.full((3, 1), LEAST_STEP_N), abs=0.5)
     for _ in range(300):
-        fed.follow(np.zeros((3, 1)))
+        fed.update(np.zeros((3, 1)))
     assert fed.margins.min() == -LARGEST_N
 
 
 def test_the_unit_of_the_margins_doubles_while_motions_are_far_from_every_limit():
-    fed, far = FedBack(np.zeros((3, 2)), 1.0), np.array([[0.0, 0.9 * IDLE], [0.0, 0.0], [0.0, 0.0]])
-    grown = [fed.follow(far) for _ in range(5)]
+    fed, far = Feedback(np.zeros((3, 2)), 1.0), np.array([[0.0, 0.9 * IDLE], [0.0, 0.0], [0.0, 0.0]])
+    grown = [fed.update(far) for _ in range(5)]
     assert grown == [False, False, False, True, True] and fed.unit == 4.0
     assert fed.margins[0, 0] == pytest.approx(-FIRST_STEP_N * (1 + 1 + 1 + 2 + 4))
-    assert not fed.follow(np.where(far > 0, 1.1 * IDLE, 0.0))
-    assert [fed.follow(far) for _ in range(4)] == [False, False, False, True]
+    assert not fed.update(np.where(far > 0, 1.1 * IDLE, 0.0))
+    assert [fed.update(far) for _ in range(4)] == [False, False, False, True]
     for _ in range(300):
-        fed.follow(far)
+        fed.update(far)
     assert fed.unit == 8.0 * 2 ** (len(IDLE_ROUNDS) - 1) and fed.margins.min() == -LARGEST_N * fed.unit
 
 
 def test_margins_go_half_way_back_and_step_less():
-    fed = FedBack(np.array([[-30.0], [10.0], [0.0]]), 1.0)
+    fed = Feedback(np.array([[-30.0], [10.0], [0.0]]), 1.0)
     fed.go_back(np.array([[10.0], [0.0], [0.0]]))
     assert fed.margins.ravel() == pytest.approx([-10.0, 5.0, 0.0])
     assert fed.step == pytest.approx(np.full((3, 1), FIRST_STEP_N / 2))
@@ -110,16 +110,16 @@ def test_a_cam_whose_valve_does_not_seat_is_a_centre_only_before_others_seat(mon
     train, cam = build_train(scene), program_cam(scene.design, 6.0)
     program = module.without_rows(train, scene.design, cam, [scene.cam_speed(5000.0)])
 
-    def stepped(source, program, z, region, margins, of_speeds):
+    def solve_step(source, program, z, region, margins, of_speeds):
         met.append(z[0])
         return SimpleNamespace(program=program, z=z + 1.0, area_ratio=1e3, margins=margins)
 
     monkeypatch.setattr(module, "MOST_FIRST", len(seats))
-    monkeypatch.setattr(module, "stepped", stepped)
+    monkeypatch.setattr(module, "solve_step", solve_step)
     monkeypatch.setattr(module, "used_by_kind", lambda *of: np.zeros((3, 1)))
     monkeypatch.setattr(module, "_between", lambda source, program, z, beyond: (program, z + 0.25 * (beyond - z)))
     source = SimpleNamespace(about=lambda program, z: program)
-    module._programs(Seats(seats), source, program, np.zeros(cam.Z.shape[1]), 0)
+    module._solve_programs(Seats(seats), source, program, np.zeros(cam.Z.shape[1]), 0)
     assert met == centres
 
 
@@ -156,7 +156,7 @@ def test_where_no_program_has_a_cam_that_holds_one_between_them_and_the_first_ma
         far = program.solve_below(np.full((3, len(program.blocks)), -1e3))
         search.first = search.evaluate("path constraints", far.program.cam, far.z, far.area_ratio)
 
-    monkeypatch.setattr(module, "_programs", programs)
+    monkeypatch.setattr(module, "_solve_programs", programs)
     search = find_cam(load_scene("motori-1"), "nominal", EFFORT, "exact")
     far, first = search.seen[:2]
     assert far.judged.used > 1.0 and first.judged.used <= BETWEEN_SHARE
@@ -171,14 +171,14 @@ def tried(area_ratio, used, share=None, **further):
 def test_a_cam_that_holds_is_offered_although_a_larger_one_was_found_before_it():
     cams = (0.60, 0.85), (0.59, 0.5), (0.58, 0.49), (0.61, 1.2), (0.57, 0.4), (0.55, 0.3), (0.54, 0.2)
     largest, unlike, alike, broken, small, smaller, smallest = (tried(*cam) for cam in cams)
-    search = Search(None, None, None, None, "calmest", seen=[largest, unlike, alike, broken, small, smaller, smallest])
+    search = Search(None, None, None, "calmest", seen=[largest, unlike, alike, broken, small, smaller, smallest])
     search.confirm()
     assert search.confirmed == [smaller, small, alike, unlike, largest]
 
 
 def test_places_that_are_left_go_to_cams_that_differ_in_area():
     cams = [tried(area, 0.8) for area in (0.6, 0.5996, 0.599, 0.598)]
-    search = Search(None, None, None, None, "calmest", seen=cams)
+    search = Search(None, None, None, "calmest", seen=cams)
     search.confirm()
     assert [cam.area_ratio for cam in search.confirmed] == [0.598, 0.599, 0.6]
 

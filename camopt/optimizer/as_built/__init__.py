@@ -1,1 +1,1 @@
-"""The search for a cam that holds in a wanted share of the trains as built, and what is said of the one found."""
+"""The search for a cam with which a wanted share of the trains as built keeps its limits, and the yield's statement."""

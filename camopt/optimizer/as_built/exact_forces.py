@@ -1,4 +1,4 @@
-"""Forces of the tied contacts of trains as built whose laws are straight, from the closed periodic response."""
+"""Forces of the tied contacts of trains as built with linear laws, from the periodic response in closed form."""
 
 from collections.abc import Sequence
 
@@ -15,65 +15,65 @@ from camopt.optimizer.program.periodic import (
     periodic_response,
     sample_cam,
 )
-from camopt.optimizer.program.phases import static_angles
+from camopt.optimizer.program.phases import Angles, static_angles
 from camopt.scene.errors import NoCamFound
 from camopt.scene.train import Train
 
 EDGES = STEP / 2
-"""Longest step of the response. Its edges include the cam's knots, and between two edges forces are read along a
-line."""
+"""Longest step of the response [rad]. The cam's knots are edges, and forces are interpolated linearly between edges."""
 
 
-class ExactForces:
-    """The forces of trains (t), train t at the cam speeds `cam_speeds[t % classes]` (classes, s) [rad/s]."""
+def exact_forces(
+    trains: Sequence[TrainAsBuilt], nominal: Train, cam: FreeCam, cam_speeds: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Angles (k) [rad], and the forces (t, s, c, k, 1 + m) [N] of drawn trains there, in single precision.
 
-    for_every_cam = True
-
-    def __init__(self, trains: Sequence[TrainAsBuilt], nominal: Train, cam: FreeCam, cam_speeds: np.ndarray):
-        top = float(cam.breaks[0])
-        self._usual = static_angles(nominal, cam)
-        last = self._usual.seat_closes - BEFORE_SEAT - top
-        self.theta = top + STEP * np.arange(np.ceil(AFTER_TOP / STEP - 1e-9), np.floor(last / STEP) + 1)
-        shape = len(trains), cam_speeds.shape[1], len(nominal.cam_side), len(self.theta), 1 + cam.Z.shape[1]
-        self._forces = np.empty(shape, dtype=np.float32)
-        for t, one in enumerate(trains):
-            self._put(self._forces[t], one, cam, cam_speeds[t % len(cam_speeds)])
-
-    def about(self, z: np.ndarray) -> np.ndarray:
-        """The forces (t, s, c, k, 1 + m) [N] in single precision, at z = 0 and by each of z (m): those of every cam."""
-        return self._forces
-
-    def _put(self, found: np.ndarray, one: TrainAsBuilt, cam: FreeCam, cam_speeds: np.ndarray) -> None:
-        """Puts those of one train in their place (s, c, k, 1 + m)."""
-        try:
-            angles = static_angles(one.train, cam)
-        except NoCamFound:  # its lash is larger than the ramp is high: it hits, and event-exact judges how hard
-            angles = self._usual
-        samples = sample_cam(cam, angles, EDGES)
-        error = _error_samples(one, cam, samples)
-        at = np.searchsorted(samples.edges, self.theta)
-        before = (samples.edges[at] - self.theta) / (samples.edges[at] - samples.edges[at - 1])
-
-        def read(response: PeriodicResponse, element: int) -> np.ndarray:
-            low, high = response.force(element, at - 1), response.force(element, at)
-            return high + before[:, None] * (low - high)
-
-        for s, cam_speed in enumerate(cam_speeds):
-            plain = periodic_response(one.train, samples, cam_speed, angles)
-            ground = plain.to_error(error) if error else None
-            for c, element in enumerate(one.train.cam_side):
-                force = read(plain, element)
-                if ground:
-                    force[:, 0] += read(ground, element)[:, 0]
-                found[s, c] = force
+    The forces are those at z = 0 and per coefficient, and are valid for every cam. Train t has the cam speeds
+    `cam_speeds[t % classes]` (classes, s) [rad/s].
+    """
+    top, angles = float(cam.breaks[0]), static_angles(nominal, cam)
+    last = angles.seat_closes - BEFORE_SEAT - top
+    theta = top + STEP * np.arange(np.ceil(AFTER_TOP / STEP - 1e-9), np.floor(last / STEP) + 1)
+    shape = len(trains), cam_speeds.shape[1], len(nominal.cam_side), len(theta), 1 + cam.Z.shape[1]
+    forces = np.empty(shape, dtype=np.float32)
+    for t, built in enumerate(trains):
+        _write_forces(forces[t], theta, built, cam, cam_speeds[t % len(cam_speeds)], angles)
+    return theta, forces
 
 
-def _error_samples(one: TrainAsBuilt, cam: FreeCam, samples: CamSamples) -> CamSamples | None:
-    """The error of a ground cam between the same edges, every step of the lobe with its Taylor polynomial; None where
-    it has none. The error's own knots lie within the steps, which its fifth derivative alone sees.
+def _write_forces(
+    forces: np.ndarray, theta: np.ndarray, built: TrainAsBuilt, cam: FreeCam, cam_speeds: np.ndarray, nominal: Angles
+) -> None:
+    """Writes the forces of one train into its part (s, c, k, 1 + m) of the array."""
+    try:
+        angles = static_angles(built.train, cam)
+    except NoCamFound:  # the lash exceeds the ramp height; event-exact evaluates the impact later
+        angles = nominal
+    samples = sample_cam(cam, angles, EDGES)
+    error = _error_samples(built, cam, samples)
+    at = np.searchsorted(samples.edges, theta)
+    weight = (samples.edges[at] - theta) / (samples.edges[at] - samples.edges[at - 1])
+
+    def read(response: PeriodicResponse, element: int) -> np.ndarray:
+        low, high = response.force(element, at - 1), response.force(element, at)
+        return high + weight[:, None] * (low - high)
+
+    for s, cam_speed in enumerate(cam_speeds):
+        plain = periodic_response(built.train, samples, cam_speed, angles)
+        change = plain.to_error(error) if error else None
+        for c, element in enumerate(built.train.cam_side):
+            force = read(plain, element)
+            if change:
+                force[:, 0] += read(change, element)[:, 0]
+            forces[s, c] = force
+
+
+def _error_samples(built: TrainAsBuilt, cam: FreeCam, samples: CamSamples) -> CamSamples | None:
+    """The grinding error of a cam between the same edges, as a Taylor polynomial on every step of the lobe; None where
+    there is no error. The error's own knots lie within the steps, and only its fifth derivative is discontinuous there.
     """
     plain = cam.lift(np.zeros(cam.Z.shape[1]))
-    ground = one.cam(plain)
+    ground = built.cam(plain)
     if ground is plain:
         return None
     edges = samples.edges

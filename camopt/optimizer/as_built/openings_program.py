@@ -1,17 +1,18 @@
-"""The linear program of largest area whose foretold openings keep their limits in a share of the trains as built.
+"""The linear program of largest area whose predicted contact openings keep their limits in a share of the drawn trains.
 
-Of hundreds of thousands of rows, for every train, speed, contact and stretch of angles, the program has those that a
-cam breaks, and solves again (row generation). Then it gives up the trains that cost most area, by the duals of their
-rows, until as many are given up as a yield may lose. A force that a train is to keep at least lies within its rows.
+There is one row for every train, speed, contact and angle interval, which makes hundreds of thousands. The program
+contains only rows that a cam violated, and is solved again whenever rows are added (row generation). Then the trains
+that cost most area, by the multipliers of their rows, are dropped until their number reaches the permitted loss of
+yield. A least contact force that trains must keep is included in the right-hand sides of the rows.
 
-A tied contact pulls with a force -f where a real one would part. From an angle a on it then opens by gap(b), minus the
-integral from a to b of h(b - t) f(t) dt, with h the opening after a unit impulse on either side of it, of the train in
-which it is open and the others stay closed. The largest one over all a and b is near the real jump where the contacts
-part once and come back, and says more of it than the least force does: one that pulls for a moment opens next to
-nothing.
+A tied contact pulls with a force -f where a real contact would separate. Its predicted opening over an interval from
+angle a to b is gap(b), which is minus the integral from a to b of h(b - t) f(t) dt. Here h is the opening after a unit
+impulse on both sides of the contact, in the train in which this contact is open and the others stay closed. The largest
+opening over all a and b is close to the real jump where the contacts separate once and close again. It describes the
+jump better than the least contact force: a contact that pulls only for a moment opens next to nothing.
 """
 
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 from scipy.linalg import expm
@@ -21,18 +22,18 @@ from camopt.optimizer.program.no_jump import NoJumpOptimum, NoJumpProgram
 from camopt.optimizer.program.phases import LIFTED, phase_contacts
 from camopt.scene.rest import linearised_at_rest
 from camopt.scene.train import Train
-from camopt.scene.units import DEG
+from camopt.scene.units import DEG, UM
 
 STEP = 1.0 * DEG
-"""Step between the angles at which forces are read."""
+"""Step between the angles at which forces are read [rad]."""
 LONG = np.array([6, 9, 12, 16, 20, 26, 34])
-"""Steps over which a contact opens, from the first one that counts on: 6 to 34 degrees."""
+"""Lengths of the intervals over which a contact may open, in steps: 6 to 34 degrees."""
 
 
 def opening_after_impulse(train: Train, contact: int, step: float, count: int) -> np.ndarray:
-    """Opening of a `contact` [m per N s] at 0, 1, ... `count` - 1 steps [s] after a unit impulse on either side of it.
+    """Opening of a `contact` [m per N s] at 0, 1, ... `count` - 1 steps [s] after a unit impulse on both its sides.
 
-    The train has this contact and the seat open and all others closed, with the laws that stand in for curved ones.
+    In the train this contact and the seat are open, all others are closed, and curved laws are linearised at rest.
     """
     train = linearised_at_rest(train)
     closed = phase_contacts(train)[LIFTED].copy()
@@ -43,59 +44,59 @@ def opening_after_impulse(train: Train, contact: int, step: float, count: int) -
     rate[:n, n:] = np.eye(n)
     rate[n:, :n] = -(d.T * k @ d) / train.mass[:, None]
     rate[n:, n:] = -((d.T * c @ d) + np.diag(train.mass_damping)) / train.mass[:, None]
-    state, whole = np.concatenate([np.zeros(n), d[contact] / train.mass]), expm(rate * step)
+    state, transition = np.concatenate([np.zeros(n), d[contact] / train.mass]), expm(rate * step)
     opening = np.empty(count)
     for i in range(count):
         opening[i] = d[contact] @ state[:n]
-        state = whole @ state
+        state = transition @ state
     return opening
 
 
 def opening_rows(train: Train, contact: int, cam_speed: float, count: int) -> np.ndarray:
-    """Rows (w, k, k) with gap = rows @ f [m] for forces f (k) [N] at `count` angles STEP apart, by the number of steps
-    (w) over which it opens and the angle (k) at which that ends; by the trapezoidal rule."""
+    """Rows (w, k, k) with gap = rows @ f [m] for forces f (k) [N] at `count` angles STEP apart.
+
+    The first axis is the interval's length in steps (w), the second the angle (k) at which it ends; trapezoidal rule.
+    """
     after = opening_after_impulse(train, contact, STEP / cam_speed, LONG[-1] + 1)
     ends, at = np.arange(count)[:, None], np.arange(count)
-    past = ends - at
-    weight = np.where((past >= 0) & (past <= LONG[-1]), after[np.clip(past, 0, LONG[-1])], 0.0)
+    lag = ends - at
+    weight = np.where((lag >= 0) & (lag <= LONG[-1]), after[np.clip(lag, 0, LONG[-1])], 0.0)
     rows = np.empty((len(LONG), count, count))
-    for w, long in enumerate(LONG):
-        first = np.maximum(ends - long, 0)
+    for w, steps in enumerate(LONG):
+        first = np.maximum(ends - steps, 0)
         rows[w] = np.where(at < first, 0.0, weight) * np.where((at == first) | (at == ends), 0.5, 1.0)
     return -STEP / cam_speed * rows
 
 
-UM = 1e-6
-"""The program's openings are in micrometres: as large as margins in newtons are."""
 BROKEN = 1.0 * UM
-"""Opening beyond its limit that counts as none."""
+"""Excess of an opening over its limit that is ignored [m]."""
 NEARLY = 10.0 * UM
-"""A case that breaks its limit has rows for all stretches of angles that come as near to it."""
+"""Distance from the limit [m] within which openings of a violating case, a train at a speed, get rows."""
 WATCHED = 25.0 * UM
-"""Cases that stay farther than this from their limit are looked at again when no other one breaks it."""
+"""Cases that stay farther than this from their limit [m] are checked again only when no other case violates it."""
 FIRST, AT_ONCE = 100, 400
-"""Cases that are given rows to begin with and between two solutions, the worst first."""
+"""Number of cases that get rows at the start and between two solutions, the worst ones first."""
 MOST_SOLUTIONS = 40
-GIVEN_UP_AT_ONCE = 3
-"""Of the trains that hold the area back one in so many is given up between two solutions."""
+"""Largest number of solutions during one row generation."""
+DROPPED_AT_ONCE = 3
+"""At most one in this number of the trains with positive multipliers is dropped between two solutions."""
 
 Key = tuple[int, int, int, int]
 
 
 @dataclass
 class OpeningsProgram:
-    """The program on trains (t), each at its own speeds (s), whose contacts between cam and valve are c.
+    """The program for trains (t), each at its own speeds (s), with the contacts c between cam and valve.
 
-    `forces` (t, s, c, k, 1 + m) are those of the tied contacts [N] at angles `theta` (k) [rad], affine in z. Train t
-    has the cam speeds `cam_speeds[t % classes]` (classes, s) [rad/s]. `plain` is the program of the limits on the
-    shape, without rows on forces.
+    `forces` (t, s, c, k, 1 + m) are the forces of the tied contacts [N] at the angles `theta` (k) [rad], affine in z.
+    Train t has the cam speeds `cam_speeds[t % classes]` (classes, s) [rad/s]. `plain` limits the shape alone.
     """
 
     plain: NoJumpProgram
     theta: np.ndarray
     cam_speeds: np.ndarray
     forces: np.ndarray
-    kept: np.ndarray = field(init=False)  # (t: bool) trains that are not given up
+    kept: np.ndarray = field(init=False)  # (t: bool) trains that have not been dropped
 
     def __post_init__(self) -> None:
         train, count = self.plain.train, len(self.theta)
@@ -103,91 +104,88 @@ class OpeningsProgram:
         rows = [opening_rows(train, e, w, count) for w in self.cam_speeds.ravel() for e in train.cam_side]
         shape = *self.cam_speeds.shape, len(train.cam_side), -1, count
         self._openings = np.array(rows, dtype=np.float32).reshape(shape)
-        self._limits = self.plain.limits
         self._margin_N = 0.0
-        self.about(self.forces)
+        self.replace_forces(self.forces)
 
-    def about(self, forces: np.ndarray) -> None:
-        """Takes other forces, about another cam, as they are."""
+    def replace_forces(self, forces: np.ndarray) -> None:
+        """Replaces the forces by those about another cam, and discards rows and dropped trains."""
         self.forces, self._rows, self._work = forces, {}, set()
         self._tight, self._seen, self._tight_limits = set[Key](), set[Key](), np.zeros(0, dtype=int)
         self.kept = np.ones(len(forces), dtype=bool)
 
-    def keep(self, margin_N: float) -> None:
-        """Lets all foretold openings be those of forces that are so much smaller [N]."""
+    def require_force(self, margin_N: float) -> None:
+        """Sets the force [N] that is subtracted from all contact forces before openings are predicted."""
         if margin_N != self._margin_N:
             self._margin_N = margin_N
             self._rows.clear()
 
-    def tied(self, z: np.ndarray) -> np.ndarray:
+    def tied_forces(self, z: np.ndarray) -> np.ndarray:
         """Forces of the tied contacts (t, s, c, k) [N] with the cam of z (m)."""
         return self.forces @ np.append(1.0, z).astype(np.float32)
 
-    def foretold(self, z: np.ndarray, cases: np.ndarray) -> np.ndarray:
-        """Openings (i, c, w * k) [m] that the forces foretell for the cam of z (m) in `cases` (i, 2), train and
-        speed."""
+    def predicted_openings(self, z: np.ndarray, cases: np.ndarray) -> np.ndarray:
+        """Predicted openings (i, c, w * k) [m] with the cam of z (m) in `cases` (i, 2), indices of train and speed."""
         t, s = cases.T
-        forces = self.tied(z)[t, s] - np.float32(self._margin_N)
-        found = np.empty((len(t), forces.shape[1], len(LONG) * len(self.theta)), dtype=np.float32)
+        forces = self.tied_forces(z)[t, s] - np.float32(self._margin_N)
+        openings = np.empty((len(t), forces.shape[1], len(LONG) * len(self.theta)), dtype=np.float32)
         for same, speed in np.ndindex(self.cam_speeds.shape):
             at = np.flatnonzero((t % len(self.cam_speeds) == same) & (s == speed))
             for c, rows in enumerate(self._openings[same, speed]):  # as products of matrices
-                found[at, c] = forces[at, c] @ rows.T
-        return found
+                openings[at, c] = forces[at, c] @ rows.T
+        return openings
 
-    def largest(self, z: np.ndarray, limits: np.ndarray, given_up: int, box: Box | None = None) -> NoJumpOptimum:
-        """The cam of largest area whose foretold openings at every speed are at most its one of the `limits`
-        (classes, s) [m] in all but `given_up` trains.
+    def largest(self, z: np.ndarray, limits: np.ndarray, dropped: int, box: Box | None = None) -> NoJumpOptimum:
+        """The cam of largest area whose predicted openings keep `limits` (classes, s) [m] in all but `dropped` trains.
 
-        The generation of rows begins from the cam of z (m), and goes on from the rows and the trains given up for the
-        limit before. Where no cam keeps the limit in all of them, all openings may be larger by what it takes, until
-        enough trains are given up.
+        Row generation starts from the cam of z (m), with the rows and dropped trains of the previous call. As long as
+        no cam keeps the limits in all remaining trains, all limits are raised by the smallest common amount that makes
+        the program feasible, until enough trains are dropped.
         """
         while True:
-            found, pressure = self._solved(z, limits, box)
-            z, left = found.z, given_up - int(np.sum(~self.kept))
-            if left <= 0 or not pressure.any():
-                return found
-            count = min((left + 1) // 2, max(1, int(np.sum(pressure > 0)) // GIVEN_UP_AT_ONCE))
-            self.kept[np.argsort(-pressure, kind="stable")[:count]] = False
+            optimum, multipliers = self._generate_rows(z, limits, box)
+            z, left = optimum.z, dropped - int(np.sum(~self.kept))
+            if left <= 0 or not multipliers.any():
+                return optimum
+            count = min((left + 1) // 2, max(1, int(np.sum(multipliers > 0)) // DROPPED_AT_ONCE))
+            self.kept[np.argsort(-multipliers, kind="stable")[:count]] = False
 
-    def _solved(self, z: np.ndarray, limits: np.ndarray, box: Box | None) -> tuple[NoJumpOptimum, np.ndarray]:
-        """The optimum for the trains that are kept, and by how much each of them (t) holds the area back."""
-        every = np.argwhere(np.broadcast_to(self.kept[:, None], self.forces.shape[:2]))
-        more, near = self._broken(z, limits, every, begin=not self._work)
+    def _generate_rows(self, z: np.ndarray, limits: np.ndarray, box: Box | None) -> tuple[NoJumpOptimum, np.ndarray]:
+        """The optimum for the trains that are kept, and the sum of the multipliers of each train's rows (t)."""
+        all_cases = np.argwhere(np.broadcast_to(self.kept[:, None], self.forces.shape[:2]))
+        new_rows, near = self._violated_rows(z, limits, all_cases, begin=not self._work)
         for _ in range(MOST_SOLUTIONS):
-            self._work |= more
-            found, pressure, beyond = self._optimum(limits, box)
-            allowed = limits + beyond
-            more, near = self._broken(found.z, allowed, near)
-            if not more - self._work:
-                more, near = self._broken(found.z, allowed, every)
-            if not more - self._work:
+            self._work |= new_rows
+            optimum, multipliers, raised = self._optimum(limits, box)
+            allowed = limits + raised
+            new_rows, near = self._violated_rows(optimum.z, allowed, near)
+            if not new_rows - self._work:
+                new_rows, near = self._violated_rows(optimum.z, allowed, all_cases)
+            if not new_rows - self._work:
                 break
-        return found, pressure
+        return optimum, multipliers
 
-    def _broken(
+    def _violated_rows(
         self, z: np.ndarray, limits: np.ndarray, cases: np.ndarray, begin: bool = False
     ) -> tuple[set[Key], np.ndarray]:
-        """Of `cases` (i, 2) the rows that the cam of z (m) breaks by most, to `begin` with those that it comes nearest
-        to breaking; and the cases that come near to it, which the next cam may break."""
+        """The rows of `cases` (i, 2) that the cam of z (m) violates most, or with `begin` those closest to their
+        limits; and the cases close to their limits, which the next cam may violate."""
         limit = limits[cases[:, 0] % len(limits), cases[:, 1]].astype(np.float32)
-        beyond = self.foretold(z, cases)
-        beyond -= limit[:, None, None]
-        worst, length = beyond.max(axis=(1, 2)), len(self.theta)
+        excess = self.predicted_openings(z, cases)
+        excess -= limit[:, None, None]
+        worst, length = excess.max(axis=(1, 2)), len(self.theta)
         order = np.argsort(-worst, kind="stable")[: FIRST if begin else AT_ONCE]
         order = order[worst[order] > (-np.inf if begin else BROKEN)]
-        by_length = beyond[order].reshape(len(order), beyond.shape[1], len(LONG), length)
+        by_length = excess[order].reshape(len(order), excess.shape[1], len(LONG), length)
         last = by_length.argmax(axis=3)
         near = np.take_along_axis(by_length, last[..., None], axis=3)[..., 0] > (-np.inf if begin else -NEARLY)
-        found = set()
+        violated = set()
         for i, c, w in np.argwhere(near).tolist():
             t, s = cases[order[i]].tolist()
-            found.add((t, s, c, w * length + int(last[i, c, w])))
-        return found, cases[worst > -WATCHED]
+            violated.add((t, s, c, w * length + int(last[i, c, w])))
+        return violated, cases[worst > -WATCHED]
 
     def _row(self, key: Key) -> np.ndarray:
-        """The opening [um] of a row, at z = 0 and per coefficient (1 + m)."""
+        """The predicted opening [um] of a row at z = 0 and per coefficient (1 + m)."""
         if key not in self._rows:
             t, s, c, q = key
             row, forces = self._openings[t % len(self.cam_speeds), s, c, q], self.forces[t, s, c].astype(float)
@@ -196,34 +194,33 @@ class OpeningsProgram:
         return self._rows[key]
 
     def _optimum(self, limits: np.ndarray, box: Box | None) -> tuple[NoJumpOptimum, np.ndarray, float]:
-        """The optimum with the rows at hand, by how much each train (t) holds it back, and by how much all openings may
-        be beyond their limits [m], since no cam keeps these."""
+        """The optimum under the present rows, the sum of the multipliers of each train's rows (t), and the amount [m]
+        by which all limits were raised to make the program feasible."""
         cases: dict[tuple[int, int], list[Key]] = {}
         for key in sorted(self._work):
             if self.kept[key[0]]:
                 cases.setdefault(key[:2], []).append(key)
         blocks = tuple(self._block(keys) for keys in cases.values())
-        program = replace(self.plain, blocks=blocks, box=box)
-        vars(program)["limits"] = self._limits
-        at = np.array([(t % len(limits), s) for t, s in cases])
-        margins = np.tile(-limits[at[:, 0], at[:, 1]] / UM, (3, 1))
-        first, keys = len(self._limits.bound), [key for block in cases.values() for key in block]
-        found = program.solve_below(margins, self._to_begin_with(first, keys))
-        tight = found.optimum.working
+        program = self.plain.with_rows(blocks, box)
+        case_index = np.array([(t % len(limits), s) for t, s in cases])
+        margins = np.tile(-limits[case_index[:, 0], case_index[:, 1]] / UM, (3, 1))
+        first, keys = len(self.plain.limits.bound), [key for block in cases.values() for key in block]
+        solution = program.solve_below(margins, self._first_working(first, keys))
+        tight = solution.optimum.working
         self._tight_limits, self._seen = tight[tight < first], set(keys)
         self._tight = {keys[i - first] for i in tight if first <= i < first + len(keys)}
-        trains, pressure = np.array([t for t, _ in cases]), np.zeros(len(self.forces))
-        np.add.at(pressure, trains[program.speed], found.optimum.duals[first : first + len(program.speed)])
-        return found, pressure, UM * max(0.0, float((margins - found.margins).max(initial=0.0)))
+        trains, multipliers = np.array([t for t, _ in cases]), np.zeros(len(self.forces))
+        np.add.at(multipliers, trains[program.speed], solution.optimum.duals[first : first + len(program.speed)])
+        return solution, multipliers, UM * max(0.0, float((margins - solution.margins).max(initial=0.0)))
 
-    def _to_begin_with(self, first: int, keys: list[Key]) -> np.ndarray | None:
-        """Indices of the rows that were tight in the program before, and of those that it did not have; the rows of
-        openings come after the `first`. None where there was none."""
+    def _first_working(self, first: int, keys: list[Key]) -> np.ndarray | None:
+        """Indices of the rows that were tight in the previous program and of those that it did not contain, or None if
+        there was no previous program. The rows of openings start at index `first`."""
         new = [first + i for i, key in enumerate(keys) if key in self._tight or key not in self._seen]
         return np.concatenate([self._tight_limits, np.array(new, dtype=int)]) if self._seen else None
 
     def _block(self, keys: list[Key]) -> SpeedRows:
-        """The rows of one train at one speed, as forces that are to be at least minus the limit [um]."""
+        """The rows of one train at one speed: the negative openings [um], which must be at least minus the limit."""
         rows = np.array([self._row(key) for key in keys])
         angle = self.theta[[key[3] % len(self.theta) for key in keys]]
         element = np.array([self.plain.train.cam_side[key[2]] for key in keys])

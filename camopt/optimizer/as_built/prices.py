@@ -1,9 +1,9 @@
-"""What each tolerance of a scene costs in lift area, and what its numbers are worth, by the programs of the search.
+"""The cost of each tolerance of a scene in lift area, and the sensitivity of the area to the scene's numbers.
 
-The program of largest area (`openings_program`) is solved for the trains as the scene has them, for the same trains
-with one tolerance left out or halved, and for trains about another number: the draws stay what they are, and so do the
-limits on foretold openings. These are as large as makes the program's cam as large as the cam at hand, where it can
-be. Two sets of trains tell how much a price hangs on the draws.
+The program of largest area (`openings_program`) is solved for the trains of the scene, for the same trains with one
+tolerance left out or halved, and for trains with raised nominal numbers. The draws and the limits on predicted openings
+are the same in all of these. The limits are chosen so that the program's cam has the area of the cam at hand, where
+that is possible. Two sets of trains show how much the result depends on the draws.
 """
 
 from collections.abc import Callable, Mapping
@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_limits
 
 from camopt.measure.as_built import trains_as_built
 from camopt.optimizer.as_built.checks import check_scatter
-from camopt.optimizer.as_built.exact_forces import ExactForces
+from camopt.optimizer.as_built.exact_forces import exact_forces
 from camopt.optimizer.as_built.openings_program import OpeningsProgram
 from camopt.optimizer.as_built.search import DRAWS_SEED, band_speeds, free_program, opening_limits
 from camopt.optimizer.as_built.steps import FIRST_LEVEL
@@ -27,21 +27,22 @@ from camopt.scene.schema import Scene
 from camopt.scene.train import build_train
 
 SETS, TRAINS = 2, 150
-"""Sets of trains, and how many trains each has."""
+"""Number of sets of trains, and number of trains in each set."""
 LOW_SPEEDS, HIGH_SPEEDS = 1, 2
-"""Speeds of a train below and above a share of the band's top, the top among them: half as many as the search's."""
+"""Number of speeds of a train below and above `NEAR_TOP` of the band's top: half as many as in the search."""
 CHANGE = 0.02
-"""Part by which a number of the scene is raised to see what it is worth."""
+"""Relative amount by which a number of the scene is raised to find the sensitivity of the area."""
 LEVELS = 0.05, 4.0
-"""Lowest and highest level of the limits that may make the program's cam as large as the one at hand."""
+"""Lowest and highest level of the limits that is tried to give the program's cam the area of the cam at hand."""
 
 
 @dataclass(frozen=True)
 class PriceList:
-    """Changes of the largest area ratio at which `wanted` of the trains as built hold: by tolerance where it is left
-    out and where it is halved, and by tolerance for every per cent by which the numbers that it moves are raised.
+    """Changes of the largest area ratio with which a share `wanted` of the trains as built pass, by tolerance.
 
-    `noise` and `worth_noise` are standard errors of one such change, pooled over the list.
+    `left_out` and `halved` are the changes where the tolerance is left out or halved, `worth` is the change per cent by
+    which the numbers that it scatters are raised. `noise` and `worth_noise` are the standard errors of one such change,
+    pooled over the list.
     """
 
     wanted: float
@@ -69,7 +70,7 @@ class PriceList:
         return "\n".join(lines)
 
     def plot(self):
-        """What each tolerance costs, and what the scene's numbers are worth, as a matplotlib Figure."""
+        """The cost of each tolerance and the sensitivities to the scene's numbers, as a matplotlib Figure."""
         from camopt.plots.yields import price_bars
 
         return price_bars(self.left_out, self.halved, self.noise, self.worth, self.worth_noise)
@@ -86,13 +87,11 @@ def price_list(
     seed: int = 0,
     advance: Callable[[float], object] = lambda share: None,
 ) -> PriceList:
-    """The price list of a scene for a share `wanted` of trains as built, by `sets` of so many `trains`; the errors of a
-    single set are not known, and zero.
+    """The price list of a scene for a share `wanted` of trains as built, from a number of `sets` of `trains` each.
 
-    A cam of an `area_ratio`, if one is named, says how large the limits are; `advance` is told the share of the work
-    done.
-
-    Raises InputError for a scene in which nothing scatters, or whose laws are curved.
+    With a single set the standard errors are unknown and given as zero. The limits on predicted openings are chosen for
+    the `area_ratio` of a cam, if one is given. `advance` receives the share of the work that is done. Raises InputError
+    for a scene without scatter, and for one that is not linear.
     """
     check_scatter(scene)
     if not is_linear(build_train(scene)):
@@ -104,19 +103,22 @@ def price_list(
     areas, done = {name: np.empty(sets) for name in scenes}, 0
     for k in range(sets):
         level = None
-        for name, one in scenes.items():
-            program.draw(one, seed, first=k * trains)
+        for name, variant in scenes.items():
+            program.draw(variant, seed, first=k * trains)
             level = level or _level(program, area_ratio)
             areas[name][k] = program(level)
             done += 1
             advance(done / sets / len(scenes))
-    return _priced(wanted, areas)
+    return _summary(wanted, areas)
 
 
 @threadpool_limits.wrap(limits=1, user_api="blas")
 def estimated_area_ratio(scene: Scene, wanted: float, seed: int = 0) -> float | None:
-    """The area ratio of a cam that `wanted` of the trains as built hold, by the search's first program; None where laws
-    are curved, whose forces take longer than an estimate is worth. No motion is run, so it may be too large."""
+    """An estimate of the largest area ratio with which a share `wanted` of the trains as built pass.
+
+    It comes from the first program of the search, without simulation of any motion, and may be too large. It is None
+    for a train that is not linear, whose forces take too long to compute for an estimate.
+    """
     if not is_linear(build_train(scene)):
         return None
     program = _LargestArea(scene, wanted, TRAINS)
@@ -125,8 +127,8 @@ def estimated_area_ratio(scene: Scene, wanted: float, seed: int = 0) -> float | 
 
 
 class _LargestArea:
-    """The largest area ratio of a scene by the level of the limits on foretold openings, for `trains` drawn at a time,
-    of which as many are given up as a `wanted` share may lose."""
+    """The largest area ratio of a scene by the level of the limits on predicted openings, for `trains` drawn trains, of
+    which as many are dropped as the share `wanted` allows."""
 
     def __init__(self, scene: Scene, wanted: float, trains: int):
         self._plain, self._z = free_program(scene)
@@ -135,17 +137,17 @@ class _LargestArea:
         self._lost = int((1.0 - wanted) * trains + 1e-9)
 
     def draw(self, scene: Scene, seed: int, first: int = 0) -> None:
-        """Takes the trains as built of a scene from number `first` on, with the program's own speeds and openings."""
+        """Draws the trains as built of a scene from number `first` on and builds their program."""
         drawn = trains_as_built(scene, self._trains, seed=seed + DRAWS_SEED, first=first)
-        source = ExactForces(drawn, self._plain.train, self._plain.cam, self._cam_speeds)
-        self._program = OpeningsProgram(self._plain, source.theta, self._cam_speeds, source.about(self._z))
+        theta, forces = exact_forces(drawn, self._plain.train, self._plain.cam, self._cam_speeds)
+        self._program = OpeningsProgram(self._plain, theta, self._cam_speeds, forces)
 
     def __call__(self, level: float) -> float:
         return self._program.largest(self._z, level * self._limits, self._lost).area_ratio
 
 
 def _level(area_at: Callable[[float], float], area_ratio: float | None) -> float:
-    """The level of the limits at which the program's cam has this area ratio, or the search's first one."""
+    """The level at which the program's cam has this area ratio; FIRST_LEVEL if there is none between the LEVELS."""
     low, high = LEVELS
     if area_ratio is None or not area_at(low) < area_ratio < area_at(high):
         return FIRST_LEVEL
@@ -153,24 +155,24 @@ def _level(area_at: Callable[[float], float], area_ratio: float | None) -> float
 
 
 def _variants(scene: Scene) -> dict[tuple[str, str], Scene]:
-    """By change and tolerance the scene as it is, without each, with half of it, and with its numbers raised."""
+    """Scenes by change and tolerance: as it is, without each tolerance, with each one halved, with raised numbers."""
     labels = scatter_labels(scene)
-    found = {("as given", ""): scene}
-    found |= {("left out", label): with_scatter(scene, {label: 0.0}) for label in labels}
-    found |= {("halved", label): with_scatter(scene, {label: 0.5}) for label in labels}
+    variants = {("as given", ""): scene}
+    variants |= {("left out", label): with_scatter(scene, {label: 0.0}) for label in labels}
+    variants |= {("halved", label): with_scatter(scene, {label: 0.5}) for label in labels}
     for tolerance in scene.tolerance:
         numbers = [n for together in moved_together(scene, tolerance) for n in together]
         raised = {number: (1.0 + CHANGE) * number.of(scene) for number in numbers}
-        found["raised", tolerance.label] = with_numbers(scene, raised)
-    return found
+        variants["raised", tolerance.label] = with_numbers(scene, raised)
+    return variants
 
 
-def _priced(wanted: float, areas: Mapping[tuple[str, str], np.ndarray]) -> PriceList:
-    """The list by the area ratios (sets) of all variants."""
+def _summary(wanted: float, areas: Mapping[tuple[str, str], np.ndarray]) -> PriceList:
+    """The price list from the area ratios (sets) of all variants."""
     changes = {name: area - areas["as given", ""] for name, area in areas.items() if name[0] != "as given"}
 
     def of(kind: str, unit: float = 1.0) -> dict[str, float]:
-        return {label: float(change.mean()) / unit for (one, label), change in changes.items() if one == kind}
+        return {name[1]: float(change.mean()) / unit for name, change in changes.items() if name[0] == kind}
 
     def noise(*kinds: str) -> float:
         apart = [np.ptp(change) for (kind, _), change in changes.items() if kind in kinds]

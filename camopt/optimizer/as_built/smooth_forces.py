@@ -1,7 +1,7 @@
-"""Forces of the tied contacts of trains of any law about one cam, from the smoothed motion by JAX.
+"""Forces of the tied contacts of drawn trains with any law, linearised about one cam, from the smoothed motion by JAX.
 
-Each train has its own forces with that cam, as it is ground for it; their slopes are those of the train as designed,
-from which a drawn one's differ by some per cent, and every round takes the forces anew.
+The forces are those of each train with its own ground cam. Their derivatives are those of the train as designed, from
+which the derivatives of a drawn train differ by some per cent; every linearisation evaluates the forces again.
 """
 
 from collections.abc import Sequence
@@ -15,8 +15,7 @@ from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
 from camopt.measure.as_built import TrainAsBuilt
 from camopt.optimizer.as_built.openings_program import STEP
-from camopt.optimizer.program.force_rows import AFTER_TOP
-from camopt.optimizer.search.smooth_rows import MOST_TURNS, SETTLED, end_of_contact
+from camopt.optimizer.search.smooth_rows import MOST_TURNS, SETTLED, end_of_contact, in_event
 from camopt.scene.errors import NoCamFound
 from camopt.scene.smoothing import Smoothing
 from camopt.scene.train import Train
@@ -34,59 +33,56 @@ from camopt.smooth.tied import (
 )
 
 AT_ONCE = 40
-"""Trains whose motions run side by side."""
+"""Number of trains whose motions are integrated in one batch."""
 WITHIN = 2.0
-"""Change of the tied forces over one revolution or two [N] at which their motions count as settled: a twentieth of the
-margin from which a search begins. A few trains of a hundred with springs that clash repeat every other revolution."""
+"""Change of the tied forces over one or two revolutions [N] below which the motions count as settled: a twentieth of
+the margin of a search's first cam. A few of a hundred trains with clashing springs repeat every other revolution."""
 
 
 class SmoothForces:
-    """The forces of trains (t), train t at the cam speeds `cam_speeds[t % classes]` (classes, s) [rad/s]."""
-
-    for_every_cam = False
+    """The forces of drawn trains (t); train t has the cam speeds `cam_speeds[t % classes]` (classes, s) [rad/s]."""
 
     def __init__(self, trains: Sequence[TrainAsBuilt], nominal: Train, cam: FreeCam, cam_speeds: np.ndarray):
         self._trains, self._nominal, self._cam, self._speeds = trains, nominal, cam, cam_speeds
         self._event = float(cam.breaks[0]), end_of_contact(nominal, cam)
         theta, stride = path_angles(), round(STEP * STEPS / (2 * np.pi))
-        inside = (theta >= self._event[0] + AFTER_TOP) & (theta <= self._event[1] - 1e-9)
-        self._at = np.flatnonzero(inside)[::stride]
+        self._at = np.flatnonzero(in_event(theta, self._event))[::stride]
         self.theta = theta[self._at]
-        self._systems = [tied_system(one.train) for one in trains]
-        every = tied_system(nominal), *self._systems
-        self._parts = max(parts_of_steps(tied, float(cam_speeds.min())) for tied in every)
-        self._starts: list[jnp.ndarray] = []  # where the trains' last motions ended
+        self._systems = [tied_system(built.train) for built in trains]
+        systems = tied_system(nominal), *self._systems
+        self._parts = max(parts_of_steps(tied, float(cam_speeds.min())) for tied in systems)
+        self._starts: list[jnp.ndarray] = []  # final states of the trains' last motions
         self._along = Directions(cam.samples(equal_grid(STEPS))[0])
 
     def about(self, z: np.ndarray) -> np.ndarray:
-        """The forces (t, s, c, k, 1 + m) [N] in single precision: those with the cam of z (m), with slopes by z."""
+        """Forces (t, s, c, k, 1 + m) [N] at z = 0 and per coefficient, linearised about z (m); in single precision."""
         lift, count = self._cam.lift(z), len(self._speeds)
         slopes, starts = zip(*(self._slopes(lift, speeds) for speeds in self._speeds), strict=True)
         numbers = range(len(self._trains))
         begin = self._starts or [starts[t % count] for t in numbers]
         shape = len(numbers), self._speeds.shape[1], len(self._nominal.cam_side), len(self.theta), 1 + len(z)
-        found = np.empty(shape, dtype=np.float32)
+        forces = np.empty(shape, dtype=np.float32)
         self._starts = []
-        for some in (numbers[i : i + AT_ONCE] for i in range(0, len(numbers), AT_ONCE)):
-            force = self._forces(lift, some, begin)
-            for t, one in zip(some, force, strict=True):
+        for batch in (numbers[i : i + AT_ONCE] for i in range(0, len(numbers), AT_ONCE)):
+            force = self._forces(lift, batch, begin)
+            for t, one in zip(batch, force, strict=True):
                 slope = slopes[t % count]
-                found[t, ..., 0], found[t, ..., 1:] = one - slope @ z, slope
-        return found
+                forces[t, ..., 0], forces[t, ..., 1:] = one - slope @ z, slope
+        return forces
 
-    def _forces(self, lift: Lift, some: Sequence[int], begin: Sequence[jnp.ndarray]) -> np.ndarray:
-        """Forces (t, s, c, k) [N] of the settled motions of some trains, from where they begin."""
-        tied = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(self._systems[t] for t in some))
-        samples = jnp.asarray(np.stack([lift_samples(self._trains[t].cam(lift), STEPS) for t in some]))
-        speeds = jnp.asarray(self._speeds[np.array(some) % len(self._speeds)])
-        start = jnp.stack([begin[t] for t in some])
-        before = force = jnp.full((len(some), 1, 1, 1), jnp.inf)
+    def _forces(self, lift: Lift, batch: Sequence[int], begin: Sequence[jnp.ndarray]) -> np.ndarray:
+        """Forces (t, s, c, k) [N] of the settled motions of some trains, from the initial states `begin`."""
+        tied = jax.tree.map(lambda *leaves: jnp.stack(leaves), *(self._systems[t] for t in batch))
+        samples = jnp.asarray(np.stack([lift_samples(self._trains[t].cam(lift), STEPS) for t in batch]))
+        speeds = jnp.asarray(self._speeds[np.array(batch) % len(self._speeds)])
+        start = jnp.stack([begin[t] for t in batch])
+        before = force = jnp.full((len(batch), 1, 1, 1), jnp.inf)
         for _ in range(MOST_TURNS):
             force_along, start = _of_trains(tied, samples, speeds, start, self._event, Layer(WIDTH), parts=self._parts)
             now = force_along[:, self._at]
-            moved = jnp.minimum(*(jnp.abs(now - one).max(axis=(1, 2, 3)) for one in (force, before)))
+            moved = jnp.minimum(*(jnp.abs(now - force_before).max(axis=(1, 2, 3)) for force_before in (force, before)))
             before, force = force, now
-            if not float(moved.max()) > WITHIN:  # a motion that grows without bound does not go on either
+            if not float(moved.max()) > WITHIN:  # also ends where a motion is no longer finite
                 break
         force = np.asarray(force)
         if not np.all(np.isfinite(force)):
@@ -98,7 +94,7 @@ class SmoothForces:
         return np.moveaxis(force, (3, 2), (1, 2))
 
     def _slopes(self, lift: Lift, cam_speeds: np.ndarray) -> tuple[np.ndarray, jnp.ndarray]:
-        """Slopes (s, c, k, m) [N/m] of the train as designed, and the states at which its settled motion ends."""
+        """Derivatives (s, c, k, m) [N/m] of the forces of the train as designed, and its settled final states."""
         motions, samples = (
             TiedMotions(self._nominal, cam_speeds, self._event, Smoothing(), self._parts),
             lift_samples(lift, STEPS),
@@ -110,7 +106,7 @@ class SmoothForces:
 
 @partial(jax.jit, static_argnames="parts")
 def _of_trains(tied, samples, cam_speeds, y0, event, layer: Layer, *, parts: int):
-    """Forces and last states of `tied_paths` of trains, the first axis of systems, samples, speeds and starts."""
+    """Forces and final states of `tied_paths`, batched over the first axis of systems, samples, speeds and states."""
 
     def of_train(*one):
         paths = tied_paths(*one, event, 1.0, layer, parts=parts)

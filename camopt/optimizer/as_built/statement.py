@@ -1,6 +1,6 @@
-"""What a run says of a cam's yield: by draws that the search never saw, a sample of them judged independently.
+"""The statement of a cam's yield in a run, from trains that the search never used and an independent check of some.
 
-Beside it stands the largest cam for the train as designed, or an estimate of one for trains as built.
+The largest cam for the train as designed, or an estimate of that for trains as built, accompanies it.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -31,18 +31,18 @@ from camopt.storage.journal import Records
 from camopt.verifier.verdict import verdict_on
 
 JOURNAL = "trains.jsonl"
-"""What the trains of a run's statement met, in its folder."""
+"""File in a run's folder with the limit usage of the trains of its statement."""
 SAMPLE = 3
-"""Trains that the independent methods judge: those that come nearest to their limits on either side, and the first."""
+"""Number of trains that the independent methods judge: those closest to their limits on either side, and the first."""
 BASELINE_TRAINS = 60
-"""Trains with which each baseline is measured: most of them hold in none."""
+"""Number of trains with which each baseline is measured; few are enough, since most baselines fail in all of them."""
 IDEAL_TRAINS, IDEAL_SPEEDS = 200, 11
-"""Fresh trains by which the largest cam for the train as designed is measured, and their speeds over the band."""
+"""Number of trains and of speeds over the band with which the largest cam for the train as designed is measured."""
 
 
 @dataclass(frozen=True, repr=False)
 class YieldStatement:
-    """What fresh trains use of the limits with a cam, and whether that is the share that was wanted, if one was."""
+    """The limit usage of new trains with a cam, and whether the share that passes reaches the wanted one, if any."""
 
     wanted: float | None
     seed: int
@@ -54,26 +54,25 @@ class YieldStatement:
 
     @property
     def confirmed(self) -> bool | None:
-        """Whether nothing speaks against the wanted share; None where none was wanted."""
+        """Whether there are no reasons against the wanted share; None where none was wanted."""
         return None if self.wanted is None else not self.reasons
 
     @property
     def reasons(self) -> list[str]:
-        """Why the yield is not confirmed: the share misses what was wanted, its interval allows more than twice the
-        loss, or methods disagree.
+        """Reasons against the yield: too small a share, an interval that allows twice the loss, disagreeing methods.
 
-        That the interval's lower end reaches the wanted share itself would need a cam of a larger one: 0.996 of 1000.
+        The interval need not begin at the wanted share itself: that would require a larger share, 0.996 of 1000 trains.
         """
-        found = []
+        reasons = []
         if self.wanted is not None:
             low = 1.0 - 2 * (1.0 - self.wanted)
             if self.share.share < self.wanted - 1e-12:
-                found.append("fewer trains hold")
+                reasons.append("fewer trains hold")
             if self.share.low < low:
-                found.append(f"the interval of so few trains begins below {100 * low:g} %")
+                reasons.append(f"the interval of so few trains begins below {100 * low:g} %")
         if disagreeing := [str(entry["train"]) for entry in self.independent if not entry["agrees"]]:
-            found.append(f"independent methods disagree on train {', '.join(disagreeing)}")
-        return found
+            reasons.append(f"independent methods disagree on train {', '.join(disagreeing)}")
+        return reasons
 
     def as_dict(self) -> dict:
         """The content of verification.json's "yield"."""
@@ -84,14 +83,14 @@ class YieldStatement:
             **yield_record(self.used, self.share, self.seed, self.blame),
             "independent": list(self.independent),
             "baselines": {
-                name: dict(vars(found)) if isinstance(found, Share) else {"reason": found}
-                for name, found in self.baselines.items()
+                name: dict(vars(share)) if isinstance(share, Share) else {"reason": share}
+                for name, share in self.baselines.items()
             },
         }
 
     @property
     def sentences(self) -> list[str]:
-        """The share, whether that is what was asked, what breaks first, and what is to blame."""
+        """Sentences on the share, whether the wanted one is reached, which limit is broken first, and the causes."""
         record = self.as_dict()
         return [share_sentence(record), asked_sentence(record), *spoiling_sentences(record)]
 
@@ -111,11 +110,10 @@ def statement_of_run(
     baselines: Callable[[], Mapping[str, Lift | str]] = dict,
     advance: Callable[[float], None] = lambda share: None,
 ) -> YieldStatement | None:
-    """The statement on a run's cam, by its `settings`; None for a scene in which nothing scatters or no limit is set
-    on the motion.
+    """The statement on a run's cam with its `settings`; None for a scene without scatter or limits on the motion.
 
-    Trains are stored in the folder, if any, as they are judged, and an interrupted statement goes on there. `baselines`
-    are asked for where a yield is wanted; where none is, no independent method judges any of the trains.
+    The results of the trains are stored in the folder, if there is one, from which an interrupted statement is resumed.
+    `baselines` is called only where a yield is wanted; otherwise no train is judged by independent methods either.
     """
     if not has_a_yield(scene):
         return None
@@ -137,9 +135,9 @@ def statement_of_run(
 
 
 def looks_of(effort: Accuracy, scene: Scene, wanted: float | None) -> Looks:
-    """After how many trains a statement may end: where the wanted share, or the advised one, is decided.
+    """The numbers of trains after which a statement may end, if the wanted or the advised share is decided there.
 
-    A train with curved laws costs as much as twenty others: there the first look comes sooner.
+    A train with curved laws costs as much as twenty others, so that the first interim look comes sooner for it.
     """
     most, parts = effort.stated_trains, effort.stated_parts
     if wanted is not None:
@@ -162,43 +160,47 @@ def yield_statement(
     journal: Path | None = None,
     advance: Callable[[float], None] = lambda share: None,
 ) -> YieldStatement:
-    """The statement on a cam by so many trains of this seed at so many speeds over the scene's band, or at the
-    crankshaft `speeds` (s) [r/min].
+    """The statement on a cam from a number of `trains` of this seed, at a number of speeds over the scene's band or at
+    the crankshaft `speeds` (s) [r/min].
 
-    Counting ends after one of the `looks` where that many trains decide whether the share is above or below the wanted
-    one, or the advised one where none is. `baselines` by name are cams, or a sentence where there is none; so many
-    trains are a `sample` for the independent methods; in the `journal` trains are stored as they are judged. `advance`
-    is told the share of the work done.
+    Measuring ends early after one of the interim `looks` (numbers of trains) if these trains decide whether the share
+    is above or below the wanted one, or the advised one where none is wanted. `baselines` are cams by name, or a
+    sentence where there is no cam. The independent methods judge `sample` trains. The results of the trains are stored
+    in the file `journal`. `advance` receives the share of the work that is done.
     """
     speeds_rpm = (
         np.linspace(*scene.required_operation.band_rpm, speeds) if isinstance(speeds, int) else np.array(speeds)
     )
-    way, asked = track(scene, lift, speeds_rpm), Looks((*looks, trains), ADVISED if wanted is None else wanted)
-    parts = _judged(scene, way, asked, trains_journal(journal), seed, advance)
-    used, share = UsedLimits(tuple(way.limits), speeds_rpm, parts), share_of(parts.max(axis=(1, 2)) <= 1.0, asked)
-    blame = rank_correlation_shares(draws_of_trains(scene, len(parts), seed=seed), used.worst)
-    few = trains_as_built(scene, min(len(parts), BASELINE_TRAINS), seed=seed) if baselines else []
-    others = {name: _baseline(scene, cam, speeds_rpm, few) for name, cam in (baselines or {}).items()}
-    alone = {t: trains_as_built(scene, 1, seed=seed, first=t)[0] for t in sampled(used.worst, sample)}
-    judged = tuple(by_independent_methods(one, lift, used, t) for t, one in alone.items())
+    conditions = track(scene, lift, speeds_rpm)
+    interim = Looks((*looks, trains), ADVISED if wanted is None else wanted)
+    usage = _measured(scene, conditions, interim, trains_journal(journal), seed, advance)
+    used = UsedLimits(tuple(conditions.limits), speeds_rpm, usage)
+    share = share_of(usage.max(axis=(1, 2)) <= 1.0, interim)
+    blame = rank_correlation_shares(draws_of_trains(scene, len(usage), seed=seed), used.worst)
+    baseline_trains = trains_as_built(scene, min(len(usage), BASELINE_TRAINS), seed=seed) if baselines else []
+    baseline_shares = {
+        name: _baseline(scene, cam, speeds_rpm, baseline_trains) for name, cam in (baselines or {}).items()
+    }
+    sample_trains = {t: trains_as_built(scene, 1, seed=seed, first=t)[0] for t in sampled(used.worst, sample)}
+    judged = tuple(by_independent_methods(built, lift, used, t) for t, built in sample_trains.items())
     forget_propagators()
-    return YieldStatement(wanted, seed, used, share, blame, judged, others)
+    return YieldStatement(wanted, seed, used, share, blame, judged, baseline_shares)
 
 
-def _judged(
-    scene: Scene, way: Track, looks: Looks, journal: Records, seed: int, advance: Callable[[float], None]
+def _measured(
+    scene: Scene, conditions: Track, looks: Looks, journal: Records, seed: int, advance: Callable[[float], None]
 ) -> np.ndarray:
-    """The used parts (t, l, s) of the trains up to the look after which counting ends."""
+    """Limit usage (t, l, s) of the trains up to the look after which measuring ends."""
     most = looks.trains[-1]
     for count in looks.trains:
-        used = measure_trains(scene, way, count, journal, seed=seed, advance=lambda more: advance(more / most))
+        used = measure_trains(scene, conditions, count, journal, seed=seed, advance=lambda more: advance(more / most))
         if looks.ends(int(np.sum(used.max(axis=(1, 2)) <= 1.0)), count):
             return used
     raise AssertionError("counting ends after the last look")
 
 
 def sampled(worst: np.ndarray, count: int = SAMPLE) -> list[int]:
-    """So many trains: in turn those next to their limits that hold and that break them, and the first one last."""
+    """Numbers of `count` trains: those closest to their limits that pass and that fail, and train 0 last."""
     if not count:
         return []
     order = np.argsort(np.abs(np.nan_to_num(worst, posinf=np.inf) - 1.0), kind="stable")
@@ -208,31 +210,32 @@ def sampled(worst: np.ndarray, count: int = SAMPLE) -> list[int]:
 
 
 def _baseline(
-    scene: Scene, cam: Lift | str, speeds_rpm: Sequence[float] | np.ndarray, few: Sequence[TrainAsBuilt]
+    scene: Scene, cam: Lift | str, speeds_rpm: Sequence[float] | np.ndarray, trains: Sequence[TrainAsBuilt]
 ) -> Share | str:
+    """The share of trains that pass with a baseline's cam, or the sentence in place of a cam."""
     if isinstance(cam, str):
         return cam
-    way: Track = track(scene, cam, speeds_rpm[-1:])  # most fail at the top; those that hold there are judged everywhere
-    holds = way.used(few).max(axis=(1, 2)) <= 1.0
-    if holds.any() and len(speeds_rpm) > 1:
-        others = track(scene, cam, speeds_rpm[:-1]).used([one for one, good in zip(few, holds, strict=True) if good])
-        holds[holds] = others.max(axis=(1, 2)) <= 1.0
-    return share_of(holds)
+    # most trains fail at the top speed, and only the others are measured at all speeds
+    passes = track(scene, cam, speeds_rpm[-1:]).used(trains).max(axis=(1, 2)) <= 1.0
+    if passes.any() and len(speeds_rpm) > 1:
+        passing = [train for train, good in zip(trains, passes, strict=True) if good]
+        usage = track(scene, cam, speeds_rpm[:-1]).used(passing)
+        passes[passes] = usage.max(axis=(1, 2)) <= 1.0
+    return share_of(passes)
 
 
-def by_independent_methods(one: TrainAsBuilt, lift: Lift, used: UsedLimits, t: int) -> dict:
-    """What methods that share no code with the search say of a train at the speed at which it uses its limits most.
+def by_independent_methods(built: TrainAsBuilt, lift: Lift, used: UsedLimits, t: int) -> dict:
+    """The verdict on a train, by methods that share no code with the search, at the speed of its largest limit usage.
 
-    They agree where they confirm a train that holds and do not confirm one that does not; a train within a twentieth
-    of its limit may be called sensitive.
+    The methods agree if they confirm a train that passes and do not confirm one that fails. Every verdict agrees on a
+    train within a twentieth of its limit, and the verdicts "sensitive" and "not converged" agree with both.
     """
     speed = float(used.speeds_rpm[int(np.argmax(used.used[t].max(axis=0)))])
-    verdict = verdict_on(one.scene, one.cam(lift), (speed,), band_step_rpm=None)
+    verdict = verdict_on(built.scene, built.cam(lift), (speed,), band_step_rpm=None).speeds[0].verdict
     worst = float(used.worst[t])
-    said = verdict.speeds[0].verdict
-    near = abs(worst - 1.0) < 0.05 or said in ("sensitive", "not converged")
-    agrees = bool(near or (said == "confirmed") == (worst <= 1.0))
-    return {"train": t, "speed_rpm": speed, "used": worst, "verdict": said, "agrees": agrees}
+    near = abs(worst - 1.0) < 0.05 or verdict in ("sensitive", "not converged")
+    agrees = bool(near or (verdict == "confirmed") == (worst <= 1.0))
+    return {"train": t, "speed_rpm": speed, "used": worst, "verdict": verdict, "agrees": agrees}
 
 
 def beside(
@@ -243,9 +246,12 @@ def beside(
     folder: Path,
     start: Lift | None = None,
 ) -> dict[str, Any]:
-    """Entries of verification.json's "yield" by the `settings` of a run: for a yield that was asked for the cam for the
-    train as designed, which is written into the folder; else, where fewer trains hold than are advised, an estimate of
-    the cam for so many, which is no larger than the run's. A search begins from the cam `start`, as the run's does."""
+    """Further entries of verification.json's "yield", according to the `settings` of a run.
+
+    Where a yield was wanted, they describe the cam for the train as designed, which is written into the folder; its
+    search starts from the cam `start`, as the run's does. Otherwise, if fewer trains pass than is advised, they contain
+    an estimate of the area ratio for the advised share, which is at most that of the run's cam.
+    """
     if "yield" in settings:
         return {"ideal": write_ideal(scene, settings, folder, start)}
     if stated is None or stated.share.low >= ADVISED or settings["speeds"] != "band":
@@ -260,9 +266,8 @@ def beside(
 
 
 def write_ideal(scene: Scene, settings: Mapping[str, Any], folder: Path, start: Lift | None = None) -> dict | None:
-    """Writes `ideal/design.json` and `ideal/lift.csv` and says what they are: area ratio and share of trains with its
-    interval. The search's own judge holds the cam, no verdict is asked. None where no cam holds.
-    """
+    """Writes `ideal/design.json` and `ideal/lift.csv`, and returns the cam's area ratio and its share of trains with
+    the interval. The cam is evaluated by the search's judge alone, without a verdict. None where no cam was found."""
     effort = accuracy_named(settings["accuracy"])
     try:
         search = find_cam(scene, settings["speeds"], effort, settings["gradient"], start=start, seed=settings["seed"])

@@ -1,9 +1,9 @@
-"""The steps of the search for a yield: from foretold openings along slopes of motions to the largest cam that holds.
+"""The steps of the search for a yield: predicted openings, then gradients of motions, then bisection between two cams.
 
-The price of what trains use of their limits (`slopes_program`) follows how many trains fail. At the end these are
-trains that have not shaped the cam, whose motions event-exact judges until they have settled: as many may fail as
-leaves it unlikely that fewer than wanted hold. Of the cams between one that holds and a larger one that does not the
-middle is judged, until they are next to each other. The draws are the same for every cam (common random numbers).
+The price of the limit usage (`slopes_program`) is adapted to the number of failing trains. In the end these are unseen
+trains, which have not shaped the cam and whose settled motions are computed by event-exact. The number of them that may
+fail is so small that a true share below the wanted one is unlikely. Between an accepted cam and a larger rejected one,
+cams are bisected until the two are close to each other. The draws are the same for every cam (common random numbers).
 """
 
 from collections.abc import Callable
@@ -14,244 +14,225 @@ from scipy.special import bdtr
 
 from camopt.cam.lift import Lift
 from camopt.highs import Infeasible
-from camopt.optimizer.as_built.drawn import FOLDER, MET, TrainEnsemble
-from camopt.optimizer.as_built.slopes_program import CamOfSlopes, SlopesProgram
-from camopt.optimizer.program.no_jump import NoJumpOptimum
+from camopt.optimizer.as_built.drawn import STORED, TrainEnsemble
+from camopt.optimizer.as_built.slopes_program import YieldCandidate, SlopesProgram
+from camopt.optimizer.search.cams import CamSearch
 from camopt.scene.errors import NoCamFound
-from camopt.scene.units import DEG, MM
-from camopt.storage.journal import StepFiles
 
 FIRST_LEVEL, LEVEL_FACTOR, LEAST_LEVEL = 0.4, 2.0, 0.02
-"""The first limit on foretold openings, as a part of that on the jump, the factor from one to the next, and the one at
-which it is halved no more. Real openings are a half larger at the median where several masses give way, and many times
-as large where one mass does."""
+"""First level of the limit on predicted openings, as a fraction of the limit on the jump; factor between two levels;
+and level from which on it is not halved any more. At the median real openings are half as large again as predicted ones
+where several masses recoil, and many times as large where a single mass does."""
 NEGATIVE_LEVEL, LOWEST_LEVEL, NEWTONS = -0.1, -0.8, 100.0
-"""Levels below zero stand for the force that contacts are to keep [N], as parts of the last number: the first and the
-last of them."""
+"""First and last level below zero, which stand for a least contact force, and that force [N] for a level of -1."""
 FEWEST_FAILING, MOST_FAILING = 0.5, 3.0
-"""With the cam from which the slopes lead on between these numbers times as many trains fail as may. Motions of cams
-that are far too large have slopes that lead nowhere."""
-FORETOLD, SLOPES = "foretold openings", "slopes of motions"
-"""What the history calls the steps."""
+"""Range of the ratio of failing trains to permitted failures for the cam from which the gradient steps start. The
+gradients of motions with cams that are far too large are useless."""
+OPENINGS, GRADIENTS = "foretold openings", "slopes of motions"
+"""Names of the stages in the history: the program on predicted openings, and the programs on gradients of motions."""
 STEPS, JUDGED = 8, 16
-"""Steps along slopes whose price the trains that shape the cam decide, and at most so many whose mean cam unseen ones
-judge; those between a cam that holds and one that does not are further ones."""
+"""Number of gradient steps whose price is adapted to the trains that shape the cam, and largest number of further steps
+whose mean cam is judged by unseen trains. The steps of the bisection are not included."""
 FIRST_PRICE, BY_FAILING, MOST_AT_ONCE, LEAST_JUDGED = 0.012, 0.25, 2.0, 1.25
-"""The first price times the share of trains that may fail, the power of the number of failing trains by which it
-changes from one step to the next, the most by which it does, and the least once unseen trains judge: then a cam on the
-other side of the one that just holds is all that is looked for."""
+"""Product of the first price and the share of trains that may fail; exponent of the ratio of failing trains to
+permitted failures in the factor by which the price changes from step to step; largest such factor; and smallest one
+once unseen trains judge, when all that is missing is a cam on the other side of the limit."""
 IDLE = 6
-"""Judged cams in a row of which none is the largest that holds, after which no price leads farther, as where limits on
-the shape bind alone. The mean of the last cams follows the price a few steps later."""
+"""Number of judged cams in a row, none of them the new largest accepted one, after which the search ends. No price
+leads farther then, for instance because the limits on the shape alone bind. The number allows for the mean of the last
+cams, which follows the price with a delay of a few steps."""
 SHAPED = 0.7
-"""How many times as many of the trains that shape a cam may fail as of others: the cam suits them better."""
+"""Factor on the number of permitted failures among the trains that shape the cam, since the cam suits them better."""
 NEAR_ENOUGH = 1e-3
-"""Difference of area ratio between a cam that holds and one that does not which ends the search: more than twice the
-RESOLUTION, so that each cam between the two takes the place of one of them."""
+"""Difference of area ratio between an accepted cam and a larger rejected one at which the bisection ends. It is more
+than twice the RESOLUTION, so that every cam in the middle takes the place of one of the two."""
 NEAR = 0.8
-"""Part of a limit from which on everyone is judged at a speed where a scout uses it."""
+"""Limit usage of a scout at a speed above which all trains are judged at that speed."""
 SCOUTS, FAR_SCOUTS, MATTERING = 12, 48, 0.25
-"""Of the other trains one in so many is judged with every cam, and with the next cam the next ones, at the speeds that
-matter: the top of the band, and where more than a quarter as many trains are watched as may fail. At the remaining
-speeds it is one in the second number. A train that uses little of a limit with one cam may break it with the next."""
+"""Trains that are not watched are checked in rotation, as scouts: with each cam one in SCOUTS of them at the speeds
+that matter, and one in FAR_SCOUTS at the other speeds. The speeds that matter are the top of the band and those where
+the watched trains number more than MATTERING times the permitted failures. These checks are needed because a train with
+a small usage with one cam may break a limit with the next."""
 CHANCE = 0.13
-"""With this chance, at most, as few trains fail as a cam may spend of those that say how large it may be, where it
-holds in no more than the wanted share of all. The rest of the wanted loss is for what a count leaves open, and for the
-choice of the largest cam, which favours those that are lucky with these trains: of a thousand, 6 in place of 10 may
-fail at 0.99, and 88 in place of 100 at 0.9. Where so many trains are too few for it none may fail, and the chance is
-larger: of 1500 at 0.999 it is 0.22."""
+"""Largest probability that a cam passes the test on the unseen trains although no more than the wanted share of all
+trains passes. The difference between permitted and wanted failures allows for the uncertainty of the count, and for the
+choice of the largest cam, which favours cams that are lucky with these trains. Of a thousand trains 6 in place of 10
+may fail at 0.99, and 88 in place of 100 at 0.9. Where there are too few trains for this probability none may fail, and
+the probability is larger: 0.22 for 1500 trains at 0.999."""
 RESOLUTION = 2e-4
-"""Area ratio by which a cam must exceed the best one to take its place."""
+"""Difference of area ratio by which a cam must exceed the best one to take its place."""
 
-LargestCam = Callable[[float, np.ndarray], NoJumpOptimum]
-"""The program's cam by the level of the limits on foretold openings, and by the cam before, of coefficients z (m)."""
+LargestCam = Callable[[float, np.ndarray], np.ndarray]
+"""Function that returns the coefficients (m) of the program's cam for a level of the limits on predicted openings and
+for the coefficients z (m) of the previous cam."""
 
 
 @dataclass
-class YieldSearch:
-    """The state of a search: the trains that say how large a cam may be, and the largest one that enough of them
-    hold."""
+class YieldSearch(CamSearch[YieldCandidate]):
+    """The state of a search, which accepts a cam if enough of the `unseen` trains pass with it."""
 
     wanted: float
     slopes: SlopesProgram
     unseen: TrainEnsemble
     unseen_count: int  # drawn for the first cam to be judged
-    journal: StepFiles = field(default_factory=lambda: StepFiles(None, FOLDER))
-    show: Callable[[dict], None] = lambda line: None
-    held: list[CamOfSlopes | NoJumpOptimum] = field(default_factory=list)  # each larger than the one before
-    turned_down: list[tuple[int, CamOfSlopes | NoJumpOptimum]] = field(default_factory=list)  # with which too many fail
-    steps: int = 0
+    rejected: list[tuple[int, YieldCandidate]] = field(default_factory=list)  # number failing, cam
 
     @property
-    def best(self) -> CamOfSlopes | NoJumpOptimum | None:
-        """The largest cam that holds."""
-        return self.held[-1] if self.held else None
-
-    @property
-    def refused(self) -> CamOfSlopes | NoJumpOptimum | None:
-        """Of the larger cams that do not hold the one with which fewest trains fail, of several the smallest; a smaller
-        cam says nothing of larger ones."""
+    def nearest_rejected(self) -> YieldCandidate | None:
+        """The rejected cam, larger than the best one, with which fewest trains fail; of several, the smallest."""
         least = self.best.area_ratio if self.best else 0.0
-        larger = [one for one in self.turned_down if one[1].area_ratio > least]
-        return min(larger, key=lambda one: (one[0], one[1].area_ratio))[1] if larger else None
+        larger = [(failing, cam) for failing, cam in self.rejected if cam.area_ratio > least]
+        return min(larger, key=lambda entry: (entry[0], entry[1].area_ratio))[1] if larger else None
 
-    def allowed(self, count: int) -> int:
-        """Of so many trains those that may fail with a cam."""
+    def permitted_failures(self, count: int) -> int:
+        """The number of `count` trains that may fail with a cam."""
         return max(int(np.sum(bdtr(np.arange(count), count, 1.0 - self.wanted) <= CHANCE)) - 1, 0)
 
     @property
     def trains_drawn(self) -> int:
-        """Trains that were drawn so far, those that shaped the cam and the others."""
+        """Number of trains drawn so far, those that shape the cam and the unseen ones."""
         return len(self.slopes.drawn.trains) + len(self.unseen.trains)
 
-    def along(self) -> None:
-        """Goes on along slopes and moves their price by how many trains fail, of those that shape the cam and then of
-        unseen ones with the mean of the last cams, until a cam holds and a larger one does not; then between these.
+    def follow_gradients(self) -> None:
+        """Takes gradient steps and adapts their price to the number of failing trains: at first of those that shape the
+        cam, then of unseen ones with the mean of the last cams.
 
-        Where a program is not solved, the cams that hold so far stand.
+        As soon as one cam is accepted and a larger one rejected, it bisects between these. If a program cannot be
+        solved, the search ends with the cams accepted so far.
         """
         price, slopes, idle = FIRST_PRICE / (1.0 - self.wanted), self.slopes, 0
         for step in range(STEPS + JUDGED):
             try:
-                slopes.step(price, farther=step >= STEPS)  # until there are cams on both sides of the largest
+                slopes.step(price, farther=step >= STEPS)  # until the largest acceptable cam is bracketed
             except (Infeasible, ArithmeticError):
                 return
             if step < STEPS:
                 drawn, fewer, failing = slopes.drawn, SHAPED, slopes.drawn.failing
-                self.report(slopes.cam, SLOPES, drawn, failing)
+                self.report(slopes.cam, GRADIENTS, drawn, failing)
             else:
-                best, drawn, fewer, failing = self.best, self.unseen, 1.0, self.evaluate(slopes.mean, SLOPES)
-                if self.best and self.refused:
-                    return self.narrow()
+                best, drawn, fewer, failing = self.best, self.unseen, 1.0, self.evaluate(slopes.mean, GRADIENTS)
+                if self.best and self.nearest_rejected:
+                    return self.bisect()
                 idle = idle + 1 if best and self.best is best else 0
                 if idle == IDLE:
                     return
-            may_fail, least = fewer * self.allowed(len(drawn.trains)), 1.0 if step < STEPS else LEAST_JUDGED
+            may_fail, least = fewer * self.permitted_failures(len(drawn.trains)), 1.0 if step < STEPS else LEAST_JUDGED
             change = BY_FAILING * abs(np.log((failing + 1) / (may_fail + 1)))
             change = float(np.exp(np.clip(change, np.log(least), np.log(MOST_AT_ONCE))))
             price *= change if failing > may_fail else 1.0 / change
 
-    def narrow(self) -> None:
-        """Judges cams between the largest that holds and a larger one that does not, whose means keep all limits on the
-        shape, until they are next to each other."""
-        refused = self.refused
-        while self.best and refused and refused.area_ratio > self.best.area_ratio + NEAR_ENOUGH:
-            middle = self.slopes.cam_of(0.5 * (self.best.z + refused.z))
-            self.evaluate(middle, SLOPES)
-            refused = refused if self.best is middle else middle
+    def bisect(self) -> None:
+        """Bisects between the largest accepted cam and a larger rejected one, until the two are close to each other.
+        The mean of two cams keeps all limits on the shape."""
+        larger = self.nearest_rejected
+        while self.best and larger and larger.area_ratio > self.best.area_ratio + NEAR_ENOUGH:
+            middle = self.slopes.cam_of(0.5 * (self.best.z + larger.z))
+            self.evaluate(middle, GRADIENTS)
+            larger = larger if self.best is middle else middle
 
-    def evaluate(self, cam: CamOfSlopes | NoJumpOptimum, stage: str) -> int:
-        """Judges a cam, keeps it if it is the largest that enough trains hold, reports the step, and returns how many
-        trains fail, at the top of the band alone where too many do there."""
+    def evaluate(self, cam: YieldCandidate, stage: str) -> int:
+        """Judges a cam with the unseen trains, accepts it if enough of them pass and it is the largest, reports the
+        step, and returns how many trains fail: at the top of the band alone if too many fail there."""
         drawn, step = self.unseen, self.steps + 1
-        stored = self.journal.stored(step, cam.z, MET)
+        stored = self.journal.stored(step, cam.z, STORED)
         if not drawn.trains or (stored is None and drawn.has_memory):
             drawn.settle(cam.lift)
         if not drawn.trains:
-            drawn.draw(self.unseen_count, self.slopes.drawn.matters(1.0 - self.wanted))
+            drawn.draw(self.unseen_count, self.slopes.drawn.critical_speeds(1.0 - self.wanted))
         if stored is not None:
-            drawn.take(stored)
+            drawn.restore(stored)
             speeds = stored["at"][1]
         else:
             judged = self._judge(cam.lift)
             speeds = np.nonzero(judged)[1]
-            if self.journal.kept:  # the states of thousands of trains are not copied for nothing
-                self.journal.store(step, cam.z, drawn.met(judged))
+            if self.journal.kept:  # otherwise the states of thousands of trains would be copied in vain
+                self.journal.store(step, cam.z, drawn.stored_arrays(judged))
         failing = self._failing(int(speeds.min(initial=drawn.used.shape[2] - 1)))
-        if failing > self.allowed(len(drawn.trains)):
-            self.turned_down.append((failing, cam))
+        if failing > self.permitted_failures(len(drawn.trains)):
+            self.rejected.append((failing, cam))
         elif self.best is None or cam.area_ratio > self.best.area_ratio + RESOLUTION:
             self.held.append(cam)
         self.report(cam, stage, drawn, failing)
         return failing
 
-    def report(self, cam: CamOfSlopes | NoJumpOptimum, stage: str, drawn: TrainEnsemble, failing: int) -> None:
-        """Reports a step: its cam, and how many of the trains that were drawn for it fail."""
+    def report(self, cam: YieldCandidate, stage: str, drawn: TrainEnsemble, failing: int) -> None:
+        """Reports a step: its cam, and how many of the trains `drawn` fail."""
         self.steps += 1
-        line = {
-            "iteration": self.steps,
-            "stage": stage,
-            "area_ratio": cam.area_ratio,
-            "area_mm_deg": cam.lift.area / MM / DEG,
-            "trains": len(drawn.trains),
-            "failing": failing,
-            "confirmed": self.best is cam,
-            "best_area_ratio": self.best.area_ratio if self.best else None,
-        }
-        self.journal.note(line)
-        self.show(line)
+        self.note_step(cam, stage, {"trains": len(drawn.trains), "failing": failing})
 
     def _judge(self, lift: Lift) -> np.ndarray:
-        """Judges a cam with the trains that are watched and with scouts, and where a scout falls short with everyone.
+        """Judges a cam with the watched trains and with scouts, and with all trains at a speed where a scout comes near
+        a limit. Returns which trains were judged at which speeds (t, s: bool).
 
-        It begins at the top of the band, and ends as soon as too many trains fail. There every train with an adjuster
-        is judged: the adjuster of one that uses half of a limit may pump up with the next cam. Returns which trains
-        were judged at which speeds (t, s: bool).
+        It starts at the top of the band, and ends as soon as too many trains fail. All trains with memory are judged at
+        the top, since the adjuster of a train that uses half of a limit may pump up with the next cam.
         """
-        drawn, watched, matters = self.unseen, self.unseen.watched, self.unseen.matters(MATTERING * (1.0 - self.wanted))
+        drawn, watched = self.unseen, self.unseen.watched
+        critical = drawn.critical_speeds(MATTERING * (1.0 - self.wanted))
         turn = (np.arange(len(drawn.trains)) + self.steps)[:, None]
-        scouts = ~watched & (turn % np.where(matters, SCOUTS, FAR_SCOUTS) == 0)
+        scouts = ~watched & (turn % np.where(critical, SCOUTS, FAR_SCOUTS) == 0)
         if drawn.has_memory:
             scouts[:, -1] = ~watched[:, -1]
-        judged, may_fail = np.zeros_like(watched), self.allowed(len(watched))
+        judged, may_fail = np.zeros_like(watched), self.permitted_failures(len(watched))
         for begin in (watched.shape[1] - 1, 0):
-            asked = (watched | scouts) & ~judged
-            asked[:, :begin] = False
-            drawn.judge(lift, asked)
-            judged |= asked
+            selected = (watched | scouts) & ~judged
+            selected[:, :begin] = False
+            drawn.judge(lift, selected)
+            judged |= selected
             if self._failing(begin) > may_fail:
                 break
-            short = (scouts & asked & (drawn.used.max(axis=1) > NEAR)).any(axis=0)
-            others = short & ~(watched | scouts)
-            drawn.judge(lift, others)
-            judged |= others
+            near = (scouts & selected & (drawn.used.max(axis=1) > NEAR)).any(axis=0)
+            remaining = near & ~(watched | scouts)
+            drawn.judge(lift, remaining)
+            judged |= remaining
             if self._failing(begin) > may_fail:
                 break
         return judged
 
     def _failing(self, begin: int) -> int:
-        """How many trains break a limit from the speed of a number on."""
+        """Number of trains that break a limit at the speeds from index `begin` on."""
         return int(np.sum(self.unseen.used[:, :, begin:].max(axis=(1, 2)) > 1.0))
-
-    def none_holds(self, failing: int) -> NoCamFound:
-        """The error where not even the smallest cam holds, with which so many trains are `failing`."""
-        return NoCamFound(
-            f"{100 * self.wanted:g} % of the drawn trains hold no cam that was tried: of {len(self.unseen.trains)} "
-            f"trains {failing} fail with the smallest one. Ask for a smaller yield, relax the limits on the motion or "
-            f"make the tolerances narrower; `camopt yield` says which is to blame"
-        )
 
 
 def first_level(search: YieldSearch, largest: LargestCam, z: np.ndarray) -> float:
-    """The level of foretold openings with whose cam, about which the slopes then are, half as many to three times as
-    many of the first trains fail as may; fewer where it was lowered, and where the limits bind no more."""
-    level, calm, lowered, lost, slopes = FIRST_LEVEL, None, False, 1.0 - search.wanted, search.slopes
+    """The level of predicted openings from whose cam the gradient steps start.
+
+    The failing trains among the first ones number FEWEST_FAILING to MOST_FAILING times the permitted failures with this
+    cam. They may be fewer if the level had to be lowered, or if the limits on the openings no longer bind.
+    """
+    level, calm, lowered, slopes = FIRST_LEVEL, None, False, search.slopes
     while True:
-        found = largest(level, z)
-        z, times = found.z, slopes.about(found, lost)
-        search.report(slopes.cam, FORETOLD, slopes.drawn, slopes.drawn.failing)
+        z = largest(level, z)
+        times = slopes.move_to(z)
+        search.report(slopes.cam, OPENINGS, slopes.drawn, slopes.drawn.failing)
         if times > MOST_FAILING and level > LEAST_LEVEL:
             if calm is not None:
-                slopes.about(calm, lost)
+                slopes.move_to(calm.z)
                 return level / LEVEL_FACTOR
             level, lowered = level / LEVEL_FACTOR, True
-        elif lowered or times >= FEWEST_FAILING or (calm and found.area_ratio < calm.area_ratio + RESOLUTION):
+        elif lowered or times >= FEWEST_FAILING or (calm and slopes.cam.area_ratio < calm.area_ratio + RESOLUTION):
             return level
         else:
-            level, calm = level * LEVEL_FACTOR, found
+            level, calm = level * LEVEL_FACTOR, slopes.cam
 
 
 def smaller_cams(search: YieldSearch, largest: LargestCam, level: float, z: np.ndarray) -> None:
-    """Judges the cam of a level of foretold openings and ever smaller ones, until one holds, where slopes lead to none:
-    motions of few trains may have none that leads back. Raises NoCamFound where not even the lowest level has one."""
+    """Judges the cam of a level of predicted openings and then of ever lower levels, until one is accepted.
+
+    It is used where the gradient steps lead to no such cam, since the gradients of a few trains may not point back to
+    one. Raises NoCamFound where the cam of the lowest level is rejected too.
+    """
     while True:
-        found = largest(level, z)
-        z = found.z
-        failing = search.evaluate(found, FORETOLD)
+        z = largest(level, z)
+        failing = search.evaluate(search.slopes.cam_of(z), OPENINGS)
         if search.held:
             return
         if level <= LOWEST_LEVEL:
-            raise search.none_holds(failing)
+            raise NoCamFound(
+                f"{100 * search.wanted:g} % of the drawn trains hold no cam that was tried: of "
+                f"{len(search.unseen.trains)} trains {failing} fail with the smallest one. Ask for a smaller yield, "
+                f"relax the limits on the motion or make the tolerances narrower; `camopt yield` says which is to blame"
+            )
         if level > 0.0:
             level = level / LEVEL_FACTOR if level > LEAST_LEVEL else 0.0
         else:

@@ -1,1 +1,1 @@
-"""The linear programs: the kinematic problem, and contacts that stay closed under the linear periodic motion."""
+"""Linear programs for the cam: the kinematic problem, and contacts that stay closed in the linear periodic motion."""

@@ -1,5 +1,5 @@
-"""Reading a scene that may leave its duration to camopt: that between the ramps, from an engineer's figure at a lift
-alone, such as "250 crank degrees at 1 mm"."""
+"""Loading of a scene in which camopt may choose the duration between the ramps, from a duration at a lift such as
+"250 crank degrees at 1 mm"."""
 
 from pathlib import Path
 
@@ -9,22 +9,22 @@ from camopt.scene.errors import InputError
 from camopt.scene.schema import Part, Scene
 
 ROOM = 0.02
-"""Share by which a chosen duration exceeds the shortest one: there the flanks are given by their limits alone, and the
-search for what the valve train can follow has no room."""
+"""Relative amount by which the chosen duration exceeds the shortest one. With the shortest duration the limits alone
+determine the flanks, and the search has no freedom left to adapt the cam to the valve train."""
 
 
 def load_scene(source: str | Path, need: tuple[Part, ...] = ()) -> Scene:
-    """The scene of a built-in name or TOML file, fully checked; one that leaves its duration open gets one.
+    """The scene of a built-in name or TOML file, fully checked; a duration that the scene leaves open is chosen.
 
-    `need` names optional parts that the caller cannot do without, out of "valve", "seat", "operation", "design",
-    "geometry". Numbers keep the units of their keys (`_mm`, `_deg`, `_rpm`). Raises InputError with one line per fault.
+    `need` names optional parts that the caller requires, out of "valve", "seat", "operation", "design", "geometry".
+    Numbers keep the units of their keys (`_mm`, `_deg`, `_rpm`). Raises InputError with one line per fault.
     """
     return load.load_scene(source, need, chosen_duration_deg)
 
 
 def chosen_duration_deg(design: Design) -> float:
-    """The duration_deg of a design that leaves it to its `duration_at`: the shortest one and `ROOM`. Raises InputError
-    where no duration will do, and where `duration_at` asks for no least one."""
+    """The duration_deg of a design that leaves it to its `duration_at`: the shortest possible one plus `ROOM`. Raises
+    InputError where no duration is possible, and where `duration_at` has no least duration."""
     from camopt.optimizer.program.kinematic import DURATION_STEP_DEG, longest_duration_deg, shortest_duration_deg
 
     if not any(least for _, least, _ in design.duration_at):

@@ -1,8 +1,8 @@
-"""A linear program as a function that JAX differentiates: HiGHS solves it on the host, its duals and basis give slopes.
+"""A linear program as a function that JAX can differentiate, solved by HiGHS on the host.
 
 The largest value v = c z under A z <= b has dv = dc z + y (db - dA z) with the duals y (the envelope theorem; Gal 1995,
-Postoptimal Analyses, Parametric Programming and Related Topics). At a vertex the basis' rows B hold with equality, and
-as long as they are the basis, dz = B^-1 (db_B - dB z) and dy_B = B^-T (dc - dB^T y_B).
+Postoptimal Analyses, Parametric Programming and Related Topics). At a vertex the rows B of the basis are active. As
+long as the basis does not change, dz = B^-1 (db_B - dB z) and dy_B = B^-T (dc - dB^T y_B).
 """
 
 from functools import lru_cache
@@ -19,7 +19,7 @@ from camopt.optimizer.program.linear_program import ADDED_PER_ROUND, Rows, maxim
 from camopt.scene.errors import InputError
 
 MOST_MODELS = 8
-"""Programs kept with their last basis: enough for a few in turn, and thousands of rows take megabytes."""
+"""Number of programs that are kept with their last basis, of which one with thousands of rows takes megabytes."""
 
 
 class LinearOptimum(NamedTuple):
@@ -35,19 +35,19 @@ def linear_program(
 ) -> LinearOptimum:
     """The z (m), free in sign, with the largest objective (m) @ z under matrix (r, m) @ z <= bound (r), in JAX.
 
-    `size` (m) are typical magnitudes of z, for the solver's scaling (one each by default). Works under `jax.jit`,
-    `jax.vmap` and `jax.grad` (once, in reverse mode) with respect to all three arguments. A program with a matrix that
-    was solved before goes on from its last basis.
+    `size` (m) are typical magnitudes of z, for the solver's scaling (1 by default). The function works under `jax.jit`,
+    `jax.vmap` and `jax.grad` (once, in reverse mode) with respect to all three arguments. A program whose matrix was
+    solved before starts from its last basis.
 
-    Derivatives are those of the vertex that was found, while its basis lasts: the true ones where it is not degenerate.
-    Where more rows than m hold with equality, the value has the slope of the duals found to one side only, and z may
-    turn another way on the other; where a dual of the basis is zero, the maximiser is one of many. Along a direction
-    that the rows leave free and the objective does not ask for, nothing moves.
+    The derivatives are those of the solution's vertex, with its basis fixed. They are the true ones if the vertex is
+    not degenerate. If more than m rows are active, the derivative of the value holds to one side only, and z may move
+    in another direction on the other side. If a dual of the basis is zero, the maximiser is not unique. The derivative
+    is zero along a direction that the rows leave free and on which the objective does not depend.
 
-    A program without any point has the value -inf, one without a largest value inf; z, duals and slopes are NaN then,
-    and all is NaN where the solver gives up. Raises InputError for arguments whose shapes do not fit.
+    An infeasible program has the value -inf, an unbounded one inf; z, duals and derivatives are NaN then. Everything is
+    NaN where the solver fails. Raises InputError for arguments whose shapes do not fit.
     """
-    cost, left, right = (jnp.asarray(part, dtype=float) for part in (objective, matrix, bound))
+    cost, left, right = (jnp.asarray(argument, dtype=float) for argument in (objective, matrix, bound))
     columns = jnp.ones(cost.shape) if size is None else jnp.asarray(size, dtype=float)
     shapes = cost.shape, left.shape, right.shape
     if len(left.shape) != 2 or cost.shape != left.shape[1:] or right.shape != left.shape[:1] or not right.size:
@@ -75,8 +75,8 @@ def _forward(cost, matrix, bound, size):
     return (z, value, duals), (z, duals, basis, inverse, size)
 
 
-def _backward(kept, bars):
-    z, duals, basis, inverse, size = kept
+def _backward(residuals, bars):
+    z, duals, basis, inverse, size = residuals
     z_bar, value_bar, duals_bar = bars
     by_bound = jnp.zeros_like(duals).at[basis].add(inverse.T @ z_bar) + value_bar * duals
     by_cost = inverse @ duals_bar[basis] + value_bar * z
@@ -88,11 +88,11 @@ _program.defvjp(_forward, _backward)
 
 
 def _solve(cost: Any, matrix: Any, bound: Any, size: Any) -> tuple[np.ndarray, ...]:
-    """What `_solved` asks the host for."""
-    cost, matrix, bound, size = (np.asarray(part, dtype=float) for part in (cost, matrix, bound, size))
+    """The solution on the host, called back from `_solved`."""
+    cost, matrix, bound, size = (np.asarray(argument, dtype=float) for argument in (cost, matrix, bound, size))
     rows = _rows(matrix.tobytes(), size.tobytes())
     try:
-        found = maximise(cost, rows, bound, np.arange(0, len(bound), max(1, len(bound) // ADDED_PER_ROUND)))
+        optimum = maximise(cost, rows, bound, np.arange(0, len(bound), max(1, len(bound) // ADDED_PER_ROUND)))
     except (Infeasible, ArithmeticError) as none:  # there is no maximiser
         value = {Infeasible: -np.inf, Unbounded: np.inf}.get(type(none), np.nan)
         z, duals, inverse = (np.full(shape, np.nan) for shape in (len(size), len(bound), (len(size), len(size))))
@@ -100,13 +100,13 @@ def _solve(cost: Any, matrix: Any, bound: Any, size: Any) -> tuple[np.ndarray, .
     basis = rows.model.basis()
     inverse = np.zeros((len(size), len(size)))
     inverse[:, : len(basis)] = np.linalg.pinv(rows.scaled[basis]) * size[:, None] / rows.norm[basis]
-    padded = np.zeros(len(size), dtype=np.int32)  # beyond the basis the derivative is zero, whichever row stands there
+    padded = np.zeros(len(size), dtype=np.int32)  # the row numbers beyond the basis do not matter: their columns are 0
     padded[: len(basis)] = basis
-    return found.z, np.array(found.value), found.duals, padded, inverse
+    return optimum.z, np.array(optimum.value), optimum.duals, padded, inverse
 
 
 @lru_cache(maxsize=MOST_MODELS)
 def _rows(matrix: bytes, size: bytes) -> Rows:
-    """The rows of a matrix, the same ones, with their solver, where it was solved lately."""
+    """The rows of a matrix; the same object, with its solver, for a matrix that was solved recently."""
     column = np.frombuffer(size)
     return Rows(np.frombuffer(matrix).reshape(-1, len(column)), column)

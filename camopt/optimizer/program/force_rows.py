@@ -1,5 +1,6 @@
-"""Forces of the closed contacts at one speed, affine in a free cam's coefficients, and the windows where they count."""
+"""Forces of the closed contacts at one speed, affine in a free cam's coefficients, in the windows with a constraint."""
 
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -13,17 +14,17 @@ from camopt.scene.train import Train
 from camopt.scene.units import DEG, RPM
 
 OPENING, CLOSING, SEAT, PEAK = range(4)
-"""Kinds of force rows: cam side before and after the middle, seat, and the cam side's largest force."""
+"""Kinds of force rows: cam side before and after the middle, seat, and the largest force on the cam side."""
 DAMPED = 1 - 1e-9
-"""Largest factor by which a revolution may multiply a disturbance: without damping it is 1 to round-off, on either
-side. At this one a disturbance would take a million revolutions and more to lose a thousandth."""
+"""Largest factor by which a revolution may multiply a disturbance. Without damping the factor is 1 up to round-off of
+either sign; with this value a disturbance takes more than a million revolutions to lose a thousandth."""
 NEXT = 1 * DEG
-"""Largest angle between a row of a contact and its next one; a wider one lies where it may open."""
+"""Largest angle [rad] between two successive rows of a contact; it may open in a wider gap."""
 AFTER_TOP, BEFORE_SEAT = 2 * DEG, 4 * DEG
-"""Where the forces on the cam side count: from behind the opening ramp top to ahead of the seat's closing."""
+"""Window on the cam side [rad]: from AFTER_TOP after the opening ramp's top to BEFORE_SEAT before the seat closes."""
 AFTER_SEAT, BEFORE_LASH = 12 * DEG, 6 * DEG
-"""Where that on the seat counts: from behind its closing to ahead of the lash's closing in the next revolution. Between
-them ring the impacts that close lash and seat, which no cam can help."""
+"""Window on the seat [rad]: from AFTER_SEAT behind its closing to BEFORE_LASH ahead of the lash's next closing. Outside
+the windows the forces ring with the impacts that close lash and seat, which no cam can avoid."""
 
 
 @dataclass(frozen=True)
@@ -41,21 +42,21 @@ class SpeedRows:
 
 @dataclass(frozen=True)
 class Box:
-    """Free coefficients no further from `centre` (m) than `width`, in each of them: where linear rows are believed."""
+    """A trust region for linearised rows: each free coefficient differs from `centre` (m) by at most `width`."""
 
     centre: np.ndarray
     width: float
 
 
 def averaged(block: SpeedRows, beside: int) -> SpeedRows:
-    """The block with each force the mean of its own and those at so many angles on either side, reflected where the
-    rows of a contact begin and end; the largest forces stay as they are."""
+    """The block with each force replaced by its mean with the forces at `beside` angles on either side, reflected where
+    the rows of a contact begin and end. The rows of kind PEAK stay as they are."""
     peak = block.kind == PEAK
-    ends = (np.diff(block.element) != 0) | np.diff(peak) | (np.abs(np.diff(block.angle)) > NEXT)
+    last = (np.diff(block.element) != 0) | np.diff(peak) | (np.abs(np.diff(block.angle)) > NEXT)
     rows = np.column_stack([block.matrix, block.offset])
-    for run in np.split(np.arange(len(rows)), np.flatnonzero(ends) + 1):
-        if len(run) and not peak[run[0]]:
-            rows[run] = uniform_filter1d(rows[run], 2 * beside + 1, axis=0, mode="reflect")
+    for indices in np.split(np.arange(len(rows)), np.flatnonzero(last) + 1):
+        if len(indices) and not peak[indices[0]]:
+            rows[indices] = uniform_filter1d(rows[indices], 2 * beside + 1, axis=0, mode="reflect")
     return replace(block, matrix=np.ascontiguousarray(rows[:, :-1]), offset=rows[:, -1])
 
 
@@ -80,13 +81,26 @@ def speed_rows(train: Train, design: Design, samples: CamSamples, cam_speed: flo
     closed = (theta >= angles.seat_closes + AFTER_SEAT) | (theta <= angles.lash_closes - BEFORE_LASH)
     seated = np.flatnonzero(closed & (angles.phase(theta) == SEATED))
     lifted = lifted[angles.phase(theta[lifted]) == LIFTED]
-    parts = []
-    for e in train.cam_side:
-        force, own = response.force(e, lifted), (np.full(len(lifted), e), theta[lifted])
-        parts.append((force, np.where(theta[lifted] < 0, OPENING, CLOSING), *own))
-        if design.contact_force_max_N is not None:
-            parts.append((force, np.full(len(lifted), PEAK), *own))
-    own = np.full(len(seated), train.seat), theta[seated]
-    parts.append((response.force(train.seat, seated), np.full(len(seated), SEAT), *own))
-    force, kind, element, angle = (np.concatenate(part) for part in zip(*parts, strict=True))
-    return SpeedRows(cam_speed, angles, np.ascontiguousarray(force[:, 1:]), force[:, 0], kind, element, angle)
+    on_cam_side = {e: response.force(e, lifted) for e in train.cam_side}
+    on_seat = response.force(train.seat, seated)
+    return joined_rows(train, design, (cam_speed, angles), theta[lifted], on_cam_side, theta[seated], on_seat)
+
+
+def joined_rows(
+    train: Train,
+    design: Design,
+    speed: tuple[float, Angles],
+    theta: np.ndarray,
+    forces: Mapping[int, np.ndarray],
+    seated: np.ndarray,
+    on_seat: np.ndarray,
+) -> SpeedRows:
+    """The force rows of one `speed`, a cam speed [rad/s] and its switching angles: from the `forces` (k, 1 + m) [N],
+    affine in z, of each contact between cam and valve at `theta` (k) [rad], and those `on_seat` at `seated` [rad]."""
+    kinds = [np.where(theta < 0, OPENING, CLOSING)]
+    if design.contact_force_max_N is not None:
+        kinds.append(np.full(len(theta), PEAK))
+    parts = [(force, kind, np.full(len(theta), e), theta) for e, force in forces.items() for kind in kinds]
+    parts.append((on_seat, np.full(len(seated), SEAT), np.full(len(seated), train.seat), seated))
+    force, kind, element, angle = (np.concatenate(column) for column in zip(*parts, strict=True))
+    return SpeedRows(*speed, np.ascontiguousarray(force[:, 1:]), force[:, 0], kind, element, angle)

@@ -1,8 +1,8 @@
 """Linear programs with many dense rows and few columns: HiGHS on a working set of rows that grows as needed.
 
-Of several ten thousand rows only about as many bind as there are columns. Each round solves on the working set and adds
-the rows that the answer breaks, until none is left. The rows keep their model and its basis, from which the dual
-simplex method goes on when rows are added and when right sides change (Huangfu and Hall 2018, as HiGHS has it).
+Of several ten thousand rows only about as many bind as there are columns. Each round solves the program on the working
+set and adds the rows that the solution violates, until there are none. The rows keep their model and its basis, from
+which HiGHS's dual simplex method continues when rows are added or right-hand sides change (Huangfu and Hall 2018).
 """
 
 from dataclasses import dataclass
@@ -14,35 +14,35 @@ from highspy import HighsBasisStatus
 from camopt.highs import FARTHEST, FEASIBILITY, Infeasible, Solver, entries_of, succeeds
 
 NOTHING = 1e-100
-"""Entries that count as zero: what is left of a force long after the cam has passed, at low speeds and high damping."""
+"""Size below which entries count as zero, as those of forces that have decayed long after the cam has passed."""
 ADDED_PER_ROUND = 400
-"""Most violated rows added in one round."""
+"""Largest number of rows added in one round: those with the largest violation."""
 MAX_ROUNDS = 60
 KEPT_PER_COLUMN = 4
-"""Rows per column that are kept for the next program: the tightest ones; slack ones go once there are twice as many."""
+"""Rows per column, the tightest ones, that are kept once a model has more than twice as many."""
 
 
 @dataclass(frozen=True)
 class Rows:
-    """Left side of matrix (r, m) @ z <= bound; `column` (m) are typical sizes of z, for the solver's scaling."""
+    """Left-hand side of matrix (r, m) @ z <= bound; `column` (m) are typical sizes of z, for the solver's scaling."""
 
     matrix: np.ndarray
     column: np.ndarray
 
     @cached_property
     def norm(self) -> np.ndarray:
-        """Largest entry of each row at the typical sizes (r); a row of nothing above NOTHING has norm 1."""
+        """Largest entry of each row at the typical sizes (r); 1 for a row without entries above NOTHING."""
         largest = np.abs(self.matrix * self.column).max(axis=1)
         return np.where(largest > NOTHING, largest, 1.0)
 
     @cached_property
     def scaled(self) -> np.ndarray:
-        """The matrix as the solver sees it: typical columns, rows with a largest entry of one."""
+        """The matrix for the solver: columns times the typical sizes, rows with a largest entry of one."""
         return self.matrix * self.column / self.norm[:, None]
 
     @cached_property
     def model(self) -> "WarmModel":
-        """The solver's model of these rows, which remembers the last working set and basis."""
+        """The solver's model of these rows, which keeps the last working set and basis."""
         return WarmModel(self.scaled)
 
 
@@ -53,69 +53,69 @@ class Optimum:
     z: np.ndarray
     value: float
     duals: np.ndarray
-    working: np.ndarray  # indices of the tightest rows: a good first working set for a program that differs little
+    working: np.ndarray  # indices of the tightest rows, a good first working set for a similar program
 
 
 class WarmModel:
     """A HiGHS model of some rows of `matrix` (r, m), columns free in sign, that keeps its basis between programs.
 
-    Columns lie within FARTHEST of zero at first, so that a working set always has an optimum.
+    Columns are restricted to FARTHEST at first, so that every working set has an optimum.
     """
 
     def __init__(self, matrix: np.ndarray):
-        self.matrix, self.held = matrix, np.zeros(0, dtype=int)  # indices of the rows in the model
+        self.matrix, self.indices = matrix, np.zeros(0, dtype=int)  # indices of the rows in the model
         self.solver, self.reach = Solver(), FARTHEST
         self._highs, self._columns = self.solver.highs, np.arange(matrix.shape[1], dtype=np.int32)
         edge = np.full(len(self._columns), FARTHEST)
         succeeds(self._highs.addVars(len(edge), -edge, edge))
 
     def add(self, rows: np.ndarray, level: np.ndarray) -> None:
-        """Take further rows in, their right sides from `level` (r)."""
-        rows = np.setdiff1d(rows, self.held)
+        """Adds `rows` to the model, with right-hand sides from `level` (r)."""
+        rows = np.setdiff1d(rows, self.indices)
         starts, columns, entries = entries_of(self.matrix[rows])
         lowest = np.full(len(rows), -np.inf)
         succeeds(self._highs.addRows(len(rows), lowest, level[rows], len(entries), starts[:-1], columns, entries))
-        self.held = np.concatenate([self.held, rows])
+        self.indices = np.concatenate([self.indices, rows])
 
     def keep(self, rows: np.ndarray) -> None:
-        """Leave out the slack rows that are not among `rows`; a basis without them stays one."""
-        out = np.flatnonzero(self._slack() & ~np.isin(self.held, rows)).astype(np.int32)
+        """Removes the slack rows that are not among `rows`; the basis remains valid without them."""
+        out = np.flatnonzero(self._slack() & ~np.isin(self.indices, rows)).astype(np.int32)
         succeeds(self._highs.deleteRows(len(out), out))
-        self.held = np.delete(self.held, out)
+        self.indices = np.delete(self.indices, out)
 
     def basis(self) -> np.ndarray:
-        """Indices of the rows that hold the last solution, as many as columns at a vertex: those outside the basis."""
-        return self.held[~self._slack()]
+        """Indices of the rows that determine the last solution: the nonbasic ones, as many as columns at a vertex."""
+        return self.indices[~self._slack()]
 
     def _slack(self) -> np.ndarray:
-        """Whether the last solution leaves room in each row of the model."""
+        """Whether each row of the model is slack in the last solution."""
         return np.array([status == HighsBasisStatus.kBasic for status in self._highs.getBasis().row_status], dtype=bool)
 
     def pose(self, cost: np.ndarray, level: np.ndarray) -> None:
-        """Another objective (m) and right sides (r) on the rows in the model."""
+        """Sets the objective (m) and the right-hand sides (r) of the rows in the model."""
         succeeds(self._highs.changeColsCost(len(cost), self._columns, -cost))
-        count = len(self.held)
-        every, lowest = np.arange(count, dtype=np.int32), np.full(count, -np.inf)
+        count = len(self.indices)
+        rows, lowest = np.arange(count, dtype=np.int32), np.full(count, -np.inf)
         change = self._highs.changeRowsBounds  # pyright: ignore[reportAttributeAccessIssue]  # its stubs leave it out
-        succeeds(change(count, every, lowest, level[self.held]))
+        succeeds(change(count, rows, lowest, level[self.indices]))
 
     def within(self, reach: float) -> None:
-        """Let every column lie within `reach` of zero."""
+        """Restricts every column to `reach` on either side of zero."""
         if reach != self.reach:
             edge, self.reach = np.full(len(self._columns), reach), reach
             succeeds(self._highs.changeColsBounds(len(edge), self._columns, -edge, edge))
 
     def solve(self) -> tuple[np.ndarray, np.ndarray]:
         """Solution (m) and duals of the rows in the model. Raises as `Solver.decide` does."""
-        found = self.solver.decide()
-        return np.array(found.col_value), np.maximum(-np.array(found.row_dual), 0.0)
+        solution = self.solver.decide()
+        return np.array(solution.col_value), np.maximum(-np.array(solution.row_dual), 0.0)
 
 
 def maximise(objective: np.ndarray, rows: Rows, bound: np.ndarray, working: np.ndarray) -> Optimum:
     """The point z (m) with the largest objective @ z under rows.matrix @ z <= bound (r), z free in sign.
 
-    `working` (w) are row indices to begin with where these rows are new to the solver, which decide the time taken
-    alone. Raises Infeasible, Unbounded, and ArithmeticError where the solver gives up.
+    `working` (w) are the row indices of the first working set if the model has no rows yet; they affect only the time
+    taken. Raises Infeasible, Unbounded, and ArithmeticError where the solver fails.
     """
     level, model = bound / rows.norm, rows.model
     if level.min(initial=0.0) < -FARTHEST * len(objective):
@@ -124,17 +124,17 @@ def maximise(objective: np.ndarray, rows: Rows, bound: np.ndarray, working: np.n
     cost_scale = np.abs(cost).max() or 1.0
     model.within(FARTHEST)
     model.pose(cost / cost_scale, level)
-    if len(model.held) == 0:
+    if len(model.indices) == 0:
         model.add(working, level)
     for _ in range(MAX_ROUNDS):
         u, multipliers = model.solve()
         excess = rows.scaled @ u - level
         broken = excess > FEASIBILITY
-        broken[model.held] = False  # these hold to the solver's tolerance
+        broken[model.indices] = False  # these are satisfied to the solver's tolerance
         worst = np.flatnonzero(broken)
         if len(worst):
             model.add(worst[np.argsort(excess[worst])[-ADDED_PER_ROUND:]], level)
-        elif np.abs(u).max() >= model.reach:  # a direction in which no row stands: unbounded, or of no worth
+        elif np.abs(u).max() >= model.reach:  # no row bounds this direction: it is unbounded or has no effect
             model.within(np.inf)
         else:
             return _optimum(objective, rows, model, u, multipliers * cost_scale, excess)
@@ -142,20 +142,22 @@ def maximise(objective: np.ndarray, rows: Rows, bound: np.ndarray, working: np.n
 
 
 def _optimum(objective, rows: Rows, model: WarmModel, u, multipliers, excess) -> Optimum:
-    """The optimum at the scaled point u (m), which breaks no row; the slackest rows leave the model."""
+    """The optimum at the scaled point u (m), which violates no row; the slackest rows are removed from the model."""
     duals = np.zeros(len(excess))
-    duals[model.held] = multipliers / rows.norm[model.held]
+    duals[model.indices] = multipliers / rows.norm[model.indices]
     z = u * rows.column
     tightest = np.argsort(-excess)[: KEPT_PER_COLUMN * len(z)]
-    if len(model.held) > 2 * len(tightest):
+    if len(model.indices) > 2 * len(tightest):
         model.keep(tightest)
     return Optimum(z, float(objective @ z), duals, tightest)
 
 
 class ElasticProgram:
-    """A program with penalised constraint violation (elastic mode): the last entry of a point is s >= 0, by which rows
-    (r, m) may be broken: each by what it gives for s = 1 (r), at a cost. `size` is a typical s, for the solver's
-    scaling."""
+    """A linear program with penalised constraint violation (elastic mode).
+
+    The last entry of a point is s >= 0. Row i of (r, m) may be violated by give[i] * s, and the objective is reduced by
+    cost * s. `size` is a typical s, for the solver's scaling.
+    """
 
     def __init__(self, rows: Rows, bound: np.ndarray, give: np.ndarray, objective, cost: float, size: float, working):
         last = np.append(np.zeros(len(rows.column)), -1.0)
@@ -164,8 +166,8 @@ class ElasticProgram:
         self.objective, self.working = np.append(objective, -cost), np.append(working, len(give))
 
     def solve(self, bound: np.ndarray | None = None) -> Optimum:
-        """The point of largest value, with other right sides (r) where they are given; raises Infeasible where the rows
-        that do not give contradict each other."""
+        """The point of largest value, with other right-hand sides (r) if these are given. Raises Infeasible where the
+        rows that may not be violated contradict each other."""
         bound = self.bound if bound is None else bound
         return maximise(self.objective, self.rows, np.append(bound, 0.0), self.working)
 
@@ -173,7 +175,7 @@ class ElasticProgram:
 def least_relaxation(rows: Rows, bound: np.ndarray, give: np.ndarray, size: float, working: np.ndarray) -> float | None:
     """Smallest s >= 0 with rows.matrix @ z <= bound + give (r) * s; None where no s is enough."""
     try:
-        found = ElasticProgram(rows, bound, give, np.zeros(len(rows.column)), 1.0, size, working).solve()
+        optimum = ElasticProgram(rows, bound, give, np.zeros(len(rows.column)), 1.0, size, working).solve()
     except Infeasible:
         return None
-    return max(float(found.z[-1]), 0.0)
+    return max(float(optimum.z[-1]), 0.0)

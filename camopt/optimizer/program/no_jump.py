@@ -1,8 +1,8 @@
-"""Largest area whose contacts stay closed at every speed: a linear program, under the linear model of `periodic`.
+"""The linear program of largest area with contacts that stay closed at every speed, under the model of `periodic`.
 
-Its rows keep each contact force, affine in the cam's free coefficients, at a margin at least, in contacts between cam
-and valve while the valve is lifted, and in the seat while it is seated. A negative margin allows the linear model some
-tension, which the real contact answers with a small separation.
+The contact forces are affine in the cam's free coefficients. The rows keep them above a margin: in the contacts between
+cam and valve while the valve is lifted, and in the seat while it is seated. A negative margin permits some tension in
+the linear model, for which the real contact separates a little.
 """
 
 from collections.abc import Sequence
@@ -35,13 +35,13 @@ from camopt.scene.errors import NoCamFound
 from camopt.scene.train import Train
 
 SHORTFALL = 1.01
-"""Factor on a shortfall, so that the margins below it are surely held."""
+"""Factor on a shortfall, so that the program is feasible in spite of rounding when the margins are reduced by it."""
 BESIDE = 0.2
-"""Part of a step between two rows within which a row of a program that differs little is the same one."""
+"""Largest difference of angle, as a fraction of the step between rows, at which rows of two similar programs match."""
 
 
 class NoCamHoldsContact(NoCamFound):
-    """No free cam keeps the margins; `shortfall_N` is by how much all of them together would have to fall."""
+    """No free cam keeps the margins; all of them would have to be reduced by `shortfall_N`."""
 
     def __init__(self, sentence: str, shortfall_N: float):
         super().__init__(sentence)
@@ -66,53 +66,54 @@ class NoJumpOptimum:
     @property
     def margin_prices(self) -> np.ndarray:
         """d area ratio / d margin [1/N] by kind and speed, shape (3, speeds): zero or negative."""
-        p, first = self.program, len(self.program.limits.bound)
+        program, first = self.program, len(self.program.limits.bound)
         prices = np.zeros(self.margins.shape)
-        rows = np.flatnonzero(p.kind != PEAK)
-        np.add.at(prices, (p.kind[rows], p.speed[rows]), -self.optimum.duals[first + rows])
+        rows = np.flatnonzero(program.kind != PEAK)
+        np.add.at(prices, (program.kind[rows], program.speed[rows]), -self.optimum.duals[first + rows])
         return prices
 
-    def value_in(self, other: "NoJumpProgram") -> float | None:
-        """The largest area ratio of a program that differs little, by another train or other ramps, to first order: by
-        this cam and its duals (the envelope theorem; Gal 1995, Postoptimal Analyses). None where a row that binds has
-        none beside it there."""
+    def value_in(self, similar: "NoJumpProgram") -> float | None:
+        """The largest area ratio of a similar program, with another train or other ramps, to first order: from this cam
+        and its duals (the envelope theorem; Gal 1995, Postoptimal Analyses). None if an active row has no match there.
+        """
         duals, first = self.optimum.duals, len(self.program.limits.bound)
-        if len(other.limits.bound) != first:
+        if len(similar.limits.bound) != first:
             return None
-        row, constant = area_ratio_row(other.design, other.cam)
-        value = row @ self.z + constant + duals[:first] @ (other.limits.bound - other.limits.matrix @ self.z)
+        row, constant = area_ratio_row(similar.design, similar.cam)
+        value = row @ self.z + constant + duals[:first] @ (similar.limits.bound - similar.limits.matrix @ self.z)
         count = len(self.program.kind)
         for r in np.flatnonzero(duals[first:][:count] > 0):
-            slack = self._slack_in(other, int(r))
+            slack = self._slack_in(similar, int(r))
             if slack is None:
                 return None
             value += duals[first + r] * slack
-        for dual in duals[first + count :]:  # that the maximum lift is reached
-            value += dual * (other.cam.lift(self.z).max_lift - self.lift.max_lift)
+        for dual in duals[first + count :]:  # of the row that requires the maximum lift to be reached
+            value += dual * (similar.cam.lift(self.z).max_lift - self.lift.max_lift)
         return float(value)
 
-    def _slack_in(self, other: "NoJumpProgram", r: int) -> float | None:
-        """How far this cam's force of row r is within its limit [N], at the row's angle in the other program."""
-        p, speed = self.program, self.program.speed[r]
-        mine, its, at = p.held[speed], other.held[speed], r - int(np.searchsorted(p.speed, speed))
-        alike = np.flatnonzero((its.kind == mine.kind[at]) & (its.element == mine.element[at]))
-        off = np.abs(its.angle[alike] - mine.angle[at])
-        if not len(alike) or off.min() > BESIDE * p.step:
+    def _slack_in(self, similar: "NoJumpProgram", r: int) -> float | None:
+        """Slack [N] of this cam's force of row r in the other program, at the row that matches it; None without one."""
+        program, speed = self.program, self.program.speed[r]
+        block, matching = program.constrained[speed], similar.constrained[speed]
+        at = r - int(np.searchsorted(program.speed, speed))
+        candidates = np.flatnonzero((matching.kind == block.kind[at]) & (matching.element == block.element[at]))
+        distance = np.abs(matching.angle[candidates] - block.angle[at])
+        if not len(candidates) or distance.min() > BESIDE * program.step:
             return None
-        beside = alike[np.argmin(off)]
-        force = float(its.offset[beside] + its.matrix[beside] @ self.z)
-        if mine.kind[at] == PEAK:
-            return (other.design.contact_force_max_N or np.inf) - force
-        return force - float(self.margins[mine.kind[at], speed])
+        nearest = candidates[np.argmin(distance)]
+        force = float(matching.offset[nearest] + matching.matrix[nearest] @ self.z)
+        if block.kind[at] == PEAK:
+            return (similar.design.contact_force_max_N or np.inf) - force
+        return force - float(self.margins[block.kind[at], speed])
 
 
 @dataclass(frozen=True)
 class NoJumpProgram:
     """The no-jump linear program of a train, a design and a free cam, at the speeds of `blocks`.
 
-    Its rows hold means over so many forces on either side of each as are `averaged`. Margins are least contact forces
-    [N] on the opening flank, on the closing flank and at the seat: one number, one of each kind (3), or one of each
-    kind and speed (3, s).
+    Its rows constrain the mean of each force with `averaged` forces on either side. Margins are least contact forces
+    [N] on the opening flank, on the closing flank and at the seat: one number, one per kind (3), or one per kind and
+    speed (3, s).
     """
 
     train: Train
@@ -121,7 +122,7 @@ class NoJumpProgram:
     blocks: tuple[SpeedRows, ...]
     box: Box | None = None
     averaged: int = 0
-    step: float = SAMPLE  # the longest one between two rows [rad]
+    step: float = SAMPLE  # longest step between two rows [rad]
 
     @property
     def speeds(self) -> np.ndarray:
@@ -134,8 +135,8 @@ class NoJumpProgram:
         return self.cam.limits(self.design)
 
     @cached_property
-    def held(self) -> tuple[SpeedRows, ...]:
-        """The blocks whose forces the rows hold."""
+    def constrained(self) -> tuple[SpeedRows, ...]:
+        """The blocks with the averaged forces, which the rows constrain."""
         return tuple(averaged(b, self.averaged) for b in self.blocks) if self.averaged else self.blocks
 
     @cached_property
@@ -151,7 +152,7 @@ class NoJumpProgram:
     @cached_property
     def rows(self) -> Rows:
         """Kinematic rows, then force rows, then those of the box: matrix @ z <= bound."""
-        force = np.concatenate([b.matrix for b in self.held])
+        force = np.concatenate([b.matrix for b in self.constrained])
         force *= np.where(self.kind == PEAK, 1.0, -1.0)[:, None]
         sides = [] if self.box is None else [np.eye(force.shape[1]), -np.eye(force.shape[1])]
         return spline_rows(np.concatenate([self.limits.matrix, force, *sides]))
@@ -162,8 +163,8 @@ class NoJumpProgram:
         return np.broadcast_to(rows[:, None] if rows.ndim == 1 else rows, (3, len(self.blocks)))
 
     def bound(self, margins: ArrayLike) -> np.ndarray:
-        """Right side of the program for margins."""
-        offset = np.concatenate([b.offset for b in self.held])
+        """Right-hand sides (r) of the program for margins."""
+        offset = np.concatenate([b.offset for b in self.constrained])
         least = self.margin_table(margins)[np.minimum(self.kind, SEAT), self.speed]
         peak = self.design.contact_force_max_N or np.inf
         force = np.where(self.kind == PEAK, peak - offset, offset - least)
@@ -171,13 +172,18 @@ class NoJumpProgram:
         sides = [] if box is None else [box.width + box.centre, box.width - box.centre]
         return np.concatenate([self.limits.bound, force, *sides])
 
+    def with_rows(self, blocks: tuple[SpeedRows, ...], box: Box | None) -> "NoJumpProgram":
+        """This program with other force rows and another box."""
+        program = replace(self, blocks=blocks, box=box)
+        vars(program)["limits"] = self.limits  # these depend on neither
+        return program
+
     def within(self, box: Box) -> "NoJumpProgram":
-        """This program within another box; the solver keeps its basis where this one has a box too."""
-        other = replace(self, box=box)
-        vars(other)["limits"] = self.limits
+        """This program with another box; the solver keeps its basis if this program has a box too."""
+        program = self.with_rows(self.blocks, box)
         if self.box is not None:
-            vars(other)["rows"] = self.rows
-        return other
+            vars(program)["rows"] = self.rows
+        return program
 
     def forces(self, z: np.ndarray) -> np.ndarray:
         """Contact force of every force row [N] under the linear model, shape (r)."""
@@ -186,8 +192,8 @@ class NoJumpProgram:
     def solve(
         self, margins: ArrayLike = HELD_N, explain: bool = True, working: np.ndarray | None = None
     ) -> NoJumpOptimum:
-        """The cam of largest area with these margins; `working` are indices of rows to begin with, where another
-        program says which. Raises NoCamHoldsContact where no cam keeps them; without `explain`, Infeasible."""
+        """The cam of largest area with these margins; `working` are the row indices of the first working set. Raises
+        NoCamHoldsContact where no cam keeps the margins, or Infeasible without `explain`."""
         table = self.margin_table(margins)
         row, constant = area_ratio_row(self.design, self.cam)
         working = self.first_working() if working is None else working
@@ -200,8 +206,8 @@ class NoJumpProgram:
         return NoJumpOptimum(self, table, optimum.z, optimum.value + constant, optimum)
 
     def solve_below(self, margins: ArrayLike, working: np.ndarray | None = None) -> NoJumpOptimum:
-        """The same with the margins or, where no cam keeps them, with all of them lower by what it takes; raises
-        NoCamHoldsContact where the other limits alone let no cam through."""
+        """Like `solve`, but where no cam keeps the margins, all of them are reduced by the least common amount that is
+        needed. Raises NoCamHoldsContact where the other limits alone are infeasible."""
         try:
             return self.solve(margins, working=working)
         except NoCamHoldsContact as short:
@@ -210,14 +216,14 @@ class NoJumpProgram:
             return self.solve(np.subtract(margins, SHORTFALL * short.shortfall_N))
 
     def first_working(self) -> np.ndarray:
-        """Row indices to begin with where nothing is known: the limits and every fortieth force row."""
+        """Row indices of the default first working set: rows of the limits and every fortieth force row."""
         first = len(self.limits.bound)
         return np.union1d(first_working(self.limits), np.arange(first, first + len(self.kind), 40))
 
     def relaxable(self, margins: ArrayLike) -> tuple[Rows, np.ndarray, np.ndarray, np.ndarray]:
-        """The rows, with a maximum lift reached in the middle, or where the box's own cam is highest, and their right
-        sides (r) for margins; what each gives where all margins fall by one (r) [1/N], and the first working
-        set."""
+        """The rows and right-hand sides (r) for margins, the change of each right-hand side per newton of reduction of
+        all margins (r), and the first working set. A maximum lift that must be reached is reached in the middle, or
+        where the box's central cam is highest."""
         top = peak_angle(self.cam.lift(self.box.centre)) if self.box else 0.0
         matrix, bound = with_lift_reached(self.cam, self.design, self.rows.matrix, self.bound(margins), top)
         give = np.zeros(len(bound))
@@ -226,14 +232,14 @@ class NoJumpProgram:
         return spline_rows(matrix), bound, give, working
 
     def elastic(self, margins: ArrayLike) -> ElasticProgram:
-        """The program that may miss the margins at the cost SHORT_OF_FORCE."""
+        """The elastic program, which may miss the margins at the cost SHORT_OF_FORCE."""
         rows, bound, give, working = self.relaxable(margins)
         row, _ = area_ratio_row(self.design, self.cam)
         unit = force_unit(self.train)
         return ElasticProgram(rows, bound, give, row, SHORT_OF_FORCE / unit, TYPICAL_FORCE * unit, working)
 
     def _shortfall(self, margins: np.ndarray) -> NoCamHoldsContact:
-        """Why no cam keeps margins (3, s) [N]."""
+        """The error that explains why no cam keeps the margins (3, s) [N]."""
         rows, bound, give, working = self.relaxable(margins)
         needed = least_relaxation(rows, bound, give, TYPICAL_FORCE * force_unit(self.train), working)
         if needed is None:
@@ -243,22 +249,22 @@ class NoJumpProgram:
                 np.inf,
             )
         least, largest = float(margins.min()), float(margins.max())
-        kept, most = f"{least:g} N", f"even the best cam needs contacts that pull with {needed - least:.3g} N"
+        margin, most = f"{least:g} N", f"even the best cam needs contacts that pull with {needed - least:.3g} N"
         if least < largest:
-            kept, most = f"{least:g} to {largest:g} N", f"lower by {needed:.3g} N each is the most"
+            margin, most = f"{least:g} to {largest:g} N", f"lower by {needed:.3g} N each is the most"
         elif needed < least:
             most = f"{least - needed:.4g} N is the most"
         reaching = " with max_lift_mm reached in the middle" if self.design.reach_max_lift else ""
         where = f"in the contacts at all of the {len(self.blocks)} speeds{reaching}"
-        return NoCamHoldsContact(f"keeping {kept} {where} is impossible: {most}", needed)
+        return NoCamHoldsContact(f"keeping {margin} {where} is impossible: {most}", needed)
 
     def under(self, design: Design) -> "NoJumpProgram":
-        """This program under other values of the limits, with the same duration, ramps and kinds of limits: where no
-        row's left side changes, the solver keeps its basis."""
-        other = replace(self, design=design)
-        if np.array_equal(other.limits.matrix, self.limits.matrix):
-            vars(other)["rows"] = self.rows
-        return other
+        """This program with other values of the limits, but the same duration, ramps and kinds of limits. If no row's
+        left-hand side changes, the solver keeps its basis."""
+        program = replace(self, design=design)
+        if np.array_equal(program.limits.matrix, self.limits.matrix):
+            vars(program)["rows"] = self.rows
+        return program
 
     def relocated(self, angles: Sequence[Angles]) -> "NoJumpProgram":
         """The same program at other switching angles, one per block."""

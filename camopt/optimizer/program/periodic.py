@@ -2,9 +2,9 @@
 
 Within a phase (see `phases`) the same contacts stay closed and may even pull. The motion is therefore linear with
 constant matrices, and its steady periodic response is affine in the cam's free coefficients. Each step is exact: the
-lift is a polynomial on it, so that the lift's derivatives are carried as further states and one matrix exponential
-moves both (Van Loan, IEEE Trans. Automatic Control 23, 1978). Steps of one kind on one piece of the cam make a block,
-over which a power of their matrix goes at once; what lies inside is read where it is asked for.
+lift is a polynomial on it, so that its derivatives are further states, and one matrix exponential advances both motion
+and lift (Van Loan, IEEE Trans. Automatic Control 23, 1978). Steps of one kind on one piece of the cam form a block,
+which a power of the step's matrix crosses at once. States inside a block are evaluated only where they are needed.
 """
 
 from dataclasses import dataclass
@@ -23,20 +23,20 @@ from camopt.scene.train import Train
 from camopt.scene.units import DEG
 
 LIFT_DERIVATIVES = 7
-"""Number of derivatives that a step carries, the lift included: the ramps' feet are polynomials of degree six."""
+"""Number of lift derivatives in a step's state, the lift included: the ramps' feet are polynomials of degree six."""
 SAMPLE = 0.25 * DEG
-"""Longest step between samples of the motion."""
+"""Longest step between samples of the motion [rad]."""
 LONGEST = 16
-"""Most steps of a block: with more of them, powers of their matrix cost more than they save."""
+"""Largest number of steps in a block: with more steps, powers of their matrix cost more than they save."""
 
 
 @dataclass(frozen=True)
 class CamSamples:
-    """What every speed needs of the cam: step edges (k + 1) [rad] from -pi to pi, and its lift by blocks of steps.
+    """Samples of the cam for all speeds: step edges (k + 1) [rad] from -pi to pi, and the lift by blocks of steps.
 
     The steps from the edge `first` (b) to that of the next block are equal in phase, width and tangents, and lie on one
-    piece of the cam. `begin` (b, 8, 1 + m) holds that piece's lift at the edge, six derivatives by angle and the
-    constant one, for the cam at z = 0 or another lift (column 0) and for every free coefficient.
+    piece of the cam. `begin` (b, 8, 1 + m) contains that piece's lift at the edge, its six derivatives by angle and the
+    constant one: in column 0 for the cam at z = 0 or another lift, and in the others for every free coefficient.
     """
 
     edges: np.ndarray
@@ -46,7 +46,7 @@ class CamSamples:
 
 def sample_cam(cam: FreeCam, angles: Angles, step: float = SAMPLE, about: Lift | None = None) -> CamSamples:
     """Steps of at most `step` [rad] whose edges include every knot, ramp border and switching angle. With `about`, a
-    cam of pieces of degree six at most, its lift stands in column 0, and the edges include every `step` from -pi on."""
+    lift of pieces of degree six at most, column 0 is for it, and the edges include every `step` from -pi on."""
     knot = cam.breaks[1] - cam.breaks[0]
     fine, start = (knot / np.ceil(knot / step - 1e-9), cam.breaks[0]) if about is None else (step, -np.pi)
     uniform = start + fine * np.arange(np.ceil((-np.pi - start) / fine), np.floor((np.pi - start) / fine) + 1)
@@ -57,7 +57,7 @@ def sample_cam(cam: FreeCam, angles: Angles, step: float = SAMPLE, about: Lift |
     edges[0], edges[-1] = -np.pi, np.pi
     first = _first_edges(edges, borders, angles)
     low, high = edges[first], edges[np.append(first[1:], len(edges) - 1)]
-    # a derivative that steps at a knot is that of the piece on which the block lies
+    # a derivative that is discontinuous at a knot is taken from the piece on which the block lies
     piece, block = np.unique(np.searchsorted(borders, 0.5 * (low + high)) - 1, return_inverse=True)
     middle = 0.5 * (borders[piece] + borders[piece + 1])
     taylor = np.empty((len(middle), LIFT_DERIVATIVES, 1 + cam.Z.shape[1]))
@@ -72,7 +72,7 @@ def sample_cam(cam: FreeCam, angles: Angles, step: float = SAMPLE, about: Lift |
 
 
 def _shift(by: np.ndarray) -> np.ndarray:
-    """What carries a polynomial's value and derivatives over angles (b) [rad], shape (b, 7, 7)."""
+    """Matrices (b, 7, 7) that shift a polynomial's value and derivatives by angles (b) [rad]."""
     order = np.arange(LIFT_DERIVATIVES)
     power = order - order[:, None]
     return np.where(power < 0, 0.0, by[:, None, None] ** np.maximum(power, 0)) / factorial(np.maximum(power, 0))
@@ -83,30 +83,30 @@ def _first_edges(edges: np.ndarray, borders: np.ndarray, angles: Angles) -> np.n
     if angles.tangents is not None:
         return np.arange(len(edges) - 1)
     middles = 0.5 * (edges[1:] + edges[:-1])
-    alike = np.stack([angles.phase(middles), np.searchsorted(borders, middles), _rounded_widths(edges)])
-    runs = np.flatnonzero(np.append(True, np.any(alike[:, 1:] != alike[:, :-1], axis=0)))
+    step_kinds = np.stack([angles.phase(middles), np.searchsorted(borders, middles), _rounded_widths(edges)])
+    runs = np.flatnonzero(np.append(True, np.any(step_kinds[:, 1:] != step_kinds[:, :-1], axis=0)))
     ends = np.append(runs[1:], len(middles))
     return np.concatenate([np.arange(run, end, LONGEST) for run, end in zip(runs, ends, strict=True)])
 
 
 def _rounded_widths(edges: np.ndarray) -> np.ndarray:
-    """Widths of the steps [rad], the same number for those that are equal to round-off."""
+    """Widths of the steps [rad], rounded so that widths that are equal up to round-off become identical."""
     return np.round(np.diff(edges), 12)
 
 
 @dataclass(frozen=True)
 class PeriodicResponse:
-    """Steady motion at one speed, affine in z: column 0 of what is asked plus columns 1 to m times z.
+    """Periodic motion at one speed, affine in z: every result is its column 0 plus its columns 1 to m times z.
 
-    `begin` (b, s, 1 + m) are the states of `steps` where the samples' blocks begin and `powers` (p, kinds, s, s) carry
-    them over 0, 1, ... steps; `map` (2n, 2n) carries a disturbance of positions [m] and velocities [m/s] over one
-    revolution.
+    `begin` (b, s, 1 + m) are the states, as in `ExactSteps`, where the samples' blocks begin, and `powers`
+    (p, kinds, s, s) advance them by 0, 1, ... steps. `map` (2n, 2n) advances a disturbance of positions [m] and
+    velocities [m/s] by one revolution.
     """
 
     train: Train
     cam_speed: float
     samples: CamSamples
-    kind: np.ndarray  # (b) of each block's steps
+    kind: np.ndarray  # (b) kind of each block's steps
     begin: np.ndarray
     powers: np.ndarray
     map: np.ndarray
@@ -114,19 +114,19 @@ class PeriodicResponse:
 
     @cached_property
     def spectral_radius(self) -> float:
-        """Factor by which disturbances shrink in one revolution; below one where the motion is stable."""
+        """Spectral radius of the map over one revolution; below one where the motion is stable."""
         return float(np.abs(np.linalg.eigvals(self.map)).max())
 
     @cached_property
     def state(self) -> np.ndarray:
         """Positions [m] and velocities [m/s] at the samples' edges, shape (k + 1, 2n, 1 + m)."""
-        n, every = len(self.train.mass), np.arange(len(self.samples.edges))
+        n, edges = len(self.train.mass), np.arange(len(self.samples.edges))
         scale = np.repeat([1.0, velocity_scale(self.train)], n)
         readings = scale[:, None] * np.eye(2 * n, self.begin.shape[1])
-        return np.stack([self._read(reading, every) for reading in readings], axis=1)
+        return np.stack([self._read(reading, edges) for reading in readings], axis=1)
 
     def to_error(self, error: CamSamples) -> "PeriodicResponse":
-        """What the error of a ground cam adds to this motion; its samples have the same edges, in blocks of which each
+        """The change of this motion by a cam's grinding error, whose samples have the same edges, blocks of which each
         lies within one of this motion's, and column 0 alone, without the constant one."""
         first, n2 = error.first, 2 * len(self.train.mass)
         kind = self.kind[np.searchsorted(self.samples.first, first, side="right") - 1]
@@ -135,7 +135,7 @@ class PeriodicResponse:
         state, left = np.zeros(n2), np.eye(n2) - self.map / scale[:, None] * scale
         begin = np.zeros((len(first), n2 + LIFT_DERIVATIVES + 1))
         begin[:, n2:] = error.begin[..., 0]
-        for start in (True, False):  # from zero, and from where the motion then begins
+        for start in (True, False):  # from a zero state, then from the periodic initial state
             for row, steps, of in zip(begin, count.tolist(), kind.tolist(), strict=True):
                 row[:n2] = state
                 state = self.powers[steps, of, :n2] @ row
@@ -143,7 +143,7 @@ class PeriodicResponse:
         return PeriodicResponse(self.train, self.cam_speed, error, kind, begin[..., None], self.powers, self.map)
 
     def force(self, element: int, at: np.ndarray) -> np.ndarray:
-        """Force of an element [N] at ascending edges `at` (indices), as if it were closed: (len(at), 1 + m)."""
+        """Force of an element [N] at ascending edges `at` (indices), as if it were closed, shape (len(at), 1 + m)."""
         t, n = self.train, len(self.train.mass)
         row, drive = t.incidence[element], float(t.cam_driven[element])
         k, load, c = t.stiffness[element], t.preload[element], t.damping[element]
@@ -158,15 +158,15 @@ class PeriodicResponse:
         return self._read(reading, at)
 
     def gap(self, element: int, touch: float, at: np.ndarray) -> np.ndarray:
-        """Separation of a contact [m], which touches at the compression `touch` [m], at ascending edges `at`: as above;
-        negative where it is compressed."""
+        """Separation of a contact [m], which touches at the compression `touch` [m], at ascending edges `at` (indices),
+        shape (len(at), 1 + m). It is negative where the contact is compressed."""
         t, n, reading = self.train, len(self.train.mass), np.zeros(self.begin.shape[1])
         reading[:n], reading[2 * n] = -t.incidence[element], -float(t.cam_driven[element])
         reading[2 * n + LIFT_DERIVATIVES] = t.gap[element] + touch
         return self._read(reading, at)
 
     def _read(self, reading: np.ndarray, at: np.ndarray) -> np.ndarray:
-        """The functional `reading` of the states, (s) or one for each edge (len(at), s), at ascending edges `at`."""
+        """Values of the functional `reading` of the states, shape (s) or (len(at), s), at ascending edges `at`."""
         first = self.samples.first
         block = np.searchsorted(first, at, side="right") - 1
         block = np.minimum(block, len(first) - 1)
@@ -177,11 +177,11 @@ class PeriodicResponse:
             rows = (reading[:, None] @ self.powers[steps, kind])[:, 0]
         if self.begin.shape[2] == 1:
             return np.einsum("as,asm->am", rows, self.begin[block])
-        found = np.empty((len(at), self.begin.shape[2]))
+        values = np.empty((len(at), self.begin.shape[2]))
         borders = np.flatnonzero(np.diff(block, prepend=-1, append=-1))
         for low, high in pairwise(borders):
-            np.matmul(rows[low:high], self.begin[block[low]], out=found[low:high])
-        return found
+            np.matmul(rows[low:high], self.begin[block[low]], out=values[low:high])
+        return values
 
 
 def periodic_response(train: Train, samples: CamSamples, cam_speed: float, angles: Angles) -> PeriodicResponse:
@@ -204,14 +204,13 @@ def periodic_response(train: Train, samples: CamSamples, cam_speed: float, angle
     start = np.linalg.solve(np.eye(n2) - carried[-1, :, :n2], carried[-1, :, n2:])
     begin[:, :n2] = carried[:-1, :, :n2] @ start + carried[:-1, :, n2:]
     scale = np.repeat([1.0, velocity_scale(train)], n2 // 2)
-    turned = carried[-1, :, :n2] * scale[:, None] / scale
-    return PeriodicResponse(train, cam_speed, samples, kind, begin, powers, turned, angles.tangents)
+    monodromy = carried[-1, :, :n2] * scale[:, None] / scale
+    return PeriodicResponse(train, cam_speed, samples, kind, begin, powers, monodromy, angles.tangents)
 
 
 @lru_cache(maxsize=64)
 def velocity_scale(train: Train) -> float:
-    """A frequency [rad/s] by which velocities are divided to be as large as positions, so that exponentials keep their
-    accuracy."""
+    """A frequency [rad/s] by which velocities are divided to be as large as positions, for accurate exponentials."""
     d = train.incidence
     return float(np.sqrt(np.max(np.einsum("e,en,en->n", train.stiffness, d, d) / train.mass)))
 
@@ -221,11 +220,11 @@ def _generator(
 ) -> np.ndarray:
     """d/dtheta of (x, v / omega, lift derivatives, 1) with the elements `closed` acting, shape (2 n + 8, 2 n + 8).
 
-    `scaled` are the train's incidence and omega, its velocity scale. With the `stiffness` (e) of tangents n further
-    states follow: constant forces on the masses [N], all there are.
+    `scaled` are the train's incidence and omega, its velocity scale. With the `stiffness` (e) of tangents, n further
+    states follow: the constant forces on the masses [N], which then include the preloads and all other loads.
     """
-    (every, omega), n, further = scaled, len(train.mass), stiffness is not None
-    d = every[closed]
+    (incidence, omega), n, further = scaled, len(train.mass), stiffness is not None
+    d = incidence[closed]
     k, c = (train.stiffness if stiffness is None else stiffness)[closed], train.damping[closed]
     drive = train.cam_driven[closed].astype(float)
     per_mass = 1.0 / train.mass[:, None]
@@ -248,24 +247,24 @@ def _generator(
 
 @dataclass(frozen=True)
 class ExactSteps:
-    """Exact steps of (x, v / velocity_scale, lift, lift', ..., 1): `whole[kind[j]]` moves edge j to edge j + 1."""
+    """Exact steps of (x, v / velocity_scale, lift, lift', ..., 1): `whole[kind[j]]` leads from edge j to edge j + 1."""
 
     generator: np.ndarray  # (kinds, 2 n + 8, 2 n + 8) per rad
     whole: np.ndarray  # (kinds, 2 n + 8, 2 n + 8)
     kind: np.ndarray  # (k) int
-    load: np.ndarray  # (k, n) N, constant forces on the masses in every step; of tangents alone
+    load: np.ndarray  # (k, n) N, constant forces on the masses in every step; (k, 0) without tangents
 
     def powers(self, most: int) -> np.ndarray:
-        """What 0, 1, ... `most` steps of every kind do to the state, shape (most + 1, kinds, s, s)."""
-        found = np.empty((most + 1, *self.whole.shape))
-        found[0] = np.eye(self.whole.shape[-1])
+        """Matrices of 0, 1, ... `most` steps of every kind, shape (most + 1, kinds, s, s)."""
+        powers = np.empty((most + 1, *self.whole.shape))
+        powers[0] = np.eye(self.whole.shape[-1])
         for j in range(most):
-            np.matmul(self.whole, found[j], out=found[j + 1])
-        return found
+            np.matmul(self.whole, powers[j], out=powers[j + 1])
+        return powers
 
 
 def exact_steps(train: Train, edges: np.ndarray, cam_speed: float, angles: Angles) -> ExactSteps:
-    """Steps between `edges` [rad] with the phases of `angles`; steps equal to round-off share one exponential."""
+    """Steps between `edges` [rad] with the phases of `angles`; steps equal up to round-off share one exponential."""
     middles, contacts = 0.5 * (edges[1:] + edges[:-1]), phase_contacts(train)
     scaled = train.incidence, velocity_scale(train)
     phases, tangents = angles.phase(middles), angles.tangents

@@ -1,9 +1,10 @@
-"""The phases of a motion whose contacts switch at given cam angles: seated, shared (seat and cam side both loaded) and
-lifted; which contacts act in each, and the angles of the quasi-static load transfer between them.
+"""The phases of a motion whose contacts switch at given cam angles, and the tangents of nonlinear laws along a motion.
 
-Where laws are not linear, the tangents along a motion stand for them. With these, and the forces that repeat with the
-cam angle, the periodic motion is affine in the cam again, as long as the pieces of the laws are met at the same angles:
-the program is solved again until it stands.
+The phases are seated, shared (seat and cam side both loaded) and lifted. This module determines the contacts that act
+in each phase, and the angles of the quasi-static load transfer between them. Laws that are not linear are replaced by
+their tangents along a motion. With the tangents, and with forces that repeat with the cam angle, the periodic motion is
+affine in the cam again, as long as the pieces of the laws are traversed at the same angles. The program is therefore
+linearised and solved repeatedly until it converges.
 """
 
 from dataclasses import dataclass
@@ -21,33 +22,33 @@ from camopt.scene.train import Train, kept_with_train
 from camopt.scene.units import MM
 
 SEAT_LOAD_N = 250.0
-"""Force on the seat at rest in a train for which the forces of searches are stated."""
+"""Force on the seat at rest [N] in the reference train to which the forces of searches refer."""
 HELD_N = 20.0
-"""Force that contacts keep in such a train where nothing else is asked for, as while tangents are looked for. No
-tangent of a law of contacts is softer than there: along a motion that parts, tangents without stiffness would let the
-motion of closed contacts grow."""
+"""Default margin of contact forces [N] in the reference train, used for instance until tangents have converged. The
+tangent of a contact law is never softer than at this force: along a motion with separation, tangents without stiffness
+would make the motion with closed contacts grow."""
 LEVELS = 20
-"""Tangents of curved laws are rounded to so many levels in each factor of e, so that steps share their exponentials."""
+"""Levels per factor of e to which tangents of curved laws are rounded, so that steps share matrix exponentials."""
 
 
 @kept_with_train
 def force_unit(train: Train) -> float:
-    """What the forces of searches [N] are multiplied by in a train: its load on the seat over SEAT_LOAD_N, as 1, 3, 10
-    and so on, since only the order of magnitude matters."""
+    """Factor on the forces of searches [N] in a train: its load on the seat over SEAT_LOAD_N, rounded to 1, 3, 10 and
+    so on, since only the order of magnitude matters."""
     load = float(static_forces(train, np.zeros(1))[0, train.seat]) if train.seat >= 0 else 0.0
     powers, half = divmod(round(2.0 * np.log10(load / SEAT_LOAD_N)), 2) if load > 0.0 else (0, 0)
     return 10.0**powers * (3.0 if half else 1.0)
 
 
 def usual_margin(train: Train) -> float:
-    """The force [N] that contacts are to keep where nothing else is asked for: HELD_N, in the train's own forces."""
+    """The default margin of contact forces [N] in a train: HELD_N times its `force_unit`."""
     return HELD_N * force_unit(train)
 
 
 @dataclass(frozen=True, eq=False)
 class Tangents:
-    """force = stiffness * compression + load of every element (e), at k ascending angles [rad] in a revolution; the
-    damping is the train's. `push` are the forces (k, n) [N] on the masses that repeat with the cam angle."""
+    """Tangents force = stiffness * compression + load of every element (e) at k ascending angles [rad] of a revolution,
+    with the train's damping. `push` are the forces (k, n) [N] on the masses that repeat with the cam angle."""
 
     angle: np.ndarray
     stiffness: np.ndarray  # (k, e) N/m
@@ -55,12 +56,12 @@ class Tangents:
     push: np.ndarray  # (k, n) N
 
     def at(self, theta: np.ndarray) -> np.ndarray:
-        """Indices (j) of the samples that hold at angles theta (j) [rad]."""
+        """Indices (j) of the samples that apply at angles theta (j) [rad]."""
         return np.clip(np.searchsorted(self.angle, theta), 0, len(self.angle) - 1)
 
 
 def tangents_along(response: Response) -> Tangents | None:
-    """The tangents along one revolution of a motion; None for a train that is linear anyway."""
+    """The tangents along one revolution of a motion; None for a linear train."""
     train, theta = response.train, response.angle
     if is_linear(train):
         return None
@@ -88,10 +89,10 @@ def _lines(train: Train, response: Response, e: int, d: np.ndarray) -> tuple[np.
         stiffness = np.where(np.abs(force) < laws.slip[e] * (1.0 - 1e-9), laws.coefficient[e], 0.0)
         return stiffness, force - stiffness * d
     force, stiffness = laws.along(e, d, train.preload[e])
-    if laws.kind[e] in OF_CONTACTS:  # it has no stiffness where it only just touches
+    if laws.kind[e] in OF_CONTACTS:  # a curved contact has no stiffness where it only just touches
         law = laws.contact_law(e)
         stiffness = np.maximum(stiffness, law.slope(law.depth(usual_margin(train))))
-    if laws.dissipation[e] > 0.0:  # what the law damps is a load along this motion, exact where the program stands
+    if laws.dissipation[e] > 0.0:  # the law's damping force is a load along this motion, exact at convergence
         force = response.force[:, e]
     if laws.kind[e] in CURVED:
         stiffness = np.exp(np.round(np.log(stiffness) * LEVELS) / LEVELS)
@@ -103,8 +104,8 @@ SEATED, SHARED, LIFTED = range(3)
 
 @dataclass(frozen=True)
 class Angles:
-    """Cam angles [rad] at which the phases change: the lash closes, the seat opens, the seat closes, the lash opens;
-    and what stands for laws that are not linear, without `tangents` those at rest."""
+    """Cam angles [rad] at which the phases change: the lash closes, the seat opens, the seat closes, the lash opens.
+    The `tangents` replace laws that are not linear; without them these laws are linearised at rest."""
 
     lash_closes: float
     seat_opens: float
@@ -125,12 +126,12 @@ class Angles:
 
 
 def phase_contacts(train: Train) -> np.ndarray:
-    """Elements that act in each phase, shape (3, e) bool: seated, as at rest, shared, lifted. Raises NoCamFound where
-    more than one contact between cam and valve is open at rest."""
+    """Whether each element acts in each phase, shape (3, e): seated (as at rest), shared, lifted. Raises NoCamFound
+    where more than one contact between cam and valve is open at rest."""
     train = linearised_at_rest(train)
     x = rest_position(train)
     margin = train.compression(x, 0.0) - train.touch_compression
-    seated = ~train.contact | (margin >= -1e-12)  # a contact at its touch, to round-off, counts as closed
+    seated = ~train.contact | (margin >= -1e-12)  # a contact that just touches, up to round-off, counts as closed
     opened = [train.element_names[e] for e in train.cam_side if not seated[e]]
     if len(opened) > 1:
         raise NoCamFound(f"the no-jump program needs the lash at one contact; open at rest: {', '.join(opened)}")
@@ -142,7 +143,7 @@ def phase_contacts(train: Train) -> np.ndarray:
 
 
 def static_angles(train: Train, cam: FreeCam) -> Angles:
-    """Switching angles by the quasi-static load transfer on the ramps; raises NoCamFound where a ramp is too low."""
+    """Switching angles of the quasi-static load transfer on the ramps; raises NoCamFound where a ramp is too low."""
     train = linearised_at_rest(train)
     seated, shared, _ = phase_contacts(train)
     opening = _lift_at_touch(train, shared, train.seat)
@@ -170,14 +171,14 @@ def _lift_at_touch(train: Train, closed: np.ndarray, element: int) -> float:
 
 
 def _before_top(ramp: Ramp, lift: float, side: str, contact: str) -> float:
-    """Angle [rad] before the ramp top at which the ramp has reached `lift` [m]; `contact` names where the lash is."""
+    """Angle [rad] before the ramp top at which the ramp reaches `lift` [m]; `contact` is the element with the lash."""
     if not 0 < lift < ramp.height:
-        way, other = ("smaller", "a higher ramp_height_mm") if lift > 0 else ("larger", "a smaller preload")
+        direction, remedy = ("smaller", "a higher ramp_height_mm") if lift > 0 else ("larger", "a smaller preload")
         raise NoCamFound(
             f"the load moves from seat to cam at {lift / MM:.4g} mm of lift, which must lie on the {side} ramp, "
-            f"between 0 and {ramp.height / MM:g} mm: give {contact} a {way} gap_mm, or the scene {other}"
+            f"between 0 and {ramp.height / MM:g} mm: give {contact} a {direction} gap_mm, or the scene {remedy}"
         )
     borders, pieces = ramp.opening_pieces(0.0)
-    keep = np.append(True, np.diff(borders) > 0)  # a ramp without foot
+    keep = np.append(True, np.diff(borders) > 0)  # a ramp without foot has an empty piece
     roots = PPoly(pieces[keep[1:], ::-1].T, borders[keep]).solve(lift, extrapolate=False)
     return -float(roots[np.isfinite(roots)][0])

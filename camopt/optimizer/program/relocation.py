@@ -1,6 +1,4 @@
-"""The switching angles of the non-smooth motion, with which the no-jump program is built again on the cam it found."""
-
-from dataclasses import replace
+"""Relinearisation of the no-jump program about the event-exact motion of its own cam, at the switching angles of it."""
 
 import numpy as np
 
@@ -8,23 +6,23 @@ from camopt.cam.lift import Lift
 from camopt.exact.engine import prepare
 from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.optimizer.program.phases import Angles, tangents_along, usual_margin
-from camopt.optimizer.program.program_cam import near, with_radii, with_switches
+from camopt.optimizer.program.program_cam import with_radii, with_radii_near, with_switches
 from camopt.scene.response import Response, end_state
 from camopt.scene.rest import is_linear, state_at_rest
 from camopt.scene.train import Train
 
 REVOLUTIONS = 8
-"""Revolutions from rest before the angles are read: surge decays by half or more in each."""
-STANDS, STANDS_ROUGHLY = 1e-5, 5e-5
-"""Change of the area ratio below which the tangents stand: a fifth of what the search tells apart, and half a unit of
-its fourth digit."""
+"""Number of revolutions from rest to the one whose angles are used: surge decays by half or more in each."""
+CONVERGED, ROUGHLY_CONVERGED = 1e-5, 5e-5
+"""Changes of the area ratio below which the tangents count as converged, and as roughly converged: a fifth of the
+search's resolution, and half a unit of the fourth digit."""
 MOST_SOLUTIONS = 8
 NONE_HOLDS = 2
-"""Programs in succession without a cam that keeps the margin, after which none is expected."""
+"""Number of successive programs without a cam that keeps the margin after which no such cam is expected."""
 
 
 class NoLoadTransfer(ValueError):
-    """A motion without the sequence lash closes, seat opens, seat closes, lash opens."""
+    """A motion lacks part of the sequence lash closes, seat opens, seat closes, lash opens."""
 
 
 def located_angles(response: Response) -> Angles:
@@ -32,8 +30,8 @@ def located_angles(response: Response) -> Angles:
 
     The seat opens for the last time before the middle, and it closes for the first time after the greatest valve lift.
     The lash closes for the last time before the seat opens, and it opens for the first time after the seat closes.
-    Crossings between samples are interpolated linearly; tangents along the motion go with them where the train is not
-    linear. Raises NoLoadTransfer where one of the four is missing.
+    Crossings between samples are interpolated linearly. If the train is not linear, the tangents along the motion are
+    included. Raises NoLoadTransfer where one of the four angles is missing.
     """
     train, theta = response.train, response.angle
     margin = train.compression(response.x, response.lift) - train.touch_compression
@@ -52,12 +50,12 @@ def located_angles(response: Response) -> Angles:
 
 def _crossing(theta, value, low, high, last: bool, what: str) -> float:
     """Angle in [low, high] at which `value` goes from negative to zero or more."""
-    found = np.flatnonzero((value[:-1] < 0) & (value[1:] >= 0) & (theta[1:] >= low) & (theta[:-1] <= high))
-    if len(found) == 0:
+    crossings = np.flatnonzero((value[:-1] < 0) & (value[1:] >= 0) & (theta[1:] >= low) & (theta[:-1] <= high))
+    if len(crossings) == 0:
         raise NoLoadTransfer(f"the motion has no angle at which {what}")
-    i = found[-1 if last else 0]
-    part = value[i] / (value[i] - value[i + 1])
-    return float(np.clip(theta[i] + part * (theta[i + 1] - theta[i]), low, high))
+    i = crossings[-1 if last else 0]
+    fraction = value[i] / (value[i] - value[i + 1])
+    return float(np.clip(theta[i] + fraction * (theta[i + 1] - theta[i]), low, high))
 
 
 def settled_revolution(train: Train, lift: Lift, cam_speed: float, revolutions: int = REVOLUTIONS) -> Response:
@@ -71,36 +69,36 @@ def settled_revolution(train: Train, lift: Lift, cam_speed: float, revolutions: 
 
 
 def relocate(program: NoJumpProgram, lift: Lift) -> NoJumpProgram:
-    """The program at the switching angles that event-exact finds on `lift` at each speed, with radii under a roller or
-    pad held near that cam. A speed at which the motion has no clear load transfer keeps the angles it had."""
+    """The program at the switching angles of the event-exact motion with `lift` at each speed, and with the radii under
+    a roller or pad linearised near that cam. A speed whose motion has no clear load transfer keeps its previous angles.
+    """
     angles = []
     for block in program.blocks:
         try:
             angles.append(located_angles(settled_revolution(program.train, lift, block.cam_speed)))
         except NoLoadTransfer:
             angles.append(block.angles)
-    moved = program.relocated(angles)
-    return moved if moved.cam.about.near is None else replace(moved, cam=near(moved.cam, lift))
+    return with_radii_near(program.relocated(angles), lift)
 
 
 def converge_tangents(program: NoJumpProgram, margin_N: float | None = None, quick: bool = False) -> NoJumpProgram:
-    """The program linearised about the motions of its own cam, and again about the next one, until its area converges;
-    of a linear train, with `with_switches` and `with_radii` alone, which come first.
+    """The program linearised about the motion of its own cam, repeatedly until its area converges.
 
-    The margin on all contact forces, by default the usual one, falls by as much as no cam can hold. With `quick` it
-    ends once the tangents stand roughly, or once NONE_HOLDS programs have shown that no cam holds the margin. Raises
-    NoCamHoldsContact where the limits on the shape allow no cam.
+    First `with_switches` and `with_radii` are applied; for a linear train these are all that is needed. The margin on
+    all contact forces, by default `usual_margin`, is reduced as far as no cam can keep it. With `quick` the iteration
+    ends once the area has roughly converged, or after NONE_HOLDS successive programs without a cam that keeps the
+    margin. Raises NoCamHoldsContact where the limits on the shape permit no cam.
     """
     margin_N = usual_margin(program.train) if margin_N is None else margin_N
     program = with_radii(with_switches(program, margin_N), margin_N)
     if is_linear(program.train):
         return program
-    area, short = -np.inf, 0
+    area, failures = -np.inf, 0
     for _ in range(MOST_SOLUTIONS):
-        found = program.solve_below(margin_N)
-        short = short + 1 if found.margins.min() < margin_N else 0
-        change = abs(found.area_ratio - area)
-        if change < STANDS or (quick and (change < STANDS_ROUGHLY or short == NONE_HOLDS)):
+        optimum = program.solve_below(margin_N)
+        failures = failures + 1 if optimum.margins.min() < margin_N else 0
+        change = abs(optimum.area_ratio - area)
+        if change < CONVERGED or (quick and (change < ROUGHLY_CONVERGED or failures == NONE_HOLDS)):
             break
-        area, program = found.area_ratio, relocate(program, found.lift)
+        area, program = optimum.area_ratio, relocate(program, optimum.lift)
     return program

@@ -1,1 +1,1 @@
-"""The search for a cam: linear programs on tied contact forces, whose margins the non-smooth judge feeds back."""
+"""The search for a cam: linear programs on tied contact forces, with margins adapted to the event-exact motion."""

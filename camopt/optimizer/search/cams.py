@@ -1,8 +1,12 @@
-"""The cams that a search tried: what the judge found of them, those that hold, and those that go to the verdict."""
+"""The cams that a search tried: their judged motions, the feasible ones, and those offered to the verdict.
 
-from collections.abc import Callable
+A cam is called feasible if its limit usage is at most BETWEEN_SHARE at all judged speeds.
+"""
+
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import pairwise
+from typing import TYPE_CHECKING, Generic, TypeVar
 
 import numpy as np
 
@@ -14,24 +18,29 @@ from camopt.optimizer.stage_clock import StageClock
 from camopt.scene.units import DEG, MM
 from camopt.storage.journal import StepFiles
 
+if TYPE_CHECKING:
+    from camopt.optimizer.candidates import CandidateCam
+
 FOLDER = "judged"
+"""Folder of a run in which the judged motions of each step are stored."""
 CANDIDATES = 5
-"""Cams of a search, the largest of those that hold, that the full verdict may be asked about."""
+"""Largest number of cams that a search offers to the full verdict: the largest feasible ones."""
 USES_LESS, APART = 0.02, 5e-4
-"""By how much less of its limits each of the cams that are offered to the verdict uses than the larger one, and by how
-much those that use no less differ in area ratio."""
+"""Least difference of limit usage between a cam offered to the verdict and the next larger one, and least difference of
+area ratio to all others for the offered cams whose usage is not lower."""
 FAR_APART = 1e-2
-"""Difference of area ratio between two cams that are offered, where places are left, from which one between them is."""
+"""Difference of area ratio between two offered cams above which one between them is offered too, if places are left."""
 BETWEEN_SHARE = 0.9
-"""Part of every limit on the motion that a cam may use between the speeds at which it was searched."""
+"""Largest limit usage that a cam may have between the speeds at which it was searched."""
 RESOLUTION = 5e-5
-"""Resolution of the area ratio in a search, half a unit of the fourth digit, to which areas are stated: smaller gains
-are ignored."""
+"""Smallest gain of area ratio that counts in a search: half a unit of the fourth digit, to which areas are stated."""
+
+Cam = TypeVar("Cam", bound="CandidateCam")
 
 
-@dataclass(frozen=True, eq=False)  # as its arrays have no one answer
+@dataclass(frozen=True, eq=False)  # arrays have no single truth value
 class Tried:
-    """A cam that a search judged: its free coefficients z (m), its area ratio, what the judge found."""
+    """A cam that a search judged: its free coefficients z (m), its area ratio and its judged motions."""
 
     free: FreeCam
     z: np.ndarray
@@ -45,35 +54,55 @@ class Tried:
 
     @property
     def seats(self) -> bool:
-        """Whether its valve seats at every speed."""
+        """Whether the valve seats at every speed."""
         return bool(np.all(np.isfinite(self.judged.share)))
 
 
-@dataclass
-class Search:
-    """The state of a search: the cams that hold, each larger than the one before, and the journal."""
+@dataclass(kw_only=True)
+class CamSearch(Generic[Cam]):
+    """The cams that a search accepts, each larger than the one before, and the reports of its steps."""
 
-    judge: Judge  # at the program's speeds
-    band: Judge | None  # at these and between them, where the search is for a band
-    source: ExactRows
-    start: str  # the family of the cam that it began from, or "calmest"
     journal: StepFiles = field(default_factory=lambda: StepFiles(None, FOLDER))
-    show: Callable[[dict], None] = lambda line: None  # is told the line of every step
-    clock: StageClock = field(default_factory=StageClock)
-    seen: list[Tried] = field(default_factory=list)  # all that were judged
-    held: list[Tried] = field(default_factory=list)  # each larger than the one before
-    confirmed: list[Tried] = field(default_factory=list)  # those that are offered to the verdict
+    show: Callable[[dict], None] = lambda line: None  # receives the journal's line of every step
+    held: list[Cam] = field(default_factory=list)
     steps: int = 0
-    first: Tried | None = None  # the last program's cam before margins are fed back
 
     @property
-    def best(self) -> Tried | None:
-        """The largest cam that holds."""
+    def best(self) -> Cam | None:
+        """The largest accepted cam."""
         return self.held[-1] if self.held else None
+
+    def note_step(self, cam: Cam, stage: str, details: Mapping[str, object]) -> None:
+        """Writes a line on the present step and its cam into the journal, and shows it."""
+        line = {
+            "iteration": self.steps,
+            "stage": stage,
+            "area_ratio": cam.area_ratio,
+            "area_mm_deg": cam.lift.area / MM / DEG,
+            **details,
+            "confirmed": self.best is cam,
+            "best_area_ratio": self.best.area_ratio if self.best else None,
+        }
+        self.journal.note(line)
+        self.show(line)
+
+
+@dataclass
+class Search(CamSearch[Tried]):
+    """The state of a search: the judged cams, and the feasible ones, which it accepts."""
+
+    judge: Judge  # at the program's speeds
+    band: Judge | None  # at the program's speeds and between them, in a search for a band
+    source: ExactRows
+    start: str  # family of the cam from which the search started, or "calmest"
+    clock: StageClock = field(default_factory=StageClock)
+    seen: list[Tried] = field(default_factory=list)  # all cams that were judged
+    confirmed: list[Tried] = field(default_factory=list)  # the cams that are offered to the verdict
+    first: Tried | None = None  # the cam of the last program before margins are fed back
 
     @property
     def course(self) -> dict:
-        """How it searched, for design.json."""
+        """A summary of the search, for design.json."""
         source = self.source
         return {
             "source": source.name,
@@ -84,7 +113,7 @@ class Search:
         }
 
     def evaluate(self, stage: str, free: FreeCam, z: np.ndarray, area_ratio: float) -> Tried:
-        """Judges the cam of z (m), keeps it if it holds and is larger than the best, and reports the step."""
+        """Judges the cam of z (m), keeps it if it is feasible and larger than the best one, and reports the step."""
         self.steps += 1
         lift, stored = free.lift(z), self.journal.stored(self.steps, z, JUDGED)
         if stored is None:
@@ -100,33 +129,23 @@ class Search:
         self.seen.append(tried)
         if larger and judged.used <= BETWEEN_SHARE:
             self.held.append(tried)
-        line = {
-            "iteration": self.steps,
-            "stage": stage,
-            "area_ratio": area_ratio,
-            "area_mm_deg": lift.area / MM / DEG,
-            "worst_bounce_mm": judged.worst("bounce_mm"),
-            **{f"worst_{name}": judged.worst(name) for name in judged.limited if name != "bounce_mm"},
-            "worst_share": judged.used,
-            "worst_speed_rpm": judged.worst_speed_rpm,
-            "confirmed": self.best is tried,
-            "best_area_ratio": self.best.area_ratio if self.best else None,
-        }
-        self.journal.note(line)
-        self.show(line)
+        worst = {f"worst_{name}": judged.worst(name) for name in dict.fromkeys(("bounce_mm", *judged.limited))}
+        self.note_step(tried, stage, worst | {"worst_share": judged.used, "worst_speed_rpm": judged.worst_speed_rpm})
         return tried
 
     def between(self, smaller: Tried, larger: Tried, share: float) -> Tried:
-        """The cam at this share of the way between two, which the limits on the shape let through as they do both."""
+        """Judges the cam at this share of the way between two cams; it keeps the limits on the shape, as both do."""
         z = (1 - share) * smaller.z + share * larger.z
         area_ratio = (1 - share) * smaller.area_ratio + share * larger.area_ratio
         return self.evaluate("between two cams", larger.free, z, area_ratio)
 
     def confirm(self, none_holds: bool = False) -> None:
-        """Offers cams that hold to the verdict, the largest first, and of smaller ones those that use less of their
-        limits: where the verdict refuses a cam, one that is hardly another would be refused too. In the last place, and
-        in those that are left, stand the largest of the others that differ in area, and then cams between those that
-        differ much. Where of the programs' cams `none_holds` the largest that does without a reserve is offered first.
+        """Selects the cams that are offered to the verdict, up to CANDIDATES.
+
+        These are the largest feasible cam and smaller ones with less limit usage, since a cam that is nearly the same
+        as a rejected one would be rejected too. The last place, and any that are left, go to the largest other cams
+        that differ in area, and then to cams between two whose areas differ much. If `none_holds`, no cam of the
+        programs is feasible, and the largest cam that keeps the limits without a reserve is offered too.
         """
         by_area = sorted(self.seen, key=lambda tried: -tried.area_ratio)
         holding = [tried for tried in by_area if tried.judged.used <= BETWEEN_SHARE]
@@ -136,11 +155,11 @@ class Search:
                 offered.append(tried)
         del offered[CANDIDATES - 1 :]
         for tried in holding:
-            apart = min(abs(tried.area_ratio - other.area_ratio) for other in offered)
+            apart = min(abs(tried.area_ratio - larger.area_ratio) for larger in offered)
             if apart >= APART and len(offered) < CANDIDATES:
                 offered.append(tried)
         unreserved = [tried for tried in by_area if tried.judged.share.max(initial=0.0) <= 1.0]
-        if not holding:  # no cam that holds is refused for a reserve
+        if not holding:  # cams that keep the limits without a reserve are better than none
             offered = unreserved[:CANDIDATES]
         elif none_holds and unreserved[0] not in offered:
             offered = [unreserved[0], *offered][:CANDIDATES]

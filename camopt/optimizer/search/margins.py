@@ -1,8 +1,8 @@
-"""Margins of the path program by kind and speed, fed back from how much of its limits the judged motion uses.
+"""Feedback of the margins of the path program, by kind and speed, from the limit usage of the judged motion.
 
-The program sees tied contacts, which cannot open; the judge sees how far they do. Where the motion uses more of a limit
-than `AIM` the margin of that flank at that speed rises, where it uses less it falls, by a step that halves where its
-sign changes (as the steps of Rprop: Riedmiller and Braun 1993).
+The program is based on tied contacts, which cannot open; in the judged motion they do open. Where the motion uses more
+of a limit than `AIM`, the margin of that flank at that speed is raised, and where it uses less the margin is lowered.
+The step is halved when its sign changes, as in Rprop (Riedmiller and Braun 1993).
 """
 
 from dataclasses import dataclass, field
@@ -19,41 +19,44 @@ from camopt.scene.train import Train
 from camopt.scene.units import MM
 
 AIM = 0.8
-"""Share of a limit that the feedback aims at: what is left is for the speeds between, and for those beside them."""
+"""Target of the limit usage in the feedback; the rest is a reserve for speeds between and beside the program's."""
 FIRST_MARGINS_N = np.array([10.0, 0.0, 15.0])
-"""Margins at first, on the opening flank, the closing flank and at the seat: a flank that opens with contact excites
-less vibration on the other one, and with a quarter of the limit on the bounce at the seat an adjuster does not fill."""
-ASKED_TIMES = 1.25
-"""Multiple of the design's own least force with which a search begins: it is to keep some of it for other speeds."""
+"""Initial margins [N] on the opening flank, on the closing flank and at the seat. Contact on the opening flank reduces
+the vibration on the closing flank. With that at the seat, a quarter of the limit on the bounce, no adjuster fills."""
+FORCE_RESERVE = 1.25
+"""Factor on the design's own least contact force in the initial margins, as a reserve for other speeds."""
 ALIKE = 0.045
-"""Relative distance within which speeds are alike."""
+"""Relative difference up to which the feedback treats speeds alike."""
 FIRST_STEP_N, LEAST_STEP_N, LARGEST_STEP_N = 6.0, 0.5, 20.0
+"""First, smallest and largest step of a margin [N]."""
 GROWTH = 1.5
-"""Growth of a step while the motion still breaks a limit after the last one."""
+"""Factor on a step if the motion still breaks a limit after the last step in the same direction."""
 IDLE, IDLE_ROUNDS = 0.5 * AIM, range(4, 14)
-"""Share of its limits below which a motion is far from all of them, and with which such motions in a row the unit
-doubles: the load on the seat does not say how large the forces of inertia are."""
+"""Limit usage below which a motion is far from all limits, and numbers of such motions in a row after which the unit of
+force doubles. The unit may be too small, since the load on the seat does not determine the inertia forces."""
 LARGEST_N = 80.0
-"""Tension [N] that a margin may allow: where a limit is far, more of it would only change what is not limited."""
+"""Largest tension [N] that a margin may permit; far from a limit, more would only change what is not limited."""
 MOST_ERROR = 1.5
+"""Largest relative deviation from AIM that enters a step."""
 TRACED = 0.4
-"""Share of the limit on the jump from which it is told on which flank the contacts part."""
+"""Usage of the limit on the jump above which the feedback determines on which flank the contacts separate."""
 MOST_SHARE = 4.0
+"""Limit usage at which larger values are cut off."""
 JUMPS = ("jump_mm", "jump_deg", "contact_force_min_N")
 SEATINGS = ("bounce_mm", "seating_velocity_m_per_s", "impact_velocity_m_per_s")
 
 
 def first_margins(design: Design, speeds: int, unit: float) -> np.ndarray:
-    """The margins (3, s) [N] to begin with: those times the `unit` of force (`force_unit`), or a little more than the
-    least force that the design asks for."""
-    asked = ASKED_TIMES * (design.contact_force_min_N or 0.0)
-    return np.tile(np.maximum(unit * FIRST_MARGINS_N, [asked, asked, 0.0])[:, None], speeds)
+    """Initial margins (3, s) [N]: FIRST_MARGINS_N times the `unit` of force (`force_unit`), but on the flanks at least
+    FORCE_RESERVE the least contact force of the design."""
+    on_flanks = FORCE_RESERVE * (design.contact_force_min_N or 0.0)
+    return np.tile(np.maximum(unit * FIRST_MARGINS_N, [on_flanks, on_flanks, 0.0])[:, None], speeds)
 
 
 @dataclass
-class FedBack:
-    """The margins (3, s) [N] of a search, opening flank, closing flank and seat by speed, with their last steps in
-    `unit` newtons."""
+class Feedback:
+    """The margins (3, s) [N] of a search on the opening flank, on the closing flank and at the seat, by speed, and
+    their last steps, which are multiples of `unit` newtons."""
 
     margins: np.ndarray
     unit: float
@@ -65,31 +68,31 @@ class FedBack:
         self.step = np.full(self.margins.shape, FIRST_STEP_N)
         self.sign = np.zeros(self.margins.shape)
 
-    def follow(self, used: np.ndarray) -> bool:
-        """Moves the margins by what the motion used (3, s) of its limits, and says whether the unit has grown."""
-        self.idle = self.idle + 1 if 0.0 < used.max() < IDLE else 0  # zero where nothing is limited
+    def update(self, used: np.ndarray) -> bool:
+        """Updates the margins from the limit usage `used` (3, s), and returns whether the unit has grown."""
+        self.idle = self.idle + 1 if 0.0 < used.max() < IDLE else 0  # the usage is zero where nothing is limited
         grows = self.idle in IDLE_ROUNDS
         self.unit *= 2.0 if grows else 1.0
         error = np.clip((used - AIM) / AIM, -1.0, MOST_ERROR)
         sign = np.sign(error)
-        turned, short = self.sign * sign < 0, (self.sign > 0) & (used > 1.0)
-        factor = np.where(turned, 0.5, np.where(short, GROWTH, 1.0))
+        reversed_sign, short = self.sign * sign < 0, (self.sign > 0) & (used > 1.0)
+        factor = np.where(reversed_sign, 0.5, np.where(short, GROWTH, 1.0))
         self.step, self.sign = np.clip(self.step * factor, LEAST_STEP_N, LARGEST_STEP_N), sign
         self.margins = np.maximum(self.margins + self.unit * self.step * error, -self.unit * LARGEST_N)
         return grows
 
-    def go_back(self, held: np.ndarray) -> None:
-        """Moves the margins half way back to those of a cam that holds (3, s) [N], and halves the steps."""
-        self.margins, self.step = 0.5 * (self.margins + held), np.maximum(0.5 * self.step, LEAST_STEP_N)
+    def go_back(self, margins: np.ndarray) -> None:
+        """Moves the margins half way back to those of a feasible cam, `margins` (3, s) [N], and halves the steps."""
+        self.margins, self.step = 0.5 * (self.margins + margins), np.maximum(0.5 * self.step, LEAST_STEP_N)
 
 
 def used_by_kind(train: Train, lift: Lift, judged: Judged, cam_speeds: np.ndarray) -> np.ndarray:
-    """Shares (3, s) of the limits that the judged motions at these cam speeds [rad/s] use: on the opening flank, on the
-    closing flank, at the seat.
+    """Limit usage (3, s) of the judged motions at these cam speeds [rad/s], on the opening flank, on the closing flank
+    and at the seat.
 
-    What a motion that wanders uses counts with room for what it has not met yet, as it does for the cam. A seating
-    beyond its limit counts on the closing flank too, from which the valve comes. What is used at a speed counts at
-    those `ALIKE` too: margins that differ from one speed to the next suit no speed between them.
+    The factor for aperiodic motions is included, as in the usage of the cam. A seating metric beyond its limit counts
+    on the closing flank too, from which the valve comes. The usage at a speed also counts at speeds that differ by less
+    than `ALIKE`, since margins that differ strongly from one speed to the next suit no speed between them.
     """
     used = np.zeros((3, len(cam_speeds)))
     for metric, share, limit in zip(judged.limited, judged.spread * judged.share, judged.limit, strict=True):
@@ -109,8 +112,7 @@ def used_by_kind(train: Train, lift: Lift, judged: Judged, cam_speeds: np.ndarra
 
 
 def _openings(train: Train, lift: Lift, cam_speed: float, state: np.ndarray) -> np.ndarray:
-    """Largest separation [m] of the contacts between cam and valve on the opening and the closing flank, in the
-    revolution from a settled state."""
+    """Largest separation [m] of the contacts between cam and valve on either flank, in one settled revolution."""
     motion = prepare(train, lift, cam_speed)(state)
     apart = train.touch_compression - train.compression(motion.x, motion.lift)
     apart, theta = apart[:, list(train.cam_side)].max(axis=1), motion.angle

@@ -1,4 +1,4 @@
-"""The trust region, a box about a cam (Conn, Gould and Toint 2000), the exact rows, and the program of a step."""
+"""The trust region of a search, a box about a cam (Conn, Gould and Toint 2000), and the solution of one step in it."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace
@@ -13,30 +13,28 @@ from camopt.optimizer.program.relocation import converge_tangents, relocate
 from camopt.scene.design import Design
 
 FIRST, USUAL_ACCELERATION = 1e-2, 0.015
-"""First width of the box [mm/deg^2], and the largest acceleration of the cam for which it is meant [mm/deg^2]: it is in
-proportion to that of the scene."""
+"""First width of the box [mm/deg^2] for a cam with the largest acceleration USUAL_ACCELERATION [mm/deg^2]; the width is
+proportional to the largest acceleration of the scene."""
 USUAL_TIMES = 33.0
-"""What stands for a largest acceleration that the design leaves out, over its lift by the square of its duration."""
+"""Largest acceleration that is assumed where the design sets none, relative to lift over duration squared."""
 NARROWEST, WIDEST = 1 / 256, 4.0
-"""Limits of the width, as parts of the first one."""
+"""Limits of the width, relative to the first width."""
 AIMED, BADLY = 0.25, 0.5
-"""Error of the forces foretold, as a part of their change, for which the width is right, and the largest one with which
-a cam becomes the centre of the next box."""
+"""Target of the predicted forces' error, relative to their change, and largest error with which a cam is accepted."""
 NARROWING, CHANGE = 0.1, 4.0
-"""Least factor by which the box becomes narrower at once, and largest one by which it becomes wider from a cam to the
-next."""
+"""Smallest factor on the width after a rejected cam, and largest change of the width after an accepted one."""
 RINGS = 200.0
-"""By how much all margins may fall together, times the unit of force, before the rows hold mean forces: more than twice
-the tension that a margin may ever allow, which no motion that holds the limits has at all angles."""
+"""Common reduction of all margins, in units of `force_unit` newtons, above which the rows constrain mean forces. It is
+more than twice the tension that a margin may permit, and no motion that keeps the limits has it at all angles."""
 MOST_AVERAGED = 64
-"""Rows on either side over which forces are averaged at most."""
+"""Largest number of rows on either side over which forces are averaged."""
 EXACT = 1e-9
-"""Error that counts as none."""
+"""Error of the predicted forces below which it is treated as this value."""
 
 
 class ExactRows:
-    """Where the rows of a program come from: the closed periodic response, with contacts that switch where event-exact
-    finds it on a cam. Another source has the same methods."""
+    """Source of the rows of a program: the periodic response in closed form, with contacts that switch at the angles of
+    the event-exact motion of a cam. `SmoothRows` has the same methods."""
 
     name = "exact"
 
@@ -44,26 +42,26 @@ class ExactRows:
         self.jacobians = 0
 
     def first(self, program: NoJumpProgram, z: np.ndarray) -> tuple[NoJumpProgram, np.ndarray]:
-        """The program with its rows about a cam near z (m), and that cam; here at the angles of static load transfer,
-        which do not depend on it."""
+        """The program with its rows about a cam near z (m), and that cam. Here the contacts switch at the angles of
+        static load transfer, which do not depend on the cam."""
         self.jacobians += 1
         return converge_tangents(no_jump_program(program.train, program.design, program.cam, program.speeds)), z
 
     def errors_at(self, program: NoJumpProgram, z: np.ndarray) -> np.ndarray:
-        """The errors (s) of the forces that the rows foretold for the cam of z (m), as parts of their change; zero,
-        since here forces are straight in z while contacts switch at the same angles."""
+        """Errors (s) of the forces that the rows predict for the cam of z (m), relative to their change. They are zero
+        here, since the forces are affine in z as long as contacts switch at the same angles."""
         return np.zeros(len(program.blocks))
 
     def about(self, program: NoJumpProgram, z: np.ndarray) -> NoJumpProgram:
-        """The program with its rows about the cam of z (m), where `errors_at` was asked last; here at the angles of its
-        settled motion."""
+        """The program with its rows about the cam of z (m), for which `errors_at` was called last. Here the contacts
+        switch at the angles of the cam's settled motion."""
         self.jacobians += 1
         return relocate(program, program.cam.lift(z))
 
 
 @dataclass
 class Region:
-    """The width of the box [mm/deg^2]: the error of the forces foretold rules it."""
+    """The width of the box [mm/deg^2], which is controlled by the error of the predicted forces."""
 
     first: float
     width: float = field(init=False)
@@ -71,31 +69,31 @@ class Region:
     def __post_init__(self) -> None:
         self.width = self.first
 
-    def refuses(self, error: float) -> bool:
-        """Whether a cam whose forces were foretold with this error is too far; the box is narrower then."""
+    def rejects(self, error: float) -> bool:
+        """Whether a cam is rejected because its forces were predicted with this error; the box is narrowed then."""
         if error <= BADLY or self.width <= NARROWEST * self.first:
             return False
         factor = float(np.clip(AIMED / error, NARROWING, BADLY))
         self.width = max(factor * self.width, NARROWEST * self.first)
         return True
 
-    def follow(self, error: float) -> None:
-        """The width for the next program, after a cam whose forces were foretold with this error."""
+    def update(self, error: float) -> None:
+        """Sets the width for the next program after an accepted cam whose forces were predicted with this error."""
         factor = float(np.clip(AIMED / max(error, EXACT), 1 / CHANGE, CHANGE))
         self.width = float(np.clip(factor * self.width, NARROWEST * self.first, WIDEST * self.first))
 
 
 def largest_acceleration(design: Design) -> float:
-    """The largest acceleration of a design [mm/deg^2], or what is usual for its lift and duration."""
+    """The largest acceleration of a design [mm/deg^2], or the usual one for its lift and duration."""
     return design.acceleration_max_mm_per_deg2 or USUAL_TIMES * design.max_lift_mm / design.duration_deg**2
 
 
 def first_region(design: Design) -> Region:
-    """The box to begin with."""
+    """The first box of a search."""
     return Region(FIRST * largest_acceleration(design) / USUAL_ACCELERATION)
 
 
-def stepped(
+def solve_step(
     source: ExactRows,
     program: NoJumpProgram,
     z: np.ndarray,
@@ -103,27 +101,27 @@ def stepped(
     margins: np.ndarray,
     of_speeds: Callable[[np.ndarray], float],
 ) -> NoJumpOptimum:
-    """The cam of largest area in the box about that of z (m), narrowed until the rows foretell its forces.
+    """The cam of largest area in the box about the cam of z (m), which is narrowed until the rows predict its forces.
 
-    `of_speeds` makes one error of those at all speeds (s).
+    `of_speeds` reduces the errors at all speeds (s) to one.
     """
     while True:
         program = program.within(Box(z, region.width))
-        found = solve_priced(program, margins)
-        error = float(of_speeds(source.errors_at(program, found.z)))
-        if not region.refuses(error):
-            region.follow(error)
-            return found
+        optimum = solve_elastic(program, margins)
+        error = float(of_speeds(source.errors_at(program, optimum.z)))
+        if not region.rejects(error):
+            region.update(error)
+            return optimum
 
 
-def solve_priced(program: NoJumpProgram, margins: np.ndarray) -> NoJumpOptimum:
-    """The cam of largest area with the margins (3, s) [N] or, where no cam keeps them, with all of them lower by what
-    gains area for its price (elastic mode), since the cam that comes nearest to them may have hardly any area.
+def solve_elastic(program: NoJumpProgram, margins: np.ndarray) -> NoJumpOptimum:
+    """The cam of largest area with the margins (3, s) [N]. Where no cam keeps these, all of them are reduced by one
+    amount, whose penalty is weighed against the area (elastic mode), since the least reduction may leave hardly any.
 
-    Where they fall by more than RINGS, contacts ring with the impacts that close lash and seat, which no cam can help,
-    and a force that is missing for part of a period hardly parts them: the rows then hold means over more and more
-    angles, and those of the optimum's program do. Raises NoCamHoldsContact where the other limits alone let no cam
-    through.
+    If the reduction exceeds RINGS, the contacts ring with the impacts that close lash and seat. No cam avoids these,
+    and a force that is missing for part of a period hardly separates a contact. The rows then constrain means over more
+    and more angles, also in the program of the returned optimum. Raises NoCamHoldsContact where the other limits alone
+    are infeasible.
     """
     try:
         return program.solve(margins, explain=False)
@@ -132,7 +130,7 @@ def solve_priced(program: NoJumpProgram, margins: np.ndarray) -> NoJumpOptimum:
     try:
         fall = SHORTFALL * float(elastic.solve().z[-1])
     except Infeasible:
-        return program.solve(margins)  # which says why there is none
+        return program.solve(margins)  # raises the error that explains why
     if fall > RINGS * force_unit(program.train) and program.averaged < MOST_AVERAGED:
-        return solve_priced(replace(program, averaged=max(1, 2 * program.averaged)), margins)
+        return solve_elastic(replace(program, averaged=max(1, 2 * program.averaged)), margins)
     return program.solve(margins - fall)

@@ -1,7 +1,7 @@
-"""Rows of the path program from the smoothed motion with tied contacts, by the JAX Jacobian along it: of any law.
+"""Rows of the path program for any law, from the Jacobian by JAX of the smoothed motion with tied contacts.
 
-The slopes are those of the motion that repeats itself. They foretell where a revolution of another cam begins, and from
-there its motion settles in a few revolutions.
+The derivatives are those of the periodic motion. They also predict the initial state of the periodic motion of another
+cam, from which that motion settles in a few revolutions.
 """
 
 from dataclasses import replace
@@ -13,10 +13,10 @@ import numpy as np
 
 from camopt.cam.families.free import FreeCam
 from camopt.cam.lift import Lift
-from camopt.optimizer.program.force_rows import AFTER_TOP, BEFORE_SEAT, CLOSING, OPENING, PEAK, SEAT, SpeedRows
+from camopt.optimizer.program.force_rows import AFTER_TOP, BEFORE_SEAT, SpeedRows, joined_rows
 from camopt.optimizer.program.no_jump import NoJumpProgram
 from camopt.optimizer.program.phases import force_unit, static_angles, usual_margin
-from camopt.optimizer.program.program_cam import near, with_radii, with_switches
+from camopt.optimizer.program.program_cam import with_radii, with_radii_near, with_switches
 from camopt.optimizer.search.region import ExactRows
 from camopt.scene.errors import NoCamFound
 from camopt.scene.smoothing import Smoothing
@@ -27,32 +27,34 @@ from camopt.smooth.periodic_slopes import Directions, PeriodicSlopes, TiedMotion
 from camopt.smooth.tied import TiedPaths, path_angles
 
 MOST_TURNS = 12
-"""Revolutions that the tied motion may take to settle from where the one before ended."""
+"""Largest number of revolutions in which the tied motion may settle from the predicted state."""
 SETTLED = 2e-7
-"""Change of the positions over a revolution [m] at which the motion counts as settled; the judge settles further."""
+"""Change of the positions over a revolution [m] below which the motion counts as settled; the judge uses less."""
 TAME_N, TAME_GAP = -250.0, 1e-4
-"""Least force [N] and largest gap at the seat [m] of a tied motion that linear slopes describe."""
+"""Least contact force [N] and largest gap at the seat [m] of a tied motion that a linearisation describes well."""
 REPEATS = 2e-6
-"""Change of a position over a revolution [m] up to which the motion of a train with memory counts as one that repeats
-itself: of another one the slopes are not those of any motion."""
+"""Change of a position over a revolution [m] up to which the motion of a train with memory counts as periodic; without
+periodicity the computed derivatives are not those of any motion."""
 SMALL_N = 1e-3
-"""Force [N] that counts as none."""
+"""Force [N] that counts as zero."""
 SHARES = (1.0, 0.9, 0.8, 0.7, 0.6, 0.5, 0.4, 0.3, 0.2, 0.1, 0.0)
-"""Shares of the start's coefficients that are tried in turn until the motion is tame; zero is the calmest cam."""
+"""Factors on the start's coefficients, tried until a linearisation describes the motion; zero is the calmest cam."""
 SEAT_SHARE = 0.6
-"""Share of the limit on the bounce that the gap at the seat may have at a margin of zero."""
+"""Gap at the seat that a margin of zero permits, as a share of the limit on the bounce."""
 NEWTONS_PER_LIMIT = 60.0
-"""Margin at the seat [N] that stands for the limit on the bounce."""
+"""Margin at the seat [N] that is equivalent to a gap as large as the limit on the bounce."""
 BOUNCE = 0.05 * MM
-"""The limit that stands for one that the design leaves out [m]."""
+"""Limit on the bounce [m] that is used where the design sets none."""
 SEAT_EVERY = 2
+"""The seat has a row at one in this number of angles."""
 KEPT, TOLERATED = 0.003, 0.05
-"""Errors of the forces foretold, as parts of the largest one: up to the first slopes are kept, as a step of a margin is
-about as large, and up to the second a change is too small to judge them by."""
+"""KEPT is the largest error of the predicted forces, relative to the largest force, with which the derivatives are
+kept; a step of a margin is about as large. TOLERATED is the share of the largest force that is added to the change of
+the forces before an error is divided by it, since small changes do not test the derivatives."""
 
 
 class SmoothRows(ExactRows):
-    """The rows of a program at its speeds, renewed about any cam of it."""
+    """Source of the rows of a program, linearised about any of its cams."""
 
     name = "smooth"
 
@@ -61,15 +63,16 @@ class SmoothRows(ExactRows):
         self._theta = path_angles(smoothing.steps)
         self._basis, self._offset = cam.samples(equal_grid(smoothing.steps))
         self._unit = force_unit(train)
-        self._tied_in = -float(cam.breaks[-1]), end_of_contact(train, cam)
-        self._motions = TiedMotions(train, program.speeds, self._tied_in, smoothing)
-        self._known: _Known | None = None  # about which the rows are
-        self._paths: TiedPaths | None = None  # of the cam that was asked for last
+        event = -float(cam.breaks[-1]), end_of_contact(train, cam)
+        self._event = np.flatnonzero(in_event(self._theta, event))  # of the angles at which these contacts must push
+        self._motions = TiedMotions(train, program.speeds, event, smoothing)
+        self._model: _LinearModel | None = None  # the linearisation of the rows
+        self._paths: TiedPaths | None = None  # those of the cam that `errors_at` evaluated last
         self._missed = np.inf
         super().__init__()
 
     def first(self, program: NoJumpProgram, z: np.ndarray) -> tuple[NoJumpProgram, np.ndarray]:
-        """The program about the largest share of z (m) whose motion linear slopes describe, and that share of z."""
+        """The program about the largest multiple in SHARES of z (m) whose motion is nearly linear, and that z."""
         for share in SHARES:
             settled = self._settled(share * z, self._motions.rest)
             if settled is not None and self._tame(*settled):
@@ -80,54 +83,52 @@ class SmoothRows(ExactRows):
         return with_radii(with_switches(program, held), held), share * z
 
     def errors_at(self, program: NoJumpProgram, z: np.ndarray) -> np.ndarray:
-        """The errors (s) of the forces that the rows foretold for the cam of z (m), as parts of their change.
+        """Errors (s) of the forces that the rows predict for the cam of z (m), relative to their change.
 
-        They are infinite where the valve is off its seat at the end of a revolution, as an adjuster that pumped up
-        holds it, and was not with the cam about which the rows are.
+        They are infinite if the motion is not finite, or if at some speed the valve is off its seat at the end of the
+        revolution, held up by a pumped-up adjuster, and was not with the cam of the linearisation.
         """
-        known = self._known
+        model = self._model
         rest = self._motions.rest
-        settled = self._settled(z, known.start(z) if known else rest) or self._settled(z, rest)
+        settled = self._settled(z, model.start(z) if model else rest) or self._settled(z, rest)
         self._paths = settled and settled[1]
-        if self._paths is None or known is None or bool((_open_ends(self._paths) & ~_open_ends(known.paths)).any()):
+        if self._paths is None or model is None or bool((_open_ends(self._paths) & ~_open_ends(model.paths)).any()):
             return np.full(len(program.speeds), np.inf)
-        event = self._event(program)
-        before = known.paths.force[event]
-        foretold = before + jnp.asarray(known.slopes.force @ (z - known.at))
+        before = model.paths.force[self._event]
+        predicted = before + jnp.asarray(model.slopes.force @ (z - model.at))
         size = _largest(before)
-        missed, moved = (_largest(self._paths.force[event] - force) for force in (foretold, before))
+        missed, moved = (_largest(self._paths.force[self._event] - force) for force in (predicted, before))
         self._missed = float((missed / size).max())
         return np.asarray(missed / (moved + TOLERATED * size))
 
     def about(self, program: NoJumpProgram, z: np.ndarray) -> NoJumpProgram:
-        """The program with its rows about the cam of z (m), where `errors_at` was asked last; slopes that foretold its
-        forces well are kept."""
+        """The program with rows about the cam of z (m), the last one of `errors_at`; accurate derivatives are kept."""
         if self._paths is None:
             raise NoCamFound("the smoothed motion with tied contacts grows without bound at one of the speeds searched")
-        known = self._known
-        slopes = known.slopes if known and self._missed < KEPT else self._slopes(program, z, self._paths)
-        self._known = _Known(self._paths, slopes, z)
-        program = replace(program, blocks=self._blocks(program, self._known))
-        return (
-            program if program.cam.about.near is None else replace(program, cam=near(program.cam, program.cam.lift(z)))
-        )
+        model = self._model
+        slopes = model.slopes if model and self._missed < KEPT else self._slopes(z, self._paths)
+        self._model = _LinearModel(self._paths, slopes, z)
+        program = replace(program, blocks=self._blocks(program, self._model))
+        return with_radii_near(program, program.cam.lift(z))
 
     def _samples(self, z: np.ndarray) -> jax.Array:
         """Lift and slope of the cam of z (m) at the ends of the steps (k + 1, 2)."""
         return jnp.asarray(self._offset + self._basis @ z)
 
-    def _slopes(self, program: NoJumpProgram, z: np.ndarray, paths: TiedPaths) -> PeriodicSlopes:
-        """The slopes by z (m) of the motion with these paths; of the forces in the event alone."""
-        self._known = None  # both Jacobians at once would be most of what a search needs of memory
+    def _slopes(self, z: np.ndarray, paths: TiedPaths) -> PeriodicSlopes:
+        """The derivatives by z (m) of the motion with these paths; those of the forces are restricted to the event."""
+        self._model = None  # two Jacobians at once would take most of the memory of a search
         self.jacobians += 1
         slopes = self._motions.slopes(self._samples(z), paths, Directions(self._basis), gaps=False)
-        force, seat_gap = slopes.force[self._event(program)], slopes.seat_gap.copy()  # of all that was read
+        force, seat_gap = slopes.force[self._event], slopes.seat_gap.copy()  # copies release the large array
         return slopes._replace(force=force, gap=slopes.gap.copy(), seat_gap=seat_gap)
 
     def _settled(self, z: np.ndarray, start: jax.Array) -> tuple[jax.Array, TiedPaths] | None:
-        """Where the settled motion's last revolution begins, and its paths; from `start` or, at speeds at which the
-        valve is off its seat at the end, from rest, since an adjuster that pumped up would stay so. None where the
-        motion is not finite."""
+        """The initial state of the settled motion's last revolution, and its paths; None if the motion is not finite.
+
+        The motion starts from `start`. It starts again from rest where the valve ends off its seat, since a pumped-up
+        adjuster stays so.
+        """
         for _ in range(2):
             begin, paths = self._motions.settled(self._samples(z), start, MOST_TURNS, SETTLED)
             if not bool(jnp.all(jnp.isfinite(paths.end))):
@@ -138,61 +139,45 @@ class SmoothRows(ExactRows):
         return begin, paths
 
     def _tame(self, start: jax.Array, paths: TiedPaths) -> bool:
-        """Whether linear slopes describe the motion whose last revolution has these paths from its `start` on.
+        """Whether a linearisation describes the motion whose last revolution has these paths and starts in `start`.
 
-        An adjuster fills with oil where its contacts do not push, and its slopes mislead; so do those of its motion
-        where it does not repeat itself.
+        In a train with memory the derivatives are misleading where contacts do not push, since an adjuster fills with
+        oil there, and where the motion is not periodic.
         """
         memory = self._motions.tied.system.topology.memory
         if bool(_open_ends(paths).any()) or float(paths.force.min()) <= self._unit * (-SMALL_N if memory else TAME_N):
             return False
         return not memory or float(jnp.abs(paths.end - start)[0].max()) < REPEATS
 
-    def _blocks(self, program: NoJumpProgram, known: "_Known") -> tuple[SpeedRows, ...]:
-        design, train, theta, z = program.design, program.train, self._theta, known.at
-        force, gap = np.asarray(known.paths.force), np.asarray(known.paths.seat_gap)
-        of_force, of_gap = known.slopes.force, known.slopes.seat_gap
-        inside = self._event(program)
+    def _blocks(self, program: NoJumpProgram, model: "_LinearModel") -> tuple[SpeedRows, ...]:
+        design, train, theta, z = program.design, program.train, self._theta, model.at
+        force, gap = np.asarray(model.paths.force), np.asarray(model.paths.seat_gap)
+        of_force, of_gap = model.slopes.force, model.slopes.seat_gap
         bounce = (design.bounce_max_mm or BOUNCE / MM) * MM
         to_newtons = NEWTONS_PER_LIMIT * self._unit / bounce
-        kind = np.where(theta[inside] < 0, OPENING, CLOSING)
-        blocks = []
-        for s, cam_speed in enumerate(program.speeds):
-            seated = self._seated(program, z, gap[:, s])
-            parts = []
-            for c, element in enumerate(train.cam_side):
-                rows = force[inside, c, s], of_force[:, c, s]
-                parts.append((*rows, kind, element, theta[inside]))
-                if design.contact_force_max_N is not None:
-                    parts.append((*rows, np.full(len(inside), PEAK), element, theta[inside]))
+        lift, blocks = program.cam.lift(z), []
+        for s, block in enumerate(program.blocks):
+            cam_side = {
+                e: np.column_stack([force[self._event, c, s], of_force[:, c, s]]) for c, e in enumerate(train.cam_side)
+            }
+            seated = np.flatnonzero(on_seat(lift, train.lash, gap[:, s]))[::SEAT_EVERY]
             room = (SEAT_SHARE * bounce - gap[seated, s]) * to_newtons
-            seat = np.full(len(seated), SEAT)
-            parts.append((room, -to_newtons * of_gap[seated, s], seat, train.seat, theta[seated]))
-            value, matrix = (np.concatenate([part[i] for part in parts]) for i in (0, 1))
-            element = np.concatenate([np.full(len(part[0]), part[3]) for part in parts])
-            kinds, angle = (np.concatenate([part[i] for part in parts]) for i in (2, 4))
-            angles = program.blocks[s].angles
-            blocks.append(SpeedRows(float(cam_speed), angles, matrix, value - matrix @ z, kinds, element, angle))
+            seat = np.column_stack([room, -to_newtons * of_gap[seated, s]])
+            speed = block.cam_speed, block.angles
+            rows = joined_rows(train, design, speed, theta[self._event], cam_side, theta[seated], seat)
+            blocks.append(replace(rows, offset=rows.offset - rows.matrix @ z))  # the values are those at z
         return tuple(blocks)
-
-    def _event(self, program: NoJumpProgram) -> np.ndarray:
-        """Indices of the angles at which the contacts between cam and valve are to push."""
-        return np.flatnonzero(in_event(self._theta, self._tied_in))
-
-    def _seated(self, program: NoJumpProgram, z: np.ndarray, gap: np.ndarray) -> np.ndarray:
-        """Indices of the angles at which the valve is to be on its seat."""
-        return np.flatnonzero(on_seat(program.cam.lift(z), program.train.lash, gap))[::SEAT_EVERY]
 
 
 def in_event(theta: Any, event: Any) -> Any:
-    """Whether the contacts between cam and valve are to push at `theta` (k) [rad], where they are tied over the `event`
-    from one angle to another [rad]; arrays of NumPy or JAX."""
+    """Whether the contacts between cam and valve must push at `theta` (k) [rad], if they are tied over the `event`, a
+    pair of angles [rad]; for arrays of NumPy or JAX."""
     return (theta >= event[0] + AFTER_TOP) & (theta <= event[1] - 1e-9)
 
 
 def on_seat(lift: Lift, lash: float, gap: np.ndarray) -> np.ndarray:
-    """Whether the valve is to be on its seat at the angles `path_angles()` (k), where its gap there is `gap` (k) [m]:
-    from the earlier one of its touch and the nominal closing to the next opening foot."""
+    """Whether the valve must be on its seat at the angles `path_angles()` (k): from the earlier of the touch and the
+    nominal closing to the next opening foot. `gap` (k) [m] is the gap at the seat."""
     theta = path_angles(len(gap))
     below = (theta > 0) & (lift(theta) <= lash)
     touches = (theta > theta[np.argmax(gap)]) & (gap <= 0.0)
@@ -201,8 +186,8 @@ def on_seat(lift: Lift, lash: float, gap: np.ndarray) -> np.ndarray:
 
 
 def end_of_contact(train: Train, cam: FreeCam) -> float:
-    """Angle [rad] up to which the contacts between cam and valve are to push: a little before the seat takes the load
-    over, or the ramp top where the ramp is too low to say."""
+    """Angle [rad] up to which the contacts between cam and valve must push: a little before the load moves to the seat,
+    or the ramp top if the ramp is too low for that load transfer."""
     top = float(cam.breaks[-1])
     try:
         return max(top, static_angles(train, cam).seat_closes - BEFORE_SEAT)
@@ -211,22 +196,22 @@ def end_of_contact(train: Train, cam: FreeCam) -> float:
 
 
 def _open_ends(paths: TiedPaths) -> jax.Array:
-    """Whether the valve is off its seat at the end of the revolution, at each speed (b)."""
+    """Whether the valve is off its seat at the end of the revolution, by speed (b)."""
     return paths.seat_gap[-1] > TAME_GAP
 
 
 def _largest(force: jax.Array) -> jax.Array:
-    """The largest absolute value of forces (k, c, b) [N] at each speed (b)."""
+    """Largest absolute value of forces (k, c, b) [N], by speed (b)."""
     return jnp.abs(force).max(axis=(0, 1))
 
 
-class _Known(NamedTuple):
-    """The settled paths of a cam `at` z (m), and slopes that hold there."""
+class _LinearModel(NamedTuple):
+    """A linearisation: the settled paths of the cam `at` z (m), and their derivatives."""
 
     paths: TiedPaths
     slopes: PeriodicSlopes
     at: np.ndarray
 
     def start(self, z: np.ndarray) -> jax.Array:
-        """Where the settled revolution of another cam begins, as the slopes foretell it."""
+        """The predicted initial state of the settled revolution of another cam."""
         return self.paths.end + jnp.asarray(self.slopes.start @ (z - self.at))

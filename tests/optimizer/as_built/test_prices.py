@@ -8,7 +8,7 @@ import pytest
 
 from camopt.cli.parser import main
 from camopt.optimizer.as_built import prices, search
-from camopt.optimizer.as_built.prices import _level, _priced, price_list
+from camopt.optimizer.as_built.prices import _level, _summary, price_list
 from camopt.scene import InputError, load_scene, parse_scene
 from camopt.scene.as_built import GRINDING, scatter_labels, with_scatter
 from camopt.scene.text_file import scene_toml
@@ -48,7 +48,7 @@ def test_a_narrower_tolerance_never_costs_area(monkeypatch):
 def test_noise_is_pooled_over_the_list():
     """Two sets whose prices differ by 0.02 and 0.0: their mean has a variance of 0.02**2 / 4 and of zero."""
     areas = {("as given", ""): [0.5, 0.5], ("left out", "a"): [0.51, 0.53], ("halved", "a"): [0.51, 0.51]}
-    listed = _priced(0.9, {name: np.array(area) for name, area in areas.items()})
+    listed = _summary(0.9, {name: np.array(area) for name, area in areas.items()})
     assert listed.left_out["a"] == pytest.approx(0.02) and listed.halved["a"] == pytest.approx(0.01)
     assert listed.noise == pytest.approx(0.02 / 2 / np.sqrt(2)) and listed.worth_noise == 0.0
 

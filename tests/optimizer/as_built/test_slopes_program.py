@@ -10,10 +10,10 @@ from camopt.cam.polynomials import recentred
 from camopt.exact.settled import settled_metrics
 from camopt.optimizer.as_built import slopes_program
 from camopt.optimizer.as_built.drawn import TrainEnsemble
-from camopt.optimizer.as_built.measured import used_limits
 from camopt.optimizer.as_built.search import free_program
 from camopt.optimizer.as_built.slopes_program import SHAPING, SlopesProgram, _by_pieces
 from camopt.optimizer.program.kinematic import lift_to_reach
+from camopt.optimizer.search.judge import limit_usage
 from camopt.scene import load_scene
 from camopt.storage.journal import StepFiles
 from tests.optimizer.as_built.test_yield_search import SCENE
@@ -31,9 +31,9 @@ def begun() -> SlopesProgram:
     """The program about a cam whose contacts keep a force in the train as designed, and which some drawn ones break."""
     plain, _ = free_program(SCENE)
     cam = plain.solve_below(np.full((3, len(plain.blocks)), KEPT_N))
-    program = SlopesProgram(plain, TrainEnsemble(SCENE, 5), 24, StepFiles(None, SHAPING))
-    assert program.about(cam, 1.0 - WANTED) > 2.0
-    program.begin(1.0 - WANTED)
+    program = SlopesProgram(plain, TrainEnsemble(SCENE, 5), 24, 1.0 - WANTED, StepFiles(None, SHAPING))
+    assert program.move_to(cam.z) > 2.0
+    program.set_targets()
     return program
 
 
@@ -50,7 +50,7 @@ def test_the_slopes_are_those_of_settled_motions():
             lift = one.cam(program.plain.cam.lift(program.cam.z + sign * step * direction))
             start = drawn.states[t, [s]]
             found = settled_metrics([one.train], [lift], [drawn.speeds(t)[s]], starts=start, measured=1, workers=1)
-            sides.append((used_limits(drawn.limits, found)[limit, 0], bool(found.periodic.all())))
+            sides.append((limit_usage(drawn.limits, found)[limit, 0], bool(found.periodic.all())))
         if not all(periodic for _, periodic in sides):
             continue
         measured = (sides[0][0] - sides[1][0]) / (2 * step)
@@ -110,15 +110,15 @@ def test_another_cam_is_followed_anew():
     """What the first trains used with a cam that is far too large says nothing of a smaller one."""
     plain, _ = free_program(SCENE)
     large, small = (plain.solve_below(np.full((3, len(plain.blocks)), force)) for force in (-60.0, 30.0))
-    program = SlopesProgram(plain, TrainEnsemble(SCENE, 5), 24, StepFiles(None, SHAPING))
-    shares = [program.about(cam, 1.0 - WANTED) for cam in (large, small, large)]
+    program = SlopesProgram(plain, TrainEnsemble(SCENE, 5), 24, 1.0 - WANTED, StepFiles(None, SHAPING))
+    shares = [program.move_to(cam.z) for cam in (large, small, large)]
     assert shares[0] > 5.0 and shares[1] < 1.0 and shares[2] > 5.0
 
 
 def test_an_adjuster_that_pumped_up_with_one_cam_is_at_rest_with_the_next():
     scene = load_scene("finger-hydraulic")
     plain, _ = free_program(scene)
-    program = SlopesProgram(plain, TrainEnsemble(scene, 5), 4, StepFiles(None, SHAPING))
+    program = SlopesProgram(plain, TrainEnsemble(scene, 5), 4, 1.0 - WANTED, StepFiles(None, SHAPING))
     program.drawn.settle(polydyne(scene))
     program.drawn.draw(1)
     program.targets[:] = np.inf  # no slopes

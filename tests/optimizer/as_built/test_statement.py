@@ -232,8 +232,8 @@ def test_short_motions_judge_trains_as_those_of_full_length_do(monkeypatch):
     used = way.used(drawn)
     again = sum(count for count, short in lengths if not short)
     assert sum(count for count, short in lengths if short) == 24 * 5 and 0 < again < 24
-    assert measured.first_look(way.limits.values())["tolerance"] > 1.0  # the short motions settle less far
-    monkeypatch.setattr(measured, "first_look", lambda limits: {})
+    assert measured.short_motions(way.limits.values())["tolerance"] > 1.0  # the short motions settle less far
+    monkeypatch.setattr(measured, "short_motions", lambda limits: {})
     at_length = way.used(drawn)
     breaks, broken = (parts.max(axis=1) > 1.0 for parts in (used, at_length))  # a train that breaks one limit is judged
     assert np.array_equal(breaks, broken) and 6 < np.sum(~breaks.any(axis=1)) < 18

@@ -63,9 +63,9 @@ def priced(monkeypatch, slopes: Priced) -> YieldSearch:
 def test_the_price_leads_to_the_largest_cam_that_holds(monkeypatch):
     slopes = Priced(100)
     search = priced(monkeypatch, slopes)
-    search.along()
-    most = 0.51 + search.allowed(100) / 1000.0
-    assert most - steps.NEAR_ENOUGH < search.best.area_ratio <= most < search.refused.area_ratio
+    search.follow_gradients()
+    most = 0.51 + search.permitted_failures(100) / 1000.0
+    assert most - steps.NEAR_ENOUGH < search.best.area_ratio <= most < search.nearest_rejected.area_ratio
     assert steps.STEPS < len(slopes.prices) < steps.STEPS + steps.JUDGED
     assert slopes.farther == [*[False] * steps.STEPS, *[True] * (len(slopes.prices) - steps.STEPS)]
 
@@ -79,7 +79,7 @@ def test_the_price_follows_how_many_trains_fail(monkeypatch, failing, change):
         area_ratio=0.51 + (failing - 0.5) / 1000.0, z=z, lift=SimpleNamespace(area=0.0)
     )
     monkeypatch.setattr(steps, "JUDGED", 0)
-    search.along()
+    search.follow_gradients()
     assert np.array(slopes.prices[1:]) / slopes.prices[:-1] == pytest.approx(change, abs=1e-3)
 
 
@@ -97,7 +97,7 @@ def test_once_unseen_trains_judge_the_price_moves_until_a_cam_is_on_the_other_si
         area_ratio=0.51 + (failing - 0.5) / 1000.0, z=z, lift=SimpleNamespace(area=0.0)
     )
     monkeypatch.setattr(search, "_judge", lambda lift: search.unseen.judge_area(0.51 + (failing - 0.5) / 1000.0))
-    search.along()
+    search.follow_gradients()
     prices = np.array(slopes.prices[steps.STEPS :])
     assert len(prices) == judged and prices[1:] / prices[:-1] == pytest.approx(change, abs=1e-3)
 
@@ -115,44 +115,45 @@ def in_turn(monkeypatch, areas: list[float]) -> YieldSearch:
 
 
 @pytest.mark.parametrize(
-    "cams, best, refused",
+    "cams, best, nearest_rejected",
     [([(0.52, False), (0.53, False), (0.525, True)], 0.525, 0.53),
      ([(0.52, False), (0.55, False), (0.51, True)], 0.51, 0.52),
      ([(0.51, True), (0.505, False), (0.512, True), (0.511, False), (0.53, False)], 0.512, 0.53)],
 )  # fmt: skip
-def test_the_steps_end_at_a_larger_cam_that_does_not_hold(monkeypatch, cams, best, refused):
+def test_the_steps_end_at_a_larger_cam_that_does_not_hold(monkeypatch, cams, best, nearest_rejected):
     """Trains may fail with a cam while the mean still settles, and hold a larger one after it."""
     search, holds = in_turn(monkeypatch, [area for area, _ in cams]), dict(cams)
     monkeypatch.setattr(search, "_judge", lambda lift: search.unseen.judge_area(0.5 if holds[lift.area] else 0.6))
-    monkeypatch.setattr(search, "narrow", lambda: None)
-    search.along()
-    assert (search.best.area_ratio, search.refused.area_ratio) == (best, refused)
+    monkeypatch.setattr(search, "bisect", lambda: None)
+    search.follow_gradients()
+    assert (search.best.area_ratio, search.nearest_rejected.area_ratio) == (best, nearest_rejected)
     assert search.steps == steps.STEPS + len(cams)
 
 
 def test_between_a_cam_that_holds_and_a_larger_one_that_does_not_their_means_are_judged(monkeypatch):
     """The program swings about the price at which as many trains fail as may: its next cam may be far off."""
     search = in_turn(monkeypatch, [0.5, 0.55])
-    search.along()
+    search.follow_gradients()
     assert search.steps == steps.STEPS + 2 + 6  # 0.05 is halved six times
-    assert steps.NEAR_ENOUGH / 2.0 < search.refused.area_ratio - search.best.area_ratio < steps.NEAR_ENOUGH
-    assert search.best.area_ratio <= 0.51 + search.allowed(100) / 1000.0 < search.refused.area_ratio
+    assert steps.NEAR_ENOUGH / 2.0 < search.nearest_rejected.area_ratio - search.best.area_ratio < steps.NEAR_ENOUGH
+    assert search.best.area_ratio <= 0.51 + search.permitted_failures(100) / 1000.0 < search.nearest_rejected.area_ratio
 
 
 def test_the_way_leads_to_the_cam_with_which_fewest_trains_fail(monkeypatch):
     """Of cams of two programs a much larger one may nearly hold, and smaller ones of the other not at all."""
     search = priced(monkeypatch, Priced(100))
     small, near, far = (search.slopes.cam_of(area * ONE) for area in (0.4, 0.45, 0.54))
-    search.held, search.turned_down = [small], [(30, near), (9, far)]
-    assert search.refused is far
-    search.narrow()
-    most = 0.51 + search.allowed(100) / 1000.0
+    search.held, search.rejected = [small], [(30, near), (9, far)]
+    assert search.nearest_rejected is far
+    search.bisect()
+    most = 0.51 + search.permitted_failures(100) / 1000.0
     assert most - steps.NEAR_ENOUGH < search.best.area_ratio <= most
 
 
 def test_where_slopes_lead_to_no_cam_smaller_openings_do(monkeypatch):
     def judged(most: float) -> list[float]:
-        search, areas = YieldSearch(0.9, None, Failing(100), 100), []
+        slopes, areas = SimpleNamespace(cam_of=lambda z: SimpleNamespace(area_ratio=z)), []
+        search = YieldSearch(0.9, slopes, Failing(100), 100)
 
         def evaluate(cam, stage):
             areas.append(cam.area_ratio)
@@ -160,7 +161,7 @@ def test_where_slopes_lead_to_no_cam_smaller_openings_do(monkeypatch):
             return 7
 
         monkeypatch.setattr(search, "evaluate", evaluate)
-        smaller_cams(search, lambda level, z: SimpleNamespace(area_ratio=level, z=z), 0.4, None)
+        smaller_cams(search, lambda level, z: level, 0.4, None)
         return areas
 
     levels = [*(0.4 / 2.0**k for k in range(6)), 0.0, -0.1, -0.2]
@@ -174,7 +175,7 @@ def test_a_program_that_is_not_solved_leaves_the_cams_that_hold(monkeypatch, err
     slopes = Priced(100, error)
     search = priced(monkeypatch, slopes)
     search.held = known = [SimpleNamespace(area_ratio=0.5)]
-    search.along()
+    search.follow_gradients()
     assert search.held is known and search.steps == 0
 
 
@@ -186,8 +187,14 @@ def test_a_program_that_is_not_solved_leaves_the_cams_that_hold(monkeypatch, err
 )  # fmt: skip
 def test_slopes_begin_where_some_more_trains_fail_than_may(fails, levels, ends):
     """From a level of 1.6 on the limits bind no more."""
-    tried, slopes = [], SimpleNamespace(cam=None, drawn=Failing(10))
-    slopes.about = lambda cam, lost: tried.append(cam.z) or fails[cam.z]
-    search = SimpleNamespace(wanted=0.9, slopes=slopes, report=lambda *_: None)
-    level = first_level(search, lambda level, z: SimpleNamespace(area_ratio=min(level, 1.6), z=level), None)
+    tried, slopes = [], SimpleNamespace(drawn=Failing(10))
+
+    def move_to(z):
+        tried.append(z)
+        slopes.cam = SimpleNamespace(area_ratio=min(z, 1.6), z=z)
+        return fails[z]
+
+    slopes.move_to = move_to
+    search = SimpleNamespace(slopes=slopes, report=lambda *_: None)
+    level = first_level(search, lambda level, z: level, None)
     assert tried == levels and tried[-1] == level == ends

@@ -18,7 +18,7 @@ from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.as_built import search as search_module
 from camopt.optimizer.as_built import slopes_program, steps
 from camopt.optimizer.as_built.checks import check_wanted
-from camopt.optimizer.as_built.drawn import CHORDS, FOLDER, MET, SPEEDS, STAGGER, TrainEnsemble
+from camopt.optimizer.as_built.drawn import CHORDS, FOLDER, SPEEDS, STAGGER, STORED, TrainEnsemble
 from camopt.optimizer.as_built.measured import track
 from camopt.optimizer.as_built.search import (
     AT_TOP,
@@ -28,7 +28,7 @@ from camopt.optimizer.as_built.search import (
     yield_search,
 )
 from camopt.optimizer.as_built.statement import YieldStatement, sampled
-from camopt.optimizer.as_built.steps import CHANCE, FORETOLD, SLOPES, YieldSearch
+from camopt.optimizer.as_built.steps import CHANCE, GRADIENTS, OPENINGS, YieldSearch
 from camopt.optimizer.search.judge import Judge
 from camopt.scene import InputError, load_scene, parse_scene
 from camopt.scene.rest import state_at_rest
@@ -57,22 +57,22 @@ def test_every_cam_that_counts_holds_in_enough_trains(found):
     areas = [cam.area_ratio for cam in found.held]
     assert areas == sorted(areas)
     drawn = found.unseen
-    assert drawn.seed == UNSEEN_SEED and len(drawn.trains) == 40 and found.allowed(40) > 0
+    assert drawn.seed == UNSEEN_SEED and len(drawn.trains) == 40 and found.permitted_failures(40) > 0
     assert found.trains_drawn == 60 + 40
     for cam in found.held:
         drawn.judge(cam.lift, np.ones_like(drawn.watched))
-        assert drawn.failing <= found.allowed(40)
+        assert drawn.failing <= found.permitted_failures(40)
         assert not broken_by_shape(cam.lift, SCENE.design)
 
 
 def test_the_history_has_both_kinds_of_steps(found, journal):
     lines = [json.loads(line) for line in (journal / HISTORY).read_text().splitlines()]
     stages = [line["stage"] for line in lines]
-    assert stages[0] == FORETOLD and stages.count(SLOPES) > steps.STEPS
+    assert stages[0] == OPENINGS and stages.count(GRADIENTS) > steps.STEPS
     assert [line["iteration"] for line in lines] == list(range(1, found.steps + 1))
     assert {line["trains"] for line in lines} == {60, 40}
     assert lines[-1]["best_area_ratio"] == found.best.area_ratio
-    assert any(line["confirmed"] for line in lines if line["stage"] == SLOPES)
+    assert any(line["confirmed"] for line in lines if line["stage"] == GRADIENTS)
 
 
 def test_drawn_trains_begin_at_rest_where_the_train_as_designed_breaks_a_limit():
@@ -114,7 +114,7 @@ def test_trains_whose_adjusters_may_fill_are_held(monkeypatch):
 
 @pytest.mark.parametrize("wanted, count", [(0.99, 1000), (0.9, 1000), (0.995, 4000), (0.8, 50)])
 def test_so_few_may_fail_that_a_share_that_is_too_small_seldom_passes(wanted, count):
-    allowed = YieldSearch(wanted, None, None, count).allowed(count)
+    allowed = YieldSearch(wanted, None, None, count).permitted_failures(count)
     failing = np.random.default_rng(1).binomial(count, 1.0 - wanted, 100_000)
     assert np.mean(failing <= allowed) < CHANCE + 0.005 and np.mean(failing <= allowed + 1) > CHANCE - 0.005
 
@@ -128,7 +128,7 @@ def test_the_limits_are_larger_at_the_top_of_the_band():
 class Told:
     """Trains of which it is told what they use of one limit, in place of those that move (t, l, s)."""
 
-    watched, matters = TrainEnsemble.watched, TrainEnsemble.matters
+    watched, critical_speeds = TrainEnsemble.watched, TrainEnsemble.critical_speeds
 
     def __init__(self, trains: int, speeds: int, has_memory: bool = False):
         self.has_memory = has_memory
@@ -166,9 +166,9 @@ def test_others_are_not_asked_where_those_asked_first_are_too_many(speed):
     drawn.truth[:, 0, speed] = 80.0
     search = YieldSearch(0.9, None, drawn, 0)
     asked = search._judge(None)
-    assert search.allowed(200) < 20 and asked[:20, speed].all()
+    assert search.permitted_failures(200) < 20 and asked[:20, speed].all()
     assert (
-        np.sum(drawn.used > 1.0) > search.allowed(200)
+        np.sum(drawn.used > 1.0) > search.permitted_failures(200)
         and asked[:, speed].sum() < 40
         and (speed == 0 or not asked[:, :4].any())
     )
@@ -209,13 +209,13 @@ def test_a_journal_of_another_search_is_refused(found, tmp_path):
     log = StepFiles(tmp_path, FOLDER)
     drawn, judged = deepcopy(found.unseen), np.ones_like(found.unseen.watched)
     judged[1:] = False
-    log.store(1, found.best.z, drawn.met(judged))
+    log.store(1, found.best.z, drawn.stored_arrays(judged))
     drawn.used[:2], drawn.states[:2] = 7.0, 7.0
-    drawn.take(log.stored(1, found.best.z, MET))
+    drawn.restore(log.stored(1, found.best.z, STORED))
     assert np.array_equal(drawn.used[0], found.unseen.used[0]) and np.all(drawn.used[1] == 7.0)
     assert np.array_equal(drawn.states[0], found.unseen.states[0]) and np.all(drawn.states[1] == 7.0)
     with pytest.raises(InputError, match="belongs to another search"):
-        log.stored(1, found.best.z + 1e-3, MET)
+        log.stored(1, found.best.z + 1e-3, STORED)
 
 
 @pytest.mark.parametrize(
