@@ -6,6 +6,7 @@ import re
 import pytest
 
 import camopt
+from camopt.cam.families.registry import FAMILIES
 from camopt.scene.quantities import QUANTITIES
 from tests.documented_keys import ROOT, WORDS, documented, keys, undocumented
 
@@ -17,6 +18,11 @@ def test_the_page_names_every_key_of_an_energy_balance_and_a_periodic_solution()
     stored = (ROOT / "tests" / "golden" / "slow-verify.txt").read_text(encoding="utf-8")
     (entry, *_) = json.loads(stored.rpartition("== settled.json")[2])["speeds"]
     assert {"residual_relative", "largest_multiplier"} <= keys(entry) <= documented()
+
+
+def test_the_tutorial_on_comparing_lists_every_family():
+    text = (ROOT / "docs/tutorials/compare.md").read_text(encoding="utf-8")
+    assert [name for name in FAMILIES if f"`{name}`" not in text] == []
 
 
 def test_an_undocumented_key_is_detected(tmp_path):

@@ -117,7 +117,7 @@ SAID_ELSEWHERE = (
     "no confirmed cam was found",
     "is refused",  # of a motion, after the method's reason
     "the reference refuses",
-    "no grid with the permitted number of steps",  # of studies that continue with the next case
+    "no grid of permitted steps",  # of studies that continue with the next case
     "pulls with more than",
     "as it was told to",
     "no such number",  # followed by the existing ones

@@ -59,8 +59,7 @@ class PiecewiseLevel:
 def recentred(law: Any, piece: np.ndarray, start: Float[np.ndarray, " m"]) -> Float[np.ndarray, "m q"]:
     """Coefficients about new starts [rad] of the pieces with the indices `piece` (m) of a lift law or a level."""
     c = law.coefficients[piece].copy()
-    step = start - law.borders[piece]
-    q = c.shape[1]
+    step, q = start - law.borders[piece], c.shape[1]
     for low in range(q - 1):  # repeated synthetic division
         for k in range(q - 2, low - 1, -1):
             c[:, k] += step * c[:, k + 1]

@@ -48,15 +48,17 @@ def read_cam(
     if not path.is_file():
         if path.suffix.lower() in FILES or (path.parent != Path(".") and not did_you_mean(Path(name).name, FAMILIES)):
             raise InputError(f"cam {excerpt(str(spec))}: there is no such file or folder: check the path")
+        if name in FAMILIES:
+            raise InputError(
+                f"cam {excerpt(str(spec))}: a family; expected a run folder, its design.json or a lift table"
+            )
         raise InputError(
             f"cam {excerpt(str(spec))}: neither a family ({', '.join(FAMILIES)}) nor a lift table, design.json or run "
             f"folder{did_you_mean(Path(name).name, FAMILIES)}"
         )
     if path.suffix == ".json":
         return read_design(path, scene)
-    from camopt.cam.tables.lift_table import (
-        read_lift_table,
-    )  # loads SciPy's splines
+    from camopt.cam.tables.lift_table import read_lift_table  # loads SciPy's splines
 
     text = {"table_first_line": table_first_line, "table_columns": table_columns}
     return read_lift_table(path, scene, table_angle, table_lift, table_ratio, table_probe_mm, **text)

@@ -134,12 +134,11 @@ def _peak_shares(coefficients, widths, order: int) -> jax.Array:
 def differentiable(scene: Scene, cam: Lift) -> DifferentiableCam:
     """A family's member as a function of its own free parameters and of the design conditions for which it is built.
 
-    The own parameters of polydyne are `exponents` of at least 8 and `speed_rpm`; of exponent, `exponents`; of
-    multi-pol, new-design, kurz and trapezoid, all `sections_deg` except the last, which takes the rest of half the
-    duration, and every level that the conditions at the nose leave free; of new-design, `start_ratio` as well; of the
-    free cam, `z`, its free coefficients [mm/deg^2]. All families but the free cam also have the design conditions
-    `duration_deg`, `max_lift_mm`, `ramp_height_mm` and `ramp_velocity_mm_per_deg`. Raises InputError for a cam that
-    belongs to no family, such as a lift table.
+    The own parameters of polydyne are `exponents` of at least 8 and `speed_rpm`; of exponent, `exponents`; of a family
+    of sections, all `sections_deg` except the last, which takes the rest of half the duration, and every level that the
+    conditions at the nose leave free; of new-design, `start_ratio` as well; of the free cam, `z`, its free coefficients
+    [mm/deg^2]. All families but the free cam also have the design conditions `duration_deg`, `max_lift_mm`,
+    `ramp_height_mm` and `ramp_velocity_mm_per_deg`. Raises InputError for a cam without a family, such as a lift table.
     """
     families = {**FAMILIES, **BY_COEFFICIENTS}
     if cam.family not in families:

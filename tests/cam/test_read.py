@@ -1,6 +1,7 @@
 """CAM as the user names one: families with parameters, run folders and design.json."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -33,6 +34,7 @@ class TestFamilies:
         [
             ("polydine", "neither a family .*polydyne"),
             ("", "neither a family"),
+            (Path("polydyne"), "a family; expected a run folder"),  # of `compare --design`
             ("old/first", "there is no such file or folder"),
             ("intake.svl", "there is no such file or folder"),
             ("polydyne:speed=6000", "'speed=6000'.*speed_rpm="),

@@ -64,6 +64,11 @@ def constructed(family: str, scene=KODAMA, **changes) -> Lift:
     return record.design(scene, **keywords)
 
 
+def test_every_family_with_parameters_has_a_member_to_be_differentiated():
+    parameters = {name: family_named(name).parameters for name in FAMILIES}
+    assert {name for name, known in parameters.items() if {"sections_deg", "exponents"} & set(known)} == set(GIVEN)
+
+
 def z_start() -> np.ndarray:
     return FREE.Z.T @ (-0.004 * np.cos(np.linspace(-3.2, 2.9, len(FREE.x_p))) - FREE.x_p)
 

@@ -73,7 +73,5 @@ def _acceleration(geometry: Geometry, s: np.ndarray, v: np.ndarray) -> tuple[np.
     flat, bent = (1 / (radius + circle) for radius in radii)
     slope = ACCELERATION / (bent - flat)
     if not np.all(slope < 0):
-        raise InputError(
-            "[geometry]: the pressure angle reaches 90 deg, where no cam drives the follower: move the pivot"
-        )
+        raise InputError("[geometry]: the pressure angle reaches 90 deg, where no cam drives: move the pivot")
     return (-flat * slope).reshape(s.shape), slope.reshape(s.shape)

@@ -15,7 +15,7 @@ from scipy.special import bdtr
 from camopt.cam.lift import Lift
 from camopt.highs import Infeasible
 from camopt.optimizer.as_built.drawn import STORED, TrainEnsemble
-from camopt.optimizer.as_built.slopes_program import YieldCandidate, SlopesProgram
+from camopt.optimizer.as_built.slopes_program import SlopesProgram, YieldCandidate
 from camopt.optimizer.search.cams import CamSearch
 from camopt.scene.errors import NoCamFound
 

@@ -84,9 +84,7 @@ def smooth_float32(train: Train, lift: Lift, cam_speed: float, dial: int) -> Rev
         angle, rise, x, v, force = (np.asarray(q, dtype=float) for q in motion[:5])
         memory = np.zeros((len(angle), 0)) if motion.memory is None else np.asarray(motion.memory, dtype=float)
         if not np.all(np.isfinite(x)):
-            raise MotionRefused(
-                "smooth path in single precision: no grid with the permitted number of steps resolves the motion"
-            )
+            raise MotionRefused("smooth path in single precision: no grid of permitted steps resolves the motion")
         distinct = np.append(True, np.diff(angle) > 0)
         angle[-1] = np.pi  # pi rounded to single precision is larger
         return Response(train, cam_speed, *(q[distinct] for q in (angle, rise, x, v, force, memory)))

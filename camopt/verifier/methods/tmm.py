@@ -259,8 +259,7 @@ def _set_of_pieces(y, cam, may_pull, m, force, memory):
 def _march(start, states, force, cam, may_pull, m):
     """Steps from sample `start` on; returns the sample reached and the set whose matrices are missing, or -1."""
     last, slot = len(states) - 1, -1
-    begin = 2 * m.rows.shape[1]
-    memory = np.empty(states.shape[1] - begin)
+    begin, memory = 2 * m.rows.shape[1], np.empty(states.shape[1] - 2 * m.rows.shape[1])
     for step in range(start, last + 1):
         y = states[step]
         key = _set_of_pieces(y, cam[step], may_pull, m, force[step], memory)
