@@ -126,7 +126,7 @@ class TestVerbsThatSearch:
         run(capsys, "compare", "kodama", *names, "--no-literature", "--out", str(tmp_path / "third"))
         ((_, designs, _, named),) = calls
         assert list(designs) == [str(folder), str(twin)] and named["baselines"] == "none"
-        assert "neither" in refused(capsys, "compare", "kodama", "--design", "polydyne")
+        assert "a family; expected a run folder" in refused(capsys, "compare", "kodama", "--design", "polydyne")
 
     def test_bound(self, capsys, tmp_path, monkeypatch):
         content = {

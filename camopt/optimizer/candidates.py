@@ -129,7 +129,7 @@ def largest_confirmed(
         return Choice(*first, refused)
     no_member = "no family has a member that holds the limits on the shape"
     beside = f"of the families' largest cams none is confirmed: {_reasons(refused)}" if refused else no_member
-    raise NoCamFound(f"{failed}. Beyond the search, {beside}")
+    raise NoCamFound(f"{failed}, and {beside}")
 
 
 def _reasons(refused: Sequence[tuple[CandidateCam, str]]) -> str:

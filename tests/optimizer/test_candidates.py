@@ -102,7 +102,7 @@ def test_where_nothing_is_confirmed_the_search_s_largest_cam_stands_with_its_ver
 
 
 def test_where_nothing_is_known_the_sentence_names_the_search_and_the_families(verdicts):
-    with pytest.raises(NoCamFound, match=r"the margins\. Beside .* none is confirmed: trapezoid with 0\..*; kurz with"):
+    with pytest.raises(NoCamFound, match=r"the margins, and of .* none is confirmed: trapezoid with 0\..*; kurz with"):
         largest_confirmed(SCENE, [], "nominal", DRAFT, CAMS, "no cam keeps the margins")
     with pytest.raises(NoCamFound, match="no family has a member that holds the limits on the shape"):
         largest_confirmed(SCENE, [], "nominal", DRAFT, None, "no cam keeps the margins")

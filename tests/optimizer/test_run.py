@@ -110,7 +110,7 @@ def test_a_finished_folder_resumed_with_other_settings_keeps_every_byte(plain, t
     shutil.copytree(plain.folder, folder)
     before = {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()}
     asked = {"scene": load_scene("motori-1"), "speeds": "nominal", "accuracy": "draft", "gradient": "none"} | other
-    with pytest.raises(InputError, match=rf"another run.*{next(iter(other))}.*--resume with what it was begun with"):
+    with pytest.raises(InputError, match=rf"another run.*{next(iter(other))}.*--resume with the original settings"):
         optimize(out=folder, resume=True, **asked)
     assert {p: p.read_bytes() for p in folder.rglob("*") if p.is_file()} == before
 

@@ -75,7 +75,7 @@ def test_a_scene_that_leaves_its_duration_open_in_vain_is_refused(rows, says):
 @pytest.mark.parametrize(
     ("text", "says"),
     [
-        (left_open(), r"left open: design\.duration_deg: .*chosen by the command line and by camopt"),
+        (left_open(), r"left open: design\.duration_deg: .*needs the command line or camopt"),
         (TEXT.replace(GIVEN, 'duration_deg = "from the card"'), r"\.duration_deg: .*number \(given: 'from the card'\)"),
     ],
 )

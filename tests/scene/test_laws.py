@@ -33,7 +33,7 @@ def force(parts, e: int, d: float) -> float:
         (SPRING, SPRING + "\nexponent = 1.5", "element.2.exponent", "only to these"),
         (DAMPED, 'law = "hunt-crossley"', "element.1.dissipation_s_per_m", "missing"),
         (DAMPED, HUNT_CROSSLEY + "0.0", "element.1.dissipation_s_per_m", "greater than 0"),
-        (DAMPED, f"{HUNT_CROSSLEY}0.3\n{DAMPED}", "element.1.damping_N_s_per_m", "loses the energy"),
+        (DAMPED, f"{HUNT_CROSSLEY}0.3\n{DAMPED}", "element.1.damping_N_s_per_m", "dissipates energy"),
         (DAMPED, DAMPED + "\ndissipation_s_per_m = 0.3", "element.1.dissipation_s_per_m", "only to it"),
         (TRAIN, TRAIN + '\nlaw = "hertz"\nexponent = 0.5', "element.1.exponent", "greater than or equal to 1"),
         ("preload_N = 0.0 ", 'preload_N = -3.0\nlaw = "hertz" ', "element.1.preload_N", "gap_mm"),

@@ -195,5 +195,5 @@ def test_a_motion_that_leaves_all_bounds_is_refused_in_a_sentence():
         text = text.replace(f"damping_N_s_per_m = {damping}\n", "")
     text = text.replace('law = "hertz"', 'law = "hunt-crossley"\ndissipation_s_per_m = 1000.0')
     scene = parse_scene(text, "mine.toml")
-    with pytest.raises(MotionRefused, match="has no bound: the step is past"):
+    with pytest.raises(MotionRefused, match="has no bound: the step is above"):
         simulate(scene, polydyne(scene), 7000.0, "rkg")

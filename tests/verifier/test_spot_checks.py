@@ -45,7 +45,7 @@ def test_all_methods_look_at_both_ends_and_at_the_worst_speeds(draft):
 def test_the_statement_says_where(draft):
     looked = ", ".join(f"{s.speed_rpm:g}" for s in draft.speeds if len(s.methods) == 2)
     alone = sum(s.decided_after == ALONE for s in draft.speeds)
-    assert f"all methods looked at {looked} r/min, event-exact alone at {alone} other speed" in str(draft)
+    assert f"all methods were run at {looked} r/min, event-exact alone at {alone} other speed" in str(draft)
 
 
 def test_a_draft_s_figures_are_those_of_all_methods_within_its_error(draft, cam):

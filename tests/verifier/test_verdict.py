@@ -133,7 +133,7 @@ def test_a_verdict_prints_on_one_screen():
     for record in (result, result.speeds[0], result.speeds[0].methods["event"], result.band):
         assert len(repr(record)) < 160 and type(record).__name__ in repr(record)
     narrow = replace(result, band=replace(result.band, to_rpm=4900.0))
-    assert "worst over 4000 to 4900 r/min and at 5000, 5400 r/min, neighbouring speeds" in str(narrow)
+    assert "worst over 4000 to 4900 r/min and at 5000, 5400 r/min, including neighbouring speeds" in str(narrow)
     many = tuple(result.speeds) * 20
     assert len(str(replace(result, speeds=many)).splitlines()) <= 30
 
@@ -227,7 +227,7 @@ def test_a_limit_within_the_neighbourhood_is_sensitive():
     result = verdict_on(scene(seating_velocity_max_m_per_s=0.1624), lift(), **AT_5000)
     assert result.verdict == "sensitive"
     assert result.speeds[0].straddled == ("seating_velocity_max_m_per_s at 5000 r/min",)
-    assert result.reason.endswith("some keep and some break seating_velocity_max_m_per_s at 5000 r/min.")
+    assert result.reason.endswith("the cam keeps and at others it breaks seating_velocity_max_m_per_s at 5000 r/min.")
     assert result.as_dict()["reason"] == result.reason and result.reason in str(result)
     assert result.broken == ()
 
