@@ -16,6 +16,8 @@ between = ["ground", "m"]
 law = "progressive"
 preload_N = 50.0
 stiffness_table = [[0, 2.0e4], [4, 3.0e4], [5, 9.0e4]]"""
+PULLED = PROGRESSIVE.replace("[[0, 2.0e4], [4, 3.0e4], [5, 9.0e4]]", "[[-5, 9.0e4], [-4, 3.0e4], [0, 2.0e4]]")
+"""The same law for a spring that is pulled: no row of its table has a positive compression."""
 HELD = 'kind = "spring"\nbetween = ["ground", "m"]\nstiffness_N_per_m = 1.0'
 
 
@@ -30,10 +32,19 @@ def progressive(d):
     return 50.0 + inside + bend
 
 
+def pulled(d):
+    """`progressive`, turned about the preload of 50 N at compression zero."""
+    return 100.0 - progressive(-d)
+
+
 @pytest.mark.parametrize(
     ("element", "law", "range_m"),
-    [(HERTZ, hertz, (0.0, (5000 / 1e9) ** (2 / 3))), (PROGRESSIVE, progressive, (-1e-3, 8e-3))],
-    ids=["hertz", "progressive"],
+    [
+        (HERTZ, hertz, (0.0, (5000 / 1e9) ** (2 / 3))),
+        (PROGRESSIVE, progressive, (-1e-3, 8e-3)),
+        (PULLED, pulled, (-8e-3, 1e-3)),
+    ],
+    ids=["hertz", "progressive", "pulled"],
 )
 @pytest.mark.parametrize("count", [8, 16])
 def test_the_force_misses_by_what_is_said(element, law, range_m, count):

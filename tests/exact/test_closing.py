@@ -9,6 +9,7 @@ from camopt.exact.adjoint import metrics as metrics_of
 from camopt.exact.adjoint.closing import leaked, nominal_closing, seed_leaked, touch
 from camopt.exact.adjoint.seeds import Seeds, seed_end
 from camopt.exact.kernel.tables import ACTING, SEPARATED, Sizes
+from camopt.scene.units import MM
 from tests.exact.interpreted import interpret
 
 STEP = 0.01
@@ -79,6 +80,24 @@ def test_a_contact_that_is_apart_at_an_end_of_the_event_has_no_force_there(monke
     assert metrics_of.contact_force(s, trace, None, 0, -1.0)[0] == force
 
 
+@pytest.mark.parametrize("speed", [0.3, 0.0])
+def test_a_touch_that_ends_the_very_first_segment_is_an_impact(monkeypatch, speed):
+    """Of no speed if the valve does not come down, whatever it did before."""
+    s, trace = on_its_seat(0.0, [SEPARATED, ACTING], [1e-5, 0.0])
+    s.train.valve, trace.y[:, 1] = 0, [-0.7, -speed, 0.0]
+    monkeypatch.setattr(metrics_of, "closed_window", lambda *_: (0, True, -1.0, 1.0, -1, 0.0))
+    assert metrics_of.impact_velocity(s, trace, None, 0)[0] == speed
+
+
+@pytest.mark.parametrize("heights", [(3.0, 2.0), (2.0, 3.0)])
+def test_the_runner_up_of_a_jump_is_that_of_the_other_contact(monkeypatch, heights):
+    """Two contacts between cam and valve jump [mm], each once."""
+    s, trace = on_its_seat(0.0, [SEPARATED], [0.0])
+    s.train.cam_side, s.train.touch, s.half_duration = [0, 1], np.zeros(2, dtype=int), 1.0
+    monkeypatch.setattr(metrics_of, "largest", lambda s, trace, e, *_: (1e6 * MM * heights[e], 1, 0.5, 0.0, -np.inf))
+    assert metrics_of.jump_height(s, trace, None, 0) == pytest.approx((3.0, 2.0))
+
+
 @pytest.mark.parametrize("turn", [0, 1])
 @pytest.mark.parametrize("lash", [0.0, 0.19, 0.64])
 def test_the_lift_falls_to_the_lash_where_its_parabola_says_in_the_revolution_asked(turn, lash):
@@ -120,6 +139,9 @@ def test_what_adjusters_have_leaked_changes_with_both_states_and_with_the_time_o
     assert seeds.bar[1].tolist() == [0, 0, weight, weight, 0, 0]
     seen = np.array([*y[3, :5], y[3, 5] / STEP, 1.0])
     assert seeds.time == pytest.approx([0.0, 0.0, weight * (seen @ motion[0, :, 1:]).sum()])
+    trace.y, none = y[::-1], no_seeds(3, 6)  # refilled, which counts as nothing lost whatever the states
+    seed_leaked(s, trace, none, turn, touched, weight)
+    assert leaked(s, trace, turn, touched)[0] == 0.0 and none.used[0] == 0
 
 
 @pytest.mark.parametrize(

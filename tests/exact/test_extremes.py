@@ -122,6 +122,14 @@ def test_a_grazing_contact_is_seen_however_shallow(depth):
 
 
 @pytest.mark.parametrize("call", [EventExact.__call__, EventExact.advance])
-def test_chatter_is_refused(call):
-    with pytest.raises(MotionRefused, match="switch more than"):
-        call(prepare(ball(1e12, 0.0), STILL, ONCE_A_SECOND), np.array([1e-9, 0.0]))
+@pytest.mark.parametrize(
+    ("train", "start", "why"),
+    [
+        (ball(1e12, 0.0), [1e-9, 0.0], "switch more than"),
+        (replace(ball(1e6, 0.0), mass_damping=np.array([-100.0])), [0.01, 1.0], "the motion has no bound"),
+    ],
+    ids=["chatter", "thrown ever faster"],
+)
+def test_a_motion_is_refused_for_its_own_reason(call, train, start, why):
+    with pytest.raises(MotionRefused, match=why):
+        call(prepare(train, STILL, ONCE_A_SECOND), np.array(start))

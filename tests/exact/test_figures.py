@@ -42,10 +42,36 @@ def test_the_top_of_a_parabola_is_its_vertex(bend):
     assert top(cubic, 0.0, 1.0, -np.inf) == pytest.approx(wanted, abs=1e-15)
 
 
-@pytest.mark.parametrize(("lift", "wanted"), [((0.3, -1.0, -0.7, -1.0), 1.0), ((-0.7, 1.0, 0.3, 1.0), 0.7)])
-def test_lift_below_the_lash_does_not_add_to_the_excess(lift, wanted):
-    """The distance rises from 0 to 1."""
-    assert excess((0.0, 1.0, 1.0, 1.0), lift, -np.inf) == pytest.approx(wanted, abs=1e-9)
+RISING, FALLING = (0.0, 1.0, 1.0, 1.0), (1.0, -1.0, 0.0, -1.0)
+
+
+@pytest.mark.parametrize(
+    ("distance", "lift", "wanted"),
+    [
+        (RISING, (0.3, -1.0, -0.7, -1.0), 1.0),
+        (RISING, (-0.7, 1.0, 0.3, 1.0), 0.7),
+        (FALLING, (0.3, -1.0, -0.7, -1.0), 0.7),
+        (FALLING, (-0.7, 1.0, 0.3, 1.0), 1.0),
+    ],
+)
+def test_lift_below_the_lash_does_not_add_to_the_excess(distance, lift, wanted):
+    assert excess(distance, lift, -np.inf) == pytest.approx(wanted, abs=1e-9)
+
+
+@pytest.mark.parametrize("turn", [0, 1])
+def test_the_excess_of_a_revolution_is_its_own(monkeypatch, turn):
+    """In each of three revolutions, of a segment each, the valve rests at another height over a cam without lift."""
+    heights, angle = [2.0, 1.0, 3.0], np.pi * np.array([-1.0, 1.0, 3.0, 5.0])
+
+    def resting(operator, state, size, count, seen):
+        seen[:] = np.tile([state[0], 0.0], count // 2)
+
+    monkeypatch.setattr(figures, "apply", resting)
+    tables = SimpleNamespace(steps=np.zeros((1, 4)), sizes=SimpleNamespace(state=1, lift=2), distance=[None])
+    s = SimpleNamespace(train=SimpleNamespace(cam_side=[0], gap=[0.0]), tables=tables)
+    y = np.array([[height, 0.0, 0.0] for height in (*heights, 0.0)])
+    trace = SimpleNamespace(length=[1.0] * 3, angle=angle, slot=[0] * 3, y=y)
+    assert excess_lift(s, trace, turn) == pytest.approx(heights[turn] / MM)
 
 
 @pytest.mark.parametrize("length", [0.4, 1.4, 2.0, 2.4])

@@ -15,6 +15,7 @@ from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.adjoint.seeds import empty_seeds
 from camopt.exact.adjoint.slopes import room_for_bars
 from camopt.exact.adjoint.sweep import Bars, sweep
+from camopt.exact.kernel import revolution as of_revolution
 from camopt.exact.kernel.propagators import propagators
 from camopt.exact.kernel.trace import rows_of
 from camopt.scene.units import DEG
@@ -79,6 +80,22 @@ def test_revolutions_follow_each_other_along_one_parabola():
     assert time[-1] == pytest.approx(2.0 * PERIOD) and np.all(np.diff(time) > 0.0)
     assert motion.trace.y[:, 0] == pytest.approx(HEIGHT(time), abs=1e-12)
     assert motion.end == pytest.approx([HEIGHT(time[-1]), HEIGHT.deriv()(time[-1])], abs=1e-12)
+
+
+def test_the_next_piece_of_the_lift_follows_though_rounding_has_put_the_time_behind_its_border(monkeypatch):
+    """As where a contact switches at the border: else nothing would move there for ever."""
+    original, stops = of_revolution.next_stop, []
+
+    def next_stop(cam, piece, t, target, step):
+        border, target, end = original(cam, piece, t, target, step)
+        stops.append(t)
+        assert len(stops) < 200, "time stands still"
+        return border, target, np.nextafter(end, 1.0) if end == border and piece == 0 else end
+
+    monkeypatch.setattr(of_revolution, "next_stop", next_stop)
+    two = Lift(np.array([-np.pi, 1.0, np.pi]), np.zeros((2, 2)), 1.0)
+    end = prepare(ball(1e4, 0.0), two, 2.0 * np.pi / PERIOD).advance(START)
+    assert end == pytest.approx([HEIGHT(PERIOD), HEIGHT.deriv()(PERIOD)], abs=1e-12)
 
 
 def test_a_train_whose_modes_do_not_die_out_is_never_leapt_over():

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from camopt.exact.adjoint.motion import TracedMotion, rest_back, value_and_gradient
+from camopt.exact.adjoint.motion import Samples, TracedMotion, rest_back, value_and_gradient
 from camopt.scene.rest import rest_position, state_at_rest
 from tests.exact.gradient_problems import by_train, cam_with_bumps, kodama
-from tests.exact.small_trains import GRAVITY, STILL, ball, collision
+from tests.exact.small_trains import GRAVITY, ONCE_A_SECOND, STILL, ball, collision, one_mass, spring
 
 
 def test_bouncing_ball_without_damping():
@@ -34,6 +34,19 @@ def test_bouncing_ball_without_damping():
     assert by_train(slopes).stiffness[:, 1] == pytest.approx(slope(lambda a: end(height, a, GRAVITY), k), rel=1e-7)
     by_weight = slope(lambda a: end(height, k, a), GRAVITY)
     assert -by_train(slopes).mass_force[:, 0] == pytest.approx(by_weight, rel=1e-7)
+    by_mass = slope(lambda a: end(height, k / a, GRAVITY / a), 1.0)
+    assert by_train(slopes).mass[:, 0] == pytest.approx(by_mass, rel=1e-7)
+
+
+@pytest.mark.parametrize("weight", [1.0, -0.3])
+def test_the_force_of_a_spring_follows_the_start_as_its_swing_does(weight):
+    """At time t the spring pushes with -k (x0 cos 20 t + v0 sin 20 t / 20)."""
+    motion, angle = TracedMotion(one_mass(spring(400.0)), STILL, ONCE_A_SECOND, np.array([0.01, 0.0])), 0.5
+    still, force = np.zeros((1, 1, 1)), np.full((1, 1, 1), weight)
+    bars = Samples(still, still, still[0], still[0], force, np.zeros((1, 1, 0)))
+    turn = 20.0 * (angle + np.pi) / ONCE_A_SECOND
+    wanted = -400.0 * weight * np.array([np.cos(turn), np.sin(turn) / 20.0])
+    assert motion.pull_back(np.array([angle]), bars).by_start[0] == pytest.approx(wanted, rel=1e-9)
 
 
 def test_damped_contact_reverses_a_fast_ball_by_its_coefficient_of_restitution():

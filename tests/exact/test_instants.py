@@ -121,8 +121,14 @@ def test_the_largest_value_between_two_angles_is_sought_there_only(low, high):
 
 
 @pytest.mark.parametrize("others", [(), (Polynomial([9.0, -1.0]),), (Polynomial([9.0, -1.0]), Polynomial([1.0, 1.0]))])
-def test_the_nearest_miss_is_the_lowest_point_at_which_a_watch_turns_back(others):
-    swings = [Polynomial([2.0, -1.0, 0.2]), Polynomial([1.0, 0.4, -0.3, 0.04])]
+@pytest.mark.parametrize(
+    "swings",
+    [
+        (Polynomial([2.0, -1.0, 0.2]), Polynomial([1.0, 0.4, -0.3, 0.04])),
+        (Polynomial([6.30, -5.0, 1.0]), Polynomial([6.26, -5.0, 1.0])),  # whose tangents cross far below zero
+    ],
+)
+def test_the_nearest_miss_is_the_lowest_point_at_which_a_watch_turns_back(others, swings):
     s, trace = traced(*((swing, 6.0) for swing in swings), others=others)
     lowest = [swing(t) for swing in swings for t in turns(swing, 0.0, 6.0) if swing.deriv(2)(t) > 0.0]
     assert len(lowest) == 2

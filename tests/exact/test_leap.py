@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.linalg import expm
 
+from camopt.exact import prepare
 from camopt.exact.kernel.arrays import train_arrays
 from camopt.exact.kernel.building import linear_system
 from camopt.exact.kernel.elements import compression, value
@@ -11,6 +12,7 @@ from camopt.exact.kernel.leap import leap_of, modal_step, no_switch_possible
 from camopt.scene import build_train, load_scene
 from camopt.scene.rest import rest_position
 from tests.exact.interpreted import interpret
+from tests.exact.small_trains import ONCE_A_SECOND, STILL, one_mass, spring
 
 
 @pytest.fixture(autouse=True)
@@ -52,6 +54,15 @@ def test_a_leap_is_the_exponential_of_the_equations_of_motion(still):
         modal_step(leap, duration, modes, found)
         wanted = (expm(duration * system) @ np.append(start, 1.0))[:n2]
         np.testing.assert_allclose((found - rest) / scale, (wanted - rest) / scale, rtol=1e-6, atol=1e-7)
+
+
+def test_a_revolution_without_lift_is_leapt_over_from_its_start_to_its_end():
+    """A damped swing in closed form: decay 2 per second, and 400 = decay^2 + turn^2."""
+    train = one_mass(spring(400.0) + "\ndamping_N_s_per_m = 4.0")
+    start, decay, turn = 0.01, 2.0, np.sqrt(396.0)
+    shrunk = start * np.exp(-decay)
+    end = [shrunk * (np.cos(turn) + decay / turn * np.sin(turn)), -shrunk * 400.0 / turn * np.sin(turn)]
+    assert prepare(train, STILL, ONCE_A_SECOND).advance(np.array([start, 0.0])) == pytest.approx(end, rel=1e-9)
 
 
 def test_the_level_of_a_watch_is_its_value_at_rest(still):

@@ -8,6 +8,7 @@ from numpy.polynomial import Polynomial
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.cam.lift import Lift
+from camopt.exact.settled import lift_pieces
 from camopt.exact.settled.lift_pieces import (
     LIFT_ERROR,
     NODES,
@@ -56,6 +57,22 @@ def test_pieces_become_one_until_no_two_neighbours_fit_into_the_widest(count, ci
     assert still.tolist() == [True, *[False] * (len(still) - 2), True]
     inside = few[1:-1]
     assert np.diff(inside).max() <= WIDEST < np.min(inside[2:] - inside[:-2])
+
+
+def test_pieces_of_which_no_two_can_be_one_stay_however_many_they_are(monkeypatch):
+    """A zigzag. Both ways to pair neighbours are tried once."""
+    edges, tried = np.linspace(-np.pi, np.pi, 301), []
+    rise = 1e-3 * np.diff(edges)[0]
+    zigzag = Lift(edges, np.array([[0.0, 1e-3], [rise, -1e-3]] * 150), 2.0)
+    original = lift_pieces._merged
+
+    def merged(lift, begin, end, still, parity):
+        assert parity not in tried
+        tried.append(parity)
+        return original(lift, begin, end, still, parity)
+
+    monkeypatch.setattr(lift_pieces, "_merged", merged)
+    assert np.array_equal(compress_lift(zigzag)[0], edges) and tried == [0, 1]
 
 
 @pytest.mark.parametrize(

@@ -7,8 +7,10 @@ import pytest
 from scipy.linalg import expm
 
 from camopt.exact import prepare
+from camopt.exact.adjoint.motion import TracedMotion
 from camopt.exact.affine.pieces import numbers_of, parts_of
 from camopt.scene import InputError, build_train, parse_scene
+from tests.exact.gradient_problems import by_train
 from tests.exact.small_trains import ONCE_A_SECOND, STILL, friction, one_mass, spring
 
 
@@ -100,10 +102,14 @@ def test_a_step_load_on_an_adjuster_rings_on_the_oil_and_refills_without_force()
 
 def test_a_gas_force_gives_a_free_mass_its_impulse():
     gas = '[[force]]\non = "m"\ntable = [[-180, 0], [-90, 0], [-45, 300], [45, 0], [180, 0]]'
-    response = moved(one_mass(spring(1e-10), mass_kg=2.0, more=gas), 0.0, 0.0)
+    train = one_mass(spring(1e-10), mass_kg=2.0, more=gas)
+    response = moved(train, 0.0, 0.0)
     assert response.v[-1, 0] == pytest.approx(0.5 * 300 * (135 / 360) / 2.0, rel=1e-9)
     centre = (-90 + -45 + 45) / 3  # of the triangle of force, by the angle
     assert response.x[-1, 0] == pytest.approx(response.v[-1, 0] * (180 - centre) / 360, rel=1e-9)
+    motion = TracedMotion(train, STILL, ONCE_A_SECOND, np.zeros(2), mechanical=True)
+    by_rows = by_train(motion.pull_back(ends=np.eye(2))).forcing
+    assert by_rows @ train.forcing[0].force == pytest.approx(motion.end, rel=1e-9), "the motion is linear in the force"
 
 
 def test_too_many_combinations_are_refused_in_one_sentence():

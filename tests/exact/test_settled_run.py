@@ -79,7 +79,7 @@ def test_measured_revolutions_follow_each_other_in_a_trace_without_room_to_spare
     assert np.all(motions.state == turns + watched) and len(seen) == turns
     if watched:  # and all that was run of a motion that goes back has run to settle: of each block one more
         motions.stage[0], motions.turns[0] = APERIODIC, 3 * turns
-        monkeypatch.setattr(stages, "goes_back", lambda *_: True)
+        monkeypatch.setattr(stages, "goes_back", lambda settles, late, within: late == 3 * turns)
         assert measured(s, plan, motions, trace, 0) == DONE and motions.stage[0] == SETTLING
         assert motions.revolutions[0] == 4 * (turns + 1) and motions.turns[0] == 0
 

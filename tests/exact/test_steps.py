@@ -48,13 +48,15 @@ def test_the_free_step_is_halved_until_a_revolution_has_enough(speed):
 
 
 @pytest.mark.parametrize("samples", [7, 90, 360, 1000, 20_000])
-def test_whole_spans_reach_from_sample_to_sample(samples):
+@pytest.mark.parametrize("speed", [300.0, 30_000.0])
+def test_whole_spans_reach_from_sample_to_sample(samples, speed):
+    """Also at a speed at which the default step is halved."""
     train, lift = one_mass()
-    motion = prepare(train, lift, 300.0, samples)
-    default, per_sample = free_step(train, 300.0), motion.period / samples
+    motion = prepare(train, lift, speed, samples)
+    default, per_sample = free_step(train, speed), motion.period / samples
     taken = whole(per_sample / motion.step)
     needed = int(np.ceil(per_sample / default * (1 - ROUNDING)))
     spans = int(np.ceil(needed / MOST_AT_ONCE))
     assert motion.step <= default * (1 + ROUNDING) and motion._per_sample <= MOST_AT_ONCE
     assert taken == spans * motion._per_sample and needed <= taken < needed + spans
-    assert (prepare(train, lift, 300.0).step, prepare(train, lift, 300.0)._per_sample) == (default, 1)
+    assert (prepare(train, lift, speed).step, prepare(train, lift, speed)._per_sample) == (default, 1)
