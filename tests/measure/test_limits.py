@@ -16,6 +16,7 @@ from camopt.measure.limits import (
     duration_words,
     motion_limits,
     reached_by_shape,
+    shape_excess,
 )
 from camopt.scene import load_scene
 from camopt.scene.units import DEG, MM, MM_PER_DEG2, MM_PER_DEG3, MM_PER_DEG4
@@ -96,6 +97,14 @@ def test_a_step_in_velocity_breaks_acceleration_and_jerk_wherever_it_is(angle_de
     lift = raised(angle_deg, -1e-4 * MM / DEG, 0.0)
     assert {"continuous_velocity", *GENEROUS} <= set(broken_by_shape(lift, design(**GENEROUS)))
     assert "continuous_velocity" in broken_by_shape(lift, design())  # no limit on acceleration is needed for that
+
+
+@pytest.mark.parametrize(("limit", "excess"), [(2.0, 1.0), (0.25, 3.0)])
+def test_a_step_counts_as_an_excess_of_one_and_a_larger_excess_as_itself(limit, excess):
+    """The step in velocity adds no acceleration between the borders of the pieces."""
+    key = "acceleration_max_mm_per_deg2"
+    found = shape_excess(raised(-60.0, -1e-4 * MM / DEG, 0.0), design(**{key: limit * EXTREMES[key]}))
+    assert found[key] == pytest.approx(excess, rel=1e-6)
 
 
 def test_a_step_in_lift_is_no_cam():

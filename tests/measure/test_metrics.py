@@ -8,7 +8,7 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.measure.hermite import Hermite
-from camopt.measure.metrics import SERIES, measure, measure_first
+from camopt.measure.metrics import SERIES, _force_extremes, measure, measure_first
 from camopt.scene import QUANTITIES, Response, load_scene
 from camopt.scene.laws import LINEAR, OIL
 from camopt.scene.response import joined
@@ -219,6 +219,13 @@ def test_contact_forces_of_both_contacts_inside_the_duration_only():
     assert figures["contact_force_min_N"] == pytest.approx([50.0], abs=1e-3)
 
 
+@pytest.mark.parametrize(("high", "largest"), [(2.5, 100.0), (2.3, 100.0 - 0.4**2)])
+def test_the_vertex_between_two_samples_counts_where_it_is_inside(high, largest):
+    """A parabola with its top at 2.4, of which the nearest sample is at 2."""
+    angle = np.arange(5.0)
+    assert _force_extremes(angle, 100.0 - (angle - 2.4) ** 2, 1.0, high)[1] == pytest.approx(largest)
+
+
 def test_doubled_samples_change_nothing():
     motion = hops(2, [event(0), (1.1, 1.3, 0.3 * MM)], 2003)
     doubled = np.sort(np.concatenate([np.arange(len(motion.angle)), np.arange(0, len(motion.angle), 7)]))
@@ -261,3 +268,9 @@ def test_hermite_is_exact_for_a_cubic():
     assert curve.positive_spans(-2, 2) == pytest.approx(np.array([roots[:2], [roots[2], 2.0]]))
     whole = cubic.integ()
     assert curve.integral(-1.3, 1.1) == pytest.approx(whole(1.1) - whole(-1.3))
+
+
+def test_hermite_goes_on_by_its_first_and_last_piece():
+    curve = Hermite(np.arange(3.0), np.array([0.0, 1.0, 5.0]), np.array([1.0, 1.0, 7.0]))
+    assert curve(np.array([-1e-12, 2.0 + 1e-12])) == pytest.approx([0.0, 5.0], abs=1e-10)
+    assert curve.slope(np.array([-1e-12, 2.0 + 1e-12])) == pytest.approx([1.0, 7.0], abs=1e-10)

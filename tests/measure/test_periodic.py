@@ -146,6 +146,22 @@ def test_friction_that_never_slides_leaves_a_multiplier_of_one():
     assert np.abs(found.multipliers).max() == pytest.approx(1.0, abs=1e-6)
 
 
+@pytest.mark.parametrize("refuses", [True, False])
+def test_a_newton_step_that_fails_ends_the_search(monkeypatch, refuses):
+    """The train refuses the fixed point, or keeps one state for ever, so that no fixed point is that of its map."""
+    monkeypatch.setattr(periodic, "MOST_ACCELERATED", 0)
+
+    def after(state):
+        if not refuses:
+            return np.array([state[0], 2.0 * state[1] - FIXED[1]])
+        if np.abs(state - FIXED).max() < 1e-6:
+            raise MotionRefused("out of bounds")
+        return FIXED + 1.2 * (state - FIXED)
+
+    found = periodic_state(revolve_to(after), np.array([0.0, 0.3]))
+    assert not found.periodic and found.residual > 1.0 and len(found.multipliers) == 0
+
+
 def test_the_best_of_the_mixed_states_is_where_newton_begins(monkeypatch):
     """Of states that follow each other by chance, so that the best is not the last."""
     monkeypatch.setattr(periodic, "MOST_NEWTON", 0)

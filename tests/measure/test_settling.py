@@ -94,10 +94,12 @@ def test_an_adjuster_whose_leak_takes_revolutions_must_stand_closer():
 
 @pytest.mark.parametrize("start", np.linspace(0.05, 0.45, 9))
 @pytest.mark.parametrize("growth", [3.2, 3.7, 3.99])
-def test_what_wanders_by_less_than_the_tolerance_is_not_periodic(growth, start):
+@pytest.mark.parametrize("measured", [MEASURED, MEASURED + 1])
+def test_what_wanders_by_less_than_the_tolerance_is_not_periodic(measured, growth, start):
     """The logistic map, in units of 0.6 um: a cycle of two, and chaos of two kinds."""
-    settled = settle(revolve_to(lambda y: growth * y * (1.0 - y / UNIT)), UNIT * np.array([start, start]))
-    assert not settled.periodic and WATCHED <= settled.revolutions < WATCHED + MEASURED + 2
+    after = lambda y: growth * y * (1.0 - y / UNIT)  # noqa: E731
+    settled = settle(revolve_to(after), UNIT * np.array([start, start]), measured=measured)
+    assert not settled.periodic and WATCHED <= settled.revolutions < WATCHED + measured + 2
 
 
 def test_what_settles_while_its_range_is_measured_is_periodic():

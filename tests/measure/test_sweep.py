@@ -117,3 +117,12 @@ def test_the_step_about_a_peak_is_quartered_until_it_is_the_finest(known):
 def test_what_is_kept_beyond_the_band_is_said_with_the_scenes_own_limits(starts, design, says):
     starts = {f"first_{name}_rpm": speed for name, speed in starts.items()}
     assert reserve_sentences(starts, design, (4000.0, 7600.0)) == says
+
+
+def test_judged_speeds_replace_those_of_the_sweep_and_join_it_within_the_band(known):
+    band = sweep(SpeedCache(None, SCENE, None), 1000.0, ())
+    judged = dict.fromkeys((4990.0, 5000.0, 5500.0, 7000.0, 7010.0), dict.fromkeys(QUANTITIES, 2.0))
+    found = band.with_judged("rkg", judged)
+    assert found.speeds_rpm.tolist() == [5000.0, 5500.0, 6000.0, 7000.0]
+    assert found.figures["bounce_mm"].tolist() == [2.0, 2.0, 1.0, 2.0]
+    assert found.methods == {5000.0: "rkg", 5500.0: "rkg", 6000.0: "event", 7000.0: "rkg"}

@@ -12,7 +12,7 @@ from scipy.stats import binomtest, norm
 
 import camopt
 from camopt.measure.as_built import drawn_waves
-from camopt.measure.yields import EARLY, Looks, UsedLimits, counted, rank_correlation_shares, share_of
+from camopt.measure.yields import EARLY, Looks, UsedLimits, counted, rank_correlation_shares, share_of, yield_record
 from camopt.optimizer.accuracy import ACCURACIES
 from camopt.optimizer.as_built.statement import looks_of
 from camopt.scene import InputError, load_scene, parse_scene
@@ -109,6 +109,12 @@ def test_blame_goes_to_what_moves_the_worst_part():
     assert rank_correlation_shares(draws, np.ones(500)) == dict.fromkeys(draws, 0.0)
 
 
+@pytest.mark.parametrize(("blame", "rest"), [({}, 1.0), ({"a": 0.75}, 0.25), ({"a": 0.75, "b": 0.5}, 0.0)])
+def test_what_no_tolerance_explains_is_never_below_nothing(blame, rest):
+    """The shares of correlated draws can sum up to more than the whole."""
+    assert yield_record(used([[0.5, 0.5], [0.5, 0.5]]), share_of(np.ones(1)), 0, blame)["unexplained"] == rest
+
+
 def test_a_share_is_shown_in_per_cent_with_its_interval():
     found = share_of(np.array([True, False, False, False]))
     shown, low, high = (float(number) for number in re.findall(r"\d+\.\d", str(found)))
@@ -161,6 +167,11 @@ def test_the_plans_of_all_accuracies_cover_by_the_exact_sum(name):
         if sum(n * mass.sum() for n, mass in looks.ended(true)) * min(true, 1.0 - true) >= 20:
             resolved.append(covered)
     assert len(resolved) >= 3 and max(resolved) <= 0.98 and np.mean(resolved) <= 0.97
+
+
+def test_half_is_decided_for_and_against_alike():
+    decided = [Looks((20, 40)).ends(holding, 20) for holding in range(21)]
+    assert decided == decided[::-1] and decided[0] and not decided[10]
 
 
 def test_what_is_not_known_of_the_looks_spoils_the_interval():

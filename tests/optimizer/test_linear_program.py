@@ -77,6 +77,14 @@ def test_unbounded_on_the_working_set_is_no_answer_unbounded_on_all_rows_an_erro
         maximise(objective, cone, bound[open_side], FEW)
 
 
+def test_rows_remain_usable_after_a_direction_without_bound():
+    """The row that bounds the second program comes in only where that begins within the box again."""
+    rows, bound = Rows(np.eye(2), np.ones(2)), np.ones(2)
+    with pytest.raises(ArithmeticError, match="unbounded"):
+        maximise(np.array([-1.0, 0.0]), rows, bound, np.arange(1))
+    assert maximise(np.array([0.0, 1.0]), rows, bound, np.arange(1)).value == pytest.approx(1.0)
+
+
 def test_a_solver_that_ends_without_an_answer_begins_with_another_seed():
     class Fickle:
         """Decides nothing with the first two attempts, as HiGHS does now and then."""

@@ -27,6 +27,7 @@ from camopt.optimizer.program.program_cam import (
 )
 from camopt.scene import build_train, load_scene
 from camopt.scene.geometry import Geometry
+from camopt.scene.train import TRAIN_PARAMETERS
 from camopt.scene.units import MM_PER_DEG3
 
 KODAMA = load_scene("kodama")
@@ -139,12 +140,22 @@ def test_a_cam_stands_where_the_narrowest_program_gains_no_more(values):
     assert list(left) == []
 
 
-@pytest.mark.parametrize("margin_N", [0.0, 2000.0])
-def test_a_program_is_short_by_what_no_cam_near_holds(monkeypatch, margin_N):
+def test_a_neighbourhood_begins_at_the_widest_and_narrows_where_limits_hold():
+    shares, z = [], np.zeros(CAM.Z.shape[1] + 1)
+    program = SimpleNamespace(solve=lambda: SimpleNamespace(z=z, value=1.0))
+    _converged_radii(lambda cam: shares.append(cam.about.near.share) or program, CAM, CAM.lift(z[:-1]))
+    assert shares == sorted(WIDTHS, reverse=True)
+
+
+@pytest.mark.parametrize(("margin_N", "factor"), [(0.0, 1.0), (2000.0, 1.0), (2000.0, 100.0)])
+def test_a_program_is_short_by_what_no_cam_near_holds(monkeypatch, margin_N, factor):
+    """A train with all its forces, masses and margins times a factor is short by as many times more."""
+    train = build_train(KODAMA)
+    heavy = replace(train, **{name: factor * getattr(train, name) for name in TRAIN_PARAMETERS if name != "gap"})
     free = free_cam(ROLLED, 8.0)
     cam = near(free, kinematic_optimum(DESIGN, free).lift)
-    program = no_jump_program(build_train(KODAMA), ROLLED, cam, [KODAMA.cam_speed(5000.0)])
-    looked = []
+    program = no_jump_program(heavy, ROLLED, cam, [KODAMA.cam_speed(5000.0)])
+    looked, margin_N = [], factor * margin_N
 
     def narrowed(program_of, cam, lift):
         looked.append(program_of(near(cam, lift, WIDTHS[-1])))

@@ -7,7 +7,7 @@ import pytest
 
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine, settled_metrics
-from camopt.measure.resonance import Resonance, _linearised, _pairs, resonances
+from camopt.measure.resonance import Resonance, _linearised, _nearest, _pairs, resonances
 from camopt.measure.settling import decay_per_revolution, settle, settled_from_rest
 from camopt.measure.sweep import at_speeds
 from camopt.scene import build_train, load_scene
@@ -47,6 +47,16 @@ def test_a_mass_on_an_overdamped_seat_has_no_mode_that_goes_on_through_the_revol
     assert resonances(overdamped, polydyne(scene), 20.0) == ([], 0)
     assert _pairs(build_train(overdamped), polydyne(scene)) == []
     assert len(_pairs(build_train(scene), polydyne(scene))) == 1  # its own seat lets it oscillate
+
+
+def test_a_mode_is_most_similar_to_itself_in_any_size_and_direction():
+    """Modes are orthogonal only with the masses as weights."""
+    random, numbers = np.random.default_rng(0), np.arange(4.0)
+    mass = random.uniform(0.01, 1.0, 4)
+    shapes = np.linalg.qr(random.normal(size=(4, 4)))[0] / np.sqrt(mass)
+    modes = 100.0 * numbers, 0.1 * numbers, (1.0 + numbers)[:, None] * shapes
+    for i, size in np.ndindex(4, 4):
+        assert _nearest((-2.0) ** size * shapes[i], modes, mass) == pytest.approx((100.0 * i, 0.1 * i))
 
 
 def test_a_spring_by_a_table_is_as_stiff_as_its_compression_at_rest_and_at_full_lift_asks():
