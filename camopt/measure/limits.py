@@ -99,7 +99,7 @@ def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
 
 
 def shape_excess(lift: Lift, design: Design) -> dict[str, float]:
-    """Relative excess over each of the limits of `broken_by_shape`; 1 for a step and for a limit without a size."""
+    """Relative excess over each of the limits of `broken_by_shape`; 1 or more for a step, 1 for a limit without size."""
     over = _largest(row for row in reached_by_shape(lift, design) if row.excess > row.slack)
     rows = rows_of(lift)
     return over if rows is None else {key: over[key] for key in violated_beyond_rounding([*over], rows, design)}
@@ -138,7 +138,7 @@ def reached_by_shape(lift: Lift, design: Design) -> Iterator[LimitRow]:
         """The row of a limit, if the design sets it, for a value in SI units."""
         if (limit := getattr(design, key)) is not None:
             excess = value / (limit * unit) - 1
-            excess = 1.0 if stepped and excess <= ROUNDING else excess
+            excess = max(excess, 1.0) if stepped else excess
             yield LimitRow(key, value / unit, limit, excess, limit < 0, where)
 
     half, top = lift.half_duration, design.max_lift_mm * MM
