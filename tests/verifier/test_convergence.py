@@ -139,10 +139,10 @@ def test_a_refused_step_is_halved_on_and_begins_again_from_rest(answers):
 
 def test_nothing_converges_before_the_fastest_rate_is_resolved(answers, monkeypatch):
     monkeypatch.setattr(module, "FINEST_STEPS", 4 * FEWEST_STEPS)
-    monkeypatch.setattr(module, "first_steps", lambda train, cam_speed: 5 * FEWEST_STEPS)
+    monkeypatch.setattr(module, "first_steps", lambda train, cam_speed: steps(2) + 1)
     done = answers(lambda n: [0.1])
     assert done.steps_per_revolution == steps(2) and not done.converged
-    monkeypatch.setattr(module, "first_steps", lambda train, cam_speed: 4 * FEWEST_STEPS)
+    monkeypatch.setattr(module, "first_steps", lambda train, cam_speed: steps(2))
     assert answers(lambda n: [0.1]).converged
 
 

@@ -5,11 +5,12 @@ import pytest
 
 from camopt.exact import engine
 from camopt.scene import MotionRefused
+from camopt.scene.train import GROUND
 from camopt.scene.units import DEG, MM
 from camopt.verifier.methods import dop853
 from tests.verifier.scenes import from_rest
 from tests.verifier.test_methods import SPEED, START, reference, second_flight
-from tests.verifier.trains import ball_on_seat, no_lift, smooth_lift, two_springs
+from tests.verifier.trains import ball_on_seat, no_lift, smooth_lift, train, two_springs
 
 GRID = np.linspace(-180.0, 180.0, 721) * DEG
 
@@ -63,3 +64,16 @@ def test_endless_switching_is_refused(monkeypatch):
     monkeypatch.setattr(dop853, "MOST_SWITCHINGS", 50)
     with pytest.raises(MotionRefused, match="at 60 cam r/min: contacts switch more than 50"):
         dop853.prepare(ball_on_seat(1e9, 0.0), no_lift(), 2 * np.pi, 360)(np.array([1e-6, 0.0]))
+
+
+@pytest.mark.parametrize("height", [0.05, 0.1, 0.15, 0.2, 0.25])
+def test_two_contacts_that_close_at_the_same_instant_are_one_of_twice_the_stiffness(height):
+    """Once the first one has switched, round-off has already moved the second one's surface beyond its zero."""
+    half = (GROUND, 0, True, False, 2e4, 60.0, 0.0, 0.0)
+    case = no_lift(), 2 * np.pi / 0.6, 1800
+    start = np.array([height, 0.0])
+    pair = dop853.prepare(train([1.0], [half, half], force=-10.0), *case)(start)
+    one = dop853.prepare(ball_on_seat(4e4, 120.0), *case)(start)
+    assert one.force.max() > 100.0
+    assert pair.x[-1] == pytest.approx(one.x[-1], abs=1e-9)
+    assert pair.force.max(axis=0) == pytest.approx(0.5 * one.force.max(), rel=1e-6)

@@ -7,6 +7,7 @@ import pytest
 
 import camopt.verifier
 from camopt.verifier.methods import INDEPENDENT
+from camopt.verifier.verdict import method_named
 
 FOLDER = Path(camopt.verifier.__file__).parent
 METHODS = FOLDER / "methods"
@@ -27,6 +28,11 @@ def imported(path: Path) -> set[str]:
 def test_every_method_has_a_file_and_every_file_a_method():
     files = {p.stem for p in METHODS.rglob("*.py") if not p.stem.startswith("of_")} - {"__init__"}
     assert {f"camopt.verifier.methods.{name}" for name in files} == set(INDEPENDENT.values())
+
+
+def test_a_verdict_takes_every_method_from_its_own_file():
+    assert {name: method_named(name).__module__ for name in INDEPENDENT} == INDEPENDENT
+    assert method_named("event").__module__ == "camopt.verifier.verdict"
 
 
 def files_of(method: str) -> list[Path]:

@@ -4,15 +4,15 @@ import numpy as np
 import pytest
 
 from camopt.scene import InputError
-from camopt.scene.laws import HERTZ, PROGRESSIVE, TABLE
+from camopt.scene.laws import HERTZ, OIL, PROGRESSIVE, TABLE
 from camopt.scene.train import GROUND
-from camopt.verifier.methods.of_dop853 import PieceLaws
-from camopt.verifier.methods.of_houbolt import PieceSets, _of_table, elements_of, forces
+from camopt.verifier.methods.of_dop853 import FILLS, MEMORY, WAITS, PieceLaws
+from camopt.verifier.methods.of_houbolt import PieceSets, _march, _of_table, elements_of, forces
 from camopt.verifier.methods.rkg import _elastic, _work
 from tests.verifier.trains import laws, train
 
-OF_TABLE, ELASTIC, WORK, FORCES = (
-    getattr(program, "py_func", program) for program in (_of_table, _elastic, _work, forces)
+OF_TABLE, ELASTIC, WORK, FORCES, MARCH = (
+    getattr(program, "py_func", program) for program in (_of_table, _elastic, _work, forces, _march)
 )
 ROWS = np.array([[-2e-3, 1e4], [1e-3, 3e4], [2e-3, 9e4]])
 COMPRESSIONS = (-3e-3, -2e-3, -1e-3, 0.0, 1.5e-3, 2e-3, 5e-3)
@@ -74,3 +74,23 @@ def test_a_contact_of_houbolts_method_pushes_only_while_it_is_pressed(d, rate, e
     force, none = np.full(1, np.nan), np.zeros(0)
     key = FORCES(np.array([d]), np.array([rate]), np.zeros(2), elements_of(contact, 0.0), none, force, none)
     assert force[0] == pytest.approx(expected, abs=1e-9) and key == (expected > 0.0)
+
+
+def test_the_explicit_form_of_houbolts_method_follows_a_constant_acceleration_from_before_the_start():
+    """Both fictitious points are on the parabola, and the third-order difference of a parabola is exact."""
+    free = train([2.0], [(0, GROUND, True, False, 1e6, 0.0, 0.0, 1e3)], force=3.0)
+    h, samples = 0.1, 6
+    x, v, force, z = (np.zeros(shape) for shape in ((samples + 2, 1), (samples, 1), (samples, 1), (samples, 0)))
+    x[2], v[0] = 0.5, -0.2
+    masses = free.mass, free.mass_damping, free.mass_force
+    MARCH((x, v, force, z), np.zeros((samples, 2)), h, masses, elements_of(free, h))
+    t = h * np.arange(-2, samples)
+    np.testing.assert_allclose(x[:, 0], 0.5 - 0.2 * t + 0.75 * t**2, rtol=1e-12)
+    np.testing.assert_allclose(v[:, 0], -0.2 + 1.5 * t[2:], rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize(("rate", "phase"), [(-0.1, FILLS), (0.0, WAITS), (0.1, WAITS)])
+def test_oil_that_is_just_without_gap_fills_only_while_its_column_lengthens(rate, phase):
+    numbers = laws([OIL], [1e6], leak=1e3, travel=1e-4)
+    column = train([1.0], [(GROUND, 0, False, False, 1e6, 0.0, 0.0, 0.0)], laws=numbers)
+    assert PieceLaws(column).first_phases(np.zeros(1), np.array([rate]), np.zeros(1)) == {(0, MEMORY): phase}

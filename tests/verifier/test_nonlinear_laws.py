@@ -152,10 +152,10 @@ def test_chords_are_refined_with_the_steps():
     lift, cam_speed = polydyne(scene), scene.cam_speed(5000)
     first = first_steps(parts, cam_speed)
     counts = []
-    for steps in (first // 2, first, 2 * first + 1, 4 * first + 2):
+    for steps in (first // 2, first, 2 * first + 1, 9 * first // 4, 4 * first + 2):
         force = verdict.event_exact(parts, lift, cam_speed, steps).train.laws.table[1][:, 1]
         counts.append(np.sum(force < CHORD_FORCE * (1 + 1e-9)) - 1)
-    assert counts == [CHORDS, CHORDS, round(CHORDS * 2**0.5), 2 * CHORDS]
+    assert counts == [CHORDS, CHORDS, round(CHORDS * 2**0.5), round(CHORDS * 1.5), 2 * CHORDS]
     linear = build_train(load_scene("kodama"))
     assert verdict.event_exact(linear, lift, cam_speed, 1440).train is linear
 

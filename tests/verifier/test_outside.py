@@ -76,6 +76,14 @@ def test_laws_touches_and_rest_are_those_of_the_scene(name, tmp_path):
     np.testing.assert_allclose(forces.at_rest(own), state_at_rest(train)[: len(train.mass)], rtol=0, atol=1e-12)
 
 
+def test_oil_pushes_beyond_its_travel_and_friction_holds_up_to_its_slip():
+    oil = filed.FiledElement("o", "oil", 0, -1, False, stiffness=1e6, travel=1e-3)
+    friction = filed.FiledElement("f", "friction", 0, -1, False, stiffness=1e6, slip=1500.0)
+    d = np.array([-2e-3, 0.0, 1e-3, 3e-3])
+    np.testing.assert_allclose(forces.elastic(oil, d, np.where), [0.0, 0.0, 0.0, 2000.0], atol=1e-9)
+    np.testing.assert_allclose(forces.elastic(friction, d, np.where), [-1500.0, 0.0, 1000.0, 1500.0], atol=1e-9)
+
+
 def test_rest_is_found_where_a_full_step_of_newton_would_go_to_and_fro():
     """A spring that is stiff for two millimetres and soft on either side, where it begins."""
     rows = ((-1.0, -102.0), (0.499, -100.0), (0.501, 100.0), (2.0, 102.0))

@@ -146,6 +146,14 @@ def test_all_methods_judge_no_other_speed_only_where_they_have_rejected_one(monk
     assert spot_checks.spot_checked(case, (one,)) == ({} if none else {1.0: one})
 
 
+def test_only_the_first_method_is_measured_without_samples(monkeypatch, cam):
+    """That way measures event-exact's motions: as the figures of another method they would be no second opinion."""
+    monkeypatch.setattr(at_speed, "StepRefinement", lambda *case: case[-1])
+    methods = {name: verdict.method_named(name) for name in BOTH}
+    case = at_speed.Case(SCENE, cam, methods, DRAFT, settled_metrics)
+    assert [case.refinement(name, 5000.0) for name in BOTH] == [settled_metrics, None]
+
+
 def test_neighbours_are_as_far_as_stated_to_both_sides_in_speed_lift_and_every_number_of_the_state(monkeypatch, cam):
     monkeypatch.setattr(at_speed, "at_once", lambda many, train, *motion: motion)
     monkeypatch.setattr(at_speed, "figures_of", lambda motion: motion)
