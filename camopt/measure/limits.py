@@ -99,7 +99,7 @@ def broken_by_shape(lift: Lift, design: Design | None) -> list[str]:
 
 
 def shape_excess(lift: Lift, design: Design) -> dict[str, float]:
-    """Relative excess over each of the limits of `broken_by_shape`; 1 or more for a step, 1 for a limit without size."""
+    """Relative excess over each of the limits of `broken_by_shape`; 1 or more for a step, 1 if a limit is zero."""
     over = _largest(row for row in reached_by_shape(lift, design) if row.excess > row.slack)
     rows = rows_of(lift)
     return over if rows is None else {key: over[key] for key in violated_beyond_rounding([*over], rows, design)}

@@ -165,3 +165,16 @@ def test_neighbours_are_as_far_as_stated_to_both_sides_in_speed_lift_and_every_n
         assert fast == pytest.approx(speed * (1 + sign * at_speed.SPEED_NEIGHBOUR), rel=1e-12) and same == speed
         assert high.max_lift - cam.max_lift == pytest.approx(sign * at_speed.LIFT_NEIGHBOUR, rel=1e-6)
         assert np.unique(np.abs(moved)) == pytest.approx(sorted(at_speed.STATE_NEIGHBOUR))
+
+
+def test_only_the_stated_method_refines_until_its_bounce_is_certain(cam, monkeypatch):
+    reported, refinement = {}, at_speed.Case.refinement
+
+    def noted(case, method, speed_rpm, **changed):
+        if "reported" in changed:
+            reported[method] = changed["reported"]
+        return refinement(case, method, speed_rpm, **changed)
+
+    monkeypatch.setattr(at_speed.Case, "refinement", noted)
+    verdict_on(SCENE, cam, SPEEDS[:1], BOTH, None, replace(DRAFT, spot_checks=False))
+    assert reported == {"event": True, "rkg": False}

@@ -11,7 +11,7 @@ import pytest
 from camopt.cam.families.polydyne import polydyne
 from camopt.exact import engine
 from camopt.scene import InputError, load_scene
-from camopt.verifier import at_speed, verdict
+from camopt.verifier import verdict
 from camopt.verifier.at_speed import FAR, HALVED, ONE_STEP, against_limits, agreement, violates_by_margin
 from camopt.verifier.convergence import Tolerances, figures_of
 from camopt.verifier.display import COLUMNS
@@ -241,19 +241,6 @@ def test_a_sign_flipped_in_one_method_ends_the_agreement(monkeypatch, part):
     monkeypatch.setattr(verdict, "method_named", lambda name: flipped if name == "event" else others(name))
     result = verdict_on(scene(), lift(), **AT_5000)
     assert result.verdict == "not converged" and "not agree" in result.reason and "5000 r/min" in result.reason
-
-
-def test_the_stated_method_alone_goes_on_until_its_bounce_is_certain(monkeypatch):
-    asked, refinement = {}, at_speed.Case.refinement
-
-    def noted(case, method, speed_rpm, **changed):
-        if "reported" in changed:
-            asked[method] = changed["reported"]
-        return refinement(case, method, speed_rpm, **changed)
-
-    monkeypatch.setattr(at_speed.Case, "refinement", noted)
-    verdict_on(scene(), lift(), (5000.0,), ("event", "rkg"), None, Tolerances(halvings=1))
-    assert asked == {"event": True, "rkg": False}
 
 
 def test_one_method_is_no_agreement_and_an_unknown_one_is_refused():
