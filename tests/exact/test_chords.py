@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 
 from camopt.exact import prepare, with_chords
+from camopt.exact.affine import lines
 from camopt.exact.affine.lines import CHORD_FORCE, chords
-from camopt.scene import build_train, load_scene
+from camopt.scene import InputError, build_train, load_scene
 from camopt.scene.laws import HERTZ as HERTZ_LAW
 from experiments.chords import chord_error
 from tests.exact.small_trains import ONCE_A_SECOND, STILL, one_mass
@@ -94,3 +95,9 @@ def test_chords_of_a_preloaded_point_contact_end_on_its_law(preload):
 def test_without_curved_laws_nothing_changes():
     train = build_train(load_scene("kodama"))
     assert with_chords(train) is train and not chord_error(train, 16).any()
+
+
+def test_a_law_that_chords_do_not_represent_is_refused(monkeypatch):
+    monkeypatch.setattr(lines, "WRITTEN", range(1))
+    with pytest.raises(InputError, match="event-exact does not implement the law of cam_follower, follower_valve"):
+        with_chords(build_train(load_scene("kodama-hertz")), 3)

@@ -5,6 +5,8 @@ import pytest
 
 from camopt.scene import builtin_scenes, load_scene, parse_scene
 from camopt.scene.as_built import REACH, deviates, moved_together, scene_as_built
+from camopt.scene.element import Element
+from camopt.scene.parameters import KEYS
 from camopt.scene.schema import AS_BUILT
 from camopt.scene.text_file import scene_toml
 from camopt.storage import run_identity
@@ -124,3 +126,9 @@ def test_what_a_run_is_does_not_hang_on_the_tolerances():
     scene = parse_scene(EXAMPLE + CONTRACT, "mine.toml")
     assert run_identity("optimize", scene) == run_identity("optimize", parse_scene(EXAMPLE, "mine.toml"))
     assert not AS_BUILT & run_identity("optimize", scene)["scene"]["example"].keys()
+
+
+def test_every_number_of_an_element_may_scatter_except_its_exponent_and_its_stroke():
+    numbers = {name for name, field in Element.model_fields.items() if "float" in str(field.annotation)}
+    tables = {name for name in numbers if name.endswith("_table")}
+    assert numbers - tables - {"exponent", "stroke_mm"} == set(KEYS["element"])

@@ -31,6 +31,10 @@ REACH = 20.0
 """Multiple of CHORD_FORCE up to which further chords are used."""
 
 
+WRITTEN = range(7)
+"""Numbers of the laws that chords represent, each with a constant damper. Other laws are refused."""
+
+
 class Lines(NamedTuple):
     """The r straight lines of an element's elastic force."""
 
@@ -95,11 +99,13 @@ def integral(rows: np.ndarray, at: np.ndarray) -> np.ndarray:
 def with_chords(train: Train, count: int = CHORDS) -> Train:
     """The train with every curved law replaced by `count` chords; laws of contacts have more beyond CHORD_FORCE.
 
-    Event-exact itself uses the default number of chords. Give it this train for another number.
+    Event-exact itself uses the default number of chords. Give it this train for another number. Raises InputError for
+    a law that is not among WRITTEN.
     """
     laws = train.laws
     if laws is None or train.straight:
         return train
+    train.require_kinds("event-exact", WRITTEN, "camopt/exact/affine/lines.py")
     tables = []
     for e, kind in enumerate(laws.kind):
         rows = laws.table[e, : laws.rows[e]]
