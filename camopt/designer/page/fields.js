@@ -104,10 +104,10 @@ class Fields {
     for (const [key, field] of Object.entries(this.byKey)) {
       const worth = answer.worth[key], used = band?.worst[key] ?? null, here = answer.motion.used?.[key];
       let words = "";
-      if (worth !== undefined) words = Math.abs(worth) > 1e-6 ? `▲ active: 1 % more buys ${shown(worth, 2)} % area` : "not active";
+      if (worth !== undefined) words = Math.abs(worth) > 1e-6 ? `▲ active: 1 % more gives ${shown(worth, 2)} % more area` : "not active";
       if (here !== undefined) words += `${words && "; "}${Math.round(100 * here)} % used here`;
       if (used) words += `, ${Math.round(100 * used.used)} % at ${shown(used.speed_rpm, 5)} r/min`;
-      if (key === "margin_N" && answer.margin_price) words = `1 N less buys ${shown(-100 * answer.margin_price / answer.area_ratio, 2)} % area`;
+      if (key === "margin_N" && answer.margin_price) words = `1 N less gives ${shown(-100 * answer.margin_price / answer.area_ratio, 2)} % more area`;
       const most = Math.max(here ?? 0, used?.used ?? 0);
       if (most > 1) words = `✗ broken: ${words}`;
       if (field.worth.textContent !== words) field.worth.textContent = words; // avoids a layout of the page

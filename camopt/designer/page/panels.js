@@ -106,7 +106,7 @@ class Panels {
         bar.append(svgNode("rect", { class: r.look, width: (100 * (r.area ?? 0)) / most, height: 8 }));
         const words = r.area === undefined ? "…" : shown(r.area, 5);
         return h("tr", {}, h("th", { scope: "row", title: r.says ?? "" }, r.label + (r.says ? " *" : "")), h("td", {}, words), h("td", { class: "bar" }, bar));
-      })), h("p", { class: "note" }, "The bound and the literature's cams know nothing of the motion; the no-jump design keeps contact at the program's speeds."),
+      })), h("p", { class: "note" }, "The bound and the literature's cams do not consider the motion; the no-jump design keeps contact at the program's speeds."),
       ...rows.filter((r) => r.says).map((r) => h("p", { class: "note" }, `* ${r.label}: ${r.says}`)));
   }
   showTrains(reply, resting) {
