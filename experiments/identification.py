@@ -34,7 +34,7 @@ CASES = {
          "seat.stiffness_N_per_m", "seat.damping_N_s_per_m", "coil_*.damping_N_s_per_m"),
     ),
 }  # fmt: skip
-SIZES = {"small": (("motori-1",), 1, 0.2), "full": (tuple(CASES), 6, 0.1)}
+SIZES = {"small": (("motori-1",), 1, 0.2), "full": (tuple(CASES), 12, 0.1)}
 """Scenes, seeds, degrees between samples."""
 
 
